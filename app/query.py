@@ -1,0 +1,87 @@
+"""One value that describes a question to the service: the HTTP route and the command are both made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, Protocol
+
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict
+
+Number = Annotated[float, Strict(), AllowInfNan(False)]
+"""A finite JSON number; no strings, no booleans, no NaN or infinity."""
+PositiveNumber = Annotated[Number, Field(gt=0)]
+Count = Annotated[int, Strict()]
+AngleUnit = Literal["deg", "rad"]
+
+
+class RequestModel(BaseModel):
+    """Base of all requests: an unknown field is an error, never ignored."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ReplyModel(BaseModel):
+    """Base of all replies; no number in a reply is NaN or infinite."""
+
+    model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True)
+
+
+class Resources(Protocol):
+    """What an answer may ask for beyond its request; each is made or loaded when it is first asked for."""
+
+    @property
+    def atlas(self) -> Any: ...
+
+    def clock(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Export:
+    """A reply in another format than JSON.
+
+    Parameters
+    ----------
+    media_type : str
+        The content type over HTTP.
+    render : callable
+        ``render(request, resources) -> bytes``.
+    """
+
+    media_type: str
+    render: Callable[[Any, Resources], bytes]
+
+
+@dataclass(frozen=True)
+class Query:
+    """One question to the service.
+
+    Parameters
+    ----------
+    path : str
+        Route, answered to POST, for example ``/v1/lift/motion``.
+    command : str
+        The words of the command after ``linkage-atlas``, for example ``lift motion``.
+    summary : str
+        One line of help.
+    request, reply : type
+        The models of the two bodies.
+    answer : callable
+        ``answer(request, resources) -> reply``; raises `synthesis.errors.FieldError` on input that has no answer.
+    table : callable
+        ``table(reply) -> str``, the reply as text for a terminal.
+    examples : mapping
+        Name to request body (plain JSON values), shown in the API's description; each must be answerable.
+    exports : mapping
+        Format (``svg``, ``dxf``, ...) to `Export`; over HTTP a POST of the same body to ``path.format``.
+    """
+
+    path: str
+    command: str
+    summary: str
+    request: type[RequestModel]
+    reply: type[ReplyModel]
+    answer: Callable[[Any, Resources], Any]
+    table: Callable[[Any], str]
+    examples: Mapping[str, dict[str, Any]]
+    exports: Mapping[str, Export] = field(default_factory=dict)

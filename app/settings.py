@@ -1,0 +1,31 @@
+"""The service's settings: each a named limit or path, read from the environment when the service is made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class Settings(BaseSettings):
+    """Settings of the service; the environment variable is ``LINKAGE_ATLAS_`` + the name in capitals."""
+
+    model_config = SettingsConfigDict(env_prefix="LINKAGE_ATLAS_", frozen=True, extra="ignore")
+
+    atlas: Path = Field(Path("atlas.h5"), description="The atlas file that is loaded at start.")
+    atlas_max_bytes: int = Field(
+        1_000_000_000,
+        gt=0,
+        description="Largest atlas file that is loaded; a larger one is refused at start.",
+    )
+    max_body_bytes: int = Field(
+        1_000_000, gt=0, description="Largest request body; a larger one is answered with 413."
+    )
+    max_concurrent: int = Field(2, gt=0, description="Requests that compute at the same time; further ones wait.")
+    max_waiting: int = Field(
+        64, ge=0, description="Requests that may wait for their turn; beyond that the answer is 503."
+    )
+    max_budget_ms: float = Field(
+        10_000, gt=0, description="Longest search of one request, whatever its `budget_ms` says."
+    )

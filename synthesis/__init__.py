@@ -1,0 +1,1 @@
+"""Planar linkages as pure numerics: no HTTP, no command line, no clock, no global state."""

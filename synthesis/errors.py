@@ -1,0 +1,53 @@
+"""Errors of the domain. They know no web framework and no command line: each caller maps them."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Any
+
+
+class FieldError(ValueError):
+    """Input that cannot be worked with: which field, what is wrong, and by how much.
+
+    Parameters
+    ----------
+    field : str
+        JSON pointer into the request, for example ``/limits/pivot_box``; the empty string is the whole request.
+    message : str
+        What was found and what was wanted, as a sentence for the user.
+    **details
+        Further facts as plain JSON values, for example ``constraint="closure", amount=12.5``.
+    """
+
+    def __init__(self, field: str, message: str, **details: Any) -> None:
+        super().__init__(f"{field.lstrip('/').replace('/', '.') or 'request'}: {message}")
+        self.field = field
+        self.message = message
+        self.details = details
+
+
+class AtlasFault(StrEnum):
+    """Why an atlas file is refused; the value is the sentence that the user reads."""
+
+    MISSING = "there is no atlas file at this place"
+    CHECKSUM = "the file's bytes do not match its checksum: it is damaged or cut off"
+    SCHEMA = "the file is not an atlas of a schema that this version reads"
+    CONTENT = "the file's arrays contradict its own description"
+    LIMIT = "the atlas is larger than this service may load"
+
+
+class AtlasError(Exception):
+    """An atlas file that must not be used.
+
+    Parameters
+    ----------
+    fault : AtlasFault
+        The kind of fault.
+    detail : str
+        What exactly was found.
+    """
+
+    def __init__(self, fault: AtlasFault, detail: str) -> None:
+        super().__init__(f"{fault.value} ({detail})")
+        self.fault = fault
+        self.detail = detail
