@@ -1,0 +1,48 @@
+"""Where shards run: processes on this machine, or a Dask cluster."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+
+
+def _start_worker() -> None:
+    """Leave interrupts to the parent, and end when it ends: a killed build leaves no workers behind."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    if parent is not None:
+        threading.Thread(target=follow, daemon=True).start()
+
+
+@contextlib.contextmanager
+def local_executor(jobs: int) -> Iterator[Executor]:
+    """``jobs`` processes; for one job a thread, which saves the start of a process."""
+    if jobs == 1:
+        executor: Executor = ThreadPoolExecutor(1)
+    else:
+        executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _start_worker)
+    try:
+        yield executor
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+@contextlib.contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """A Dask cluster's executor; needs the extra ``[distributed]`` here and this package on the workers."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise SystemExit("--scheduler needs the extra: pip install 'linkage-atlas[distributed]'") from None
+    with Client(address, timeout="10s", set_as_default=False) as client:
+        yield client.get_executor()

@@ -1,0 +1,73 @@
+"""The rows of an atlas: from dimension types to what the file stores of their coupler curves. Pure; any part alone."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from synthesis import haar
+from synthesis.fourbar import TURN, coupler_angle
+
+BLOCK = 256
+"""Linkages worked on at a time: their samples fit a core's cache, which is twice as fast as all at once."""
+
+
+class AtlasRows(NamedTuple):
+    """Columns of the file for some types; see `atlas_file.Atlas`."""
+
+    average: NDArray[np.float64]
+    details: NDArray[np.float32]
+    winding: NDArray[np.int8]
+    curve_error: NDArray[np.float32]
+
+
+def concatenate(parts: list[AtlasRows]) -> AtlasRows:
+    """Rows of all parts, in order."""
+    return AtlasRows(*(np.concatenate(columns) for columns in zip(*parts)))
+
+
+def compute_rows(lengths: ArrayLike, samples: int) -> AtlasRows:
+    """What the atlas stores of each linkage.
+
+    Parameters
+    ----------
+    lengths : array_like, shape (T, 4)
+        Linkages whose crank turns fully.
+    samples : int
+        Power of two.
+
+    Returns
+    -------
+    AtlasRows
+        Law: the rows of a part are the part of the rows, bit for bit, if parts begin at multiples of `BLOCK`.
+    """
+    lengths = np.asarray(lengths, dtype=float).reshape(-1, 4)
+    blocks = [_compute_block(lengths[k : k + BLOCK], samples) for k in range(0, max(len(lengths), 1), BLOCK)]
+    return concatenate(blocks)
+
+
+def _compute_block(lengths: NDArray[np.float64], samples: int) -> AtlasRows:
+    step = TURN / samples
+    crank = np.arange(samples) * step
+    winding = (lengths[:, 0] > lengths[:, 3]).astype(np.int8)
+
+    def periodic(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        return coupler_angle(lengths, np.ones(len(lengths)), angle) - winding[:, None] * angle
+
+    curve = periodic(crank)
+    average, details = haar.features(curve)
+    stored = details.astype("<f4")
+    read_back = haar.curve_from_features(average, stored)
+    between = interpolate_midway(read_back)
+    error = np.maximum(np.abs(read_back - curve), np.abs(between - periodic(crank + step / 2))).max(axis=-1)
+    return AtlasRows(average, stored, winding, np.nextafter(error.astype("<f4"), np.float32(np.inf)))
+
+
+def interpolate_midway(curve: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Band-limited interpolation of periodic samples, midway between each and its next, shape as ``curve``."""
+    samples = curve.shape[-1]
+    spectrum = np.fft.rfft(curve, axis=-1)
+    spectrum[..., -1] = 0  # the highest harmonic's phase is not known from the samples
+    return np.fft.irfft(spectrum * np.exp(1j * np.pi / samples * np.arange(samples // 2 + 1)), samples, axis=-1)

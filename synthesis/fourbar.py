@@ -1,0 +1,298 @@
+"""Kinematics of the planar four-bar: closure, angles, transmission angle and their derivatives, batched.
+
+The linkage lies in the ground frame: crank pivot A at the origin, rocker pivot B at ``L4`` on the real axis, crank pin D,
+coupler pin C. Its four lengths are L1 = AD (crank), L2 = DC (coupler), L3 = BC (rocker), L4 = AB (ground). All angles are in
+radians and counter-clockwise, measured from the ground line A->B. Branch +1 has C to the left of D->B, branch -1 to the right.
+
+Everything here rests on two numbers of a position, both sums of non-negative terms wherever the crank turns fully, so that
+nothing cancels up to the change point (r is the diagonal DB)::
+
+    X = (L2 + L3)^2 - r^2 = X0 + 4 L1 L4 cos^2(theta1 / 2)
+    Y = r^2 - (L3 - L2)^2 = Y0 + 4 L1 L4 sin^2(theta1 / 2)
+
+The loop closes where X >= 0 and Y >= 0. The angle mu at D in the triangle D, B, C follows from
+``tan^2(mu/2) = (L2 + L3 - r)(L3 - L2 + r) / ((L2 - L3 + r)(L2 + L3 + r))``, the transmission angle at C from
+``tan^2(tau/2) = Y / X``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+TURN = 2 * np.pi
+
+
+class Family(StrEnum):
+    """How a four-bar can turn, by Grashof's rule; ``change_point`` where it can fold flat."""
+
+    CRANK_ROCKER = "crank_rocker"
+    DOUBLE_CRANK = "double_crank"
+    ROCKER_CRANK = "rocker_crank"
+    DOUBLE_ROCKER = "double_rocker"
+    TRIPLE_ROCKER = "triple_rocker"
+    CHANGE_POINT = "change_point"
+
+
+FULL_CRANK = (Family.CRANK_ROCKER, Family.DOUBLE_CRANK)
+"""The families whose crank turns fully."""
+
+
+def _two_sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """The sum of two floats and its rounding error, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B)."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
+
+
+def _pair_difference(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """``(a + b) - (c + d)`` to nearly full relative accuracy, however close the two sums are."""
+    left, left_error = _two_sum(a, b)
+    right, right_error = _two_sum(c, d)
+    return (left - right) + (left_error - right_error)
+
+
+def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Differences of the three pairings of the links, accurate up to the change point.
+
+    Parameters
+    ----------
+    lengths : array_like, shape (..., 4)
+        L1, L2, L3, L4 in any unit.
+
+    Returns
+    -------
+    a, b, c : ndarray, shape (...)
+        ``(L2+L4)-(L1+L3)``, ``(L3+L4)-(L1+L2)``, ``(L2+L3)-(L1+L4)`` in the same unit. Their signs name the `Family`: a product
+        above zero is Grashof's condition. A zero is a change point.
+    """
+    l1, l2, l3, l4 = np.moveaxis(np.asarray(lengths, dtype=float), -1, 0)
+    return _pair_difference(l2, l4, l1, l3), _pair_difference(l3, l4, l1, l2), _pair_difference(l2, l3, l1, l4)
+
+
+def family(lengths: ArrayLike) -> NDArray[np.object_]:
+    """The `Family` of each linkage.
+
+    Parameters
+    ----------
+    lengths : array_like, shape (..., 4)
+
+    Returns
+    -------
+    ndarray of Family, shape (...)
+        Law: the same for ``k * lengths`` with any power of two k, and for exchanged coupler and rocker except that
+        double-rocker and rocker-crank change places.
+    """
+    a, b, c = grashof_excesses(lengths)
+    names = np.full(np.shape(a), Family.TRIPLE_ROCKER, dtype=object)
+    names[...] = np.where((a > 0) & (b > 0) & (c > 0), Family.CRANK_ROCKER, names)
+    names[...] = np.where((a < 0) & (b < 0) & (c > 0), Family.DOUBLE_CRANK, names)
+    names[...] = np.where((a > 0) & (b < 0) & (c < 0), Family.ROCKER_CRANK, names)
+    names[...] = np.where((a < 0) & (b > 0) & (c < 0), Family.DOUBLE_ROCKER, names)
+    names[...] = np.where((a == 0) | (b == 0) | (c == 0), Family.CHANGE_POINT, names)
+    return names
+
+
+def _scaled(lengths: ArrayLike) -> tuple[Floats, Floats]:
+    """Lengths over a power of two near the longest, so that squares neither overflow nor vanish; exact."""
+    lengths = np.asarray(lengths, dtype=float)
+    if lengths.shape[-1:] != (4,):
+        raise ValueError(f"lengths: wanted shape (..., 4), found {lengths.shape}")
+    with np.errstate(invalid="ignore"):
+        _, exponent = np.frexp(np.max(np.abs(lengths), axis=-1, keepdims=True))
+    good = np.all(np.isfinite(lengths) & (lengths > 0), axis=-1)
+    scaled = np.where(good[..., None], np.ldexp(lengths, -exponent), np.nan)
+    return scaled, exponent[..., 0]
+
+
+@dataclass(frozen=True)
+class Closure:
+    """The closed loop at given crank angles; further angles are computed when asked for.
+
+    Attributes
+    ----------
+    lengths : ndarray, shape (..., 1, 4)
+        Lengths over ``2**exponent``.
+    crank_angle : ndarray, shape (..., N)
+        theta1 in radians.
+    excess_x, excess_y : ndarray, shape (..., N)
+        X and Y of the module's head, in scaled units; NaN where the loop does not close.
+    diagonal : ndarray, shape (..., N)
+        r = DB in scaled units.
+    closed : ndarray of bool, shape (..., N)
+    exponent : ndarray of int, shape (...)
+    """
+
+    lengths: Floats
+    crank_angle: Floats
+    excess_x: Floats
+    excess_y: Floats
+    diagonal: Floats
+    closed: NDArray[np.bool_]
+    exponent: NDArray[np.int_]
+
+    @cached_property
+    def diagonal_angle(self) -> Floats:
+        """arg(B - D), continuous in the crank angle; it follows the crank once a turn where L1 > L4."""
+        l1, l4 = self.lengths[..., 0], self.lengths[..., 3]
+        half_sine = np.sin(self.crank_angle / 2)
+        sine = np.sin(self.crank_angle)
+        longer = l1 > l4
+        # B - D = L4 - L1 e^{i theta1} = -e^{i theta1} (L1 - L4 e^{-i theta1}): the bracket of the longer of the two
+        # has a positive real part, so its argument needs no unwrapping.
+        big, small = np.where(longer, l1, l4), np.where(longer, l4, l1)
+        angle = np.arctan2(-small * sine * np.where(longer, -1.0, 1.0), (big - small) + 2 * small * half_sine**2)
+        return np.where(longer, self.crank_angle - np.pi + angle, angle)
+
+    def _half_angle(self, near: Floats, far: Floats) -> tuple[Floats, Floats]:
+        """Square roots of numerator and denominator of tan^2 of half the triangle's angle beside side ``near``."""
+        r = self.diagonal
+        difference = far - near
+        larger = r + np.abs(difference)
+        safe = np.where(larger > 0, larger, 1.0)
+        smaller = np.where(larger > 0, self.excess_y / safe, np.nan)
+        ahead = np.where(difference >= 0, larger, smaller)
+        behind = np.where(difference >= 0, smaller, larger)
+        total = r + near + far
+        return np.sqrt(ahead * self.excess_x / total), np.sqrt(behind * total)
+
+    @cached_property
+    def coupler_half_angle(self) -> tuple[Floats, Floats]:
+        """Sine and cosine of half the angle at D between D->B and D->C, times a common positive factor."""
+        return self._half_angle(self.lengths[..., 1], self.lengths[..., 2])
+
+    def coupler_angle(self, branch: ArrayLike) -> Floats:
+        """theta2, the angle of D->C, continuous in the crank angle; NaN where the loop does not close.
+
+        Parameters
+        ----------
+        branch : array_like of +1 or -1, broadcast against shape (...)
+
+        Returns
+        -------
+        ndarray, shape (..., N)
+            Law: ``theta2(theta1, -1) = -theta2(-theta1, +1)``, up to whole turns where L1 > L4.
+        """
+        sine, cosine = self.coupler_half_angle
+        return self.diagonal_angle + np.asarray(branch)[..., None] * (2 * np.arctan2(sine, cosine))
+
+    def rocker_angle(self, branch: ArrayLike) -> Floats:
+        """theta3, the angle of B->C, shape (..., N). Law: ``L1 e^{i t1} + L2 e^{i t2} = L4 + L3 e^{i t3}``."""
+        sine, cosine = self._half_angle(self.lengths[..., 2], self.lengths[..., 1])
+        return self.diagonal_angle + np.pi - np.asarray(branch)[..., None] * (2 * np.arctan2(sine, cosine))
+
+    @property
+    def transmission_angle(self) -> Floats:
+        """Acute angle between coupler and rocker, 0 (dead) to pi/2 (best), shape (..., N)."""
+        x, y = self.excess_x, self.excess_y
+        return 2 * np.arctan2(np.sqrt(np.minimum(x, y)), np.sqrt(np.maximum(x, y)))
+
+    def coupler_angle_gradient(self, branch: ArrayLike) -> Floats:
+        """Derivatives of theta2 by L1, L2, L3, L4 (per unit of length) and theta1.
+
+        From the loop's differential, its real part after multiplication by e^{-i theta3}. Infinite at a dead position,
+        where it is NaN; it grows like 1 / sin(transmission angle).
+
+        Returns
+        -------
+        ndarray, shape (..., N, 5)
+        """
+        sign = np.asarray(branch, dtype=float)[..., None]
+        l1, l3 = self.lengths[..., 0], self.lengths[..., 2]
+        t1, t2, t3 = self.crank_angle, self.coupler_angle(branch), self.rocker_angle(branch)
+        # L2 sin(t2 - t3), by sin(tau) = sqrt(X Y) / (2 L2 L3) without the loss of a difference of angles.
+        lever = -sign * np.sqrt(self.excess_x * self.excess_y) / (2 * l3)
+        lever = np.where(lever != 0, lever, np.nan)
+        numerators = np.stack(
+            [np.cos(t1 - t3), np.cos(t2 - t3), -np.ones_like(t3), -np.cos(t3), -l1 * np.sin(t1 - t3)], axis=-1
+        )
+        gradient = numerators / lever[..., None]
+        gradient[..., :4] = np.ldexp(gradient[..., :4], -self.exponent[..., None, None])
+        return gradient
+
+
+def close_loop(lengths: ArrayLike, crank_angle: ArrayLike) -> Closure:
+    """The closed loop of linkages at crank angles.
+
+    Parameters
+    ----------
+    lengths : array_like, shape (..., 4)
+        L1, L2, L3, L4 in any unit; a linkage with a length that is not positive and finite never closes.
+    crank_angle : array_like, shape (..., N) or (N,)
+        theta1 in radians; leading axes are broadcast against those of ``lengths``.
+
+    Returns
+    -------
+    Closure
+        With NaN and ``closed == False`` where the four lengths reach no closed loop; never a wrong number.
+        Law: angles are the same for ``k * lengths``, bit for bit if k is a power of two.
+    """
+    scaled, exponent = _scaled(lengths)
+    a, b, c = grashof_excesses(scaled)
+    angle = np.asarray(crank_angle, dtype=float)
+    angle = np.where(np.isfinite(angle), angle, np.nan)
+    scaled = scaled[..., None, :]
+    l1, l4 = scaled[..., 0], scaled[..., 3]
+    product = 4 * l1 * l4
+    sine2, cosine2 = np.sin(angle / 2) ** 2, np.cos(angle / 2) ** 2
+    x = (c * scaled[..., 0, :].sum(-1))[..., None] + product * cosine2
+    y = (a * b)[..., None] + product * sine2
+    r = np.sqrt((l4 - l1) ** 2 + product * sine2)
+    closed = (x >= 0) & (y >= 0) & (r > 0)
+    x, y = np.where(closed, x, np.nan), np.where(closed, y, np.nan)
+    shape = closed.shape
+    return Closure(
+        np.broadcast_to(scaled, (*shape[:-1], 1, 4)), np.broadcast_to(angle, shape), x, y, r, closed, exponent
+    )
+
+
+def coupler_angle(lengths: ArrayLike, branch: ArrayLike, crank_angle: ArrayLike) -> Floats:
+    """theta2 of linkages at crank angles, shape (..., N): `close_loop` and `Closure.coupler_angle` in one."""
+    return close_loop(lengths, crank_angle).coupler_angle(branch)
+
+
+def transmission_angle_over(lengths: ArrayLike, first: ArrayLike, last: ArrayLike) -> Floats:
+    """The smallest transmission angle while the crank moves between two angles, exactly and not by samples.
+
+    The diagonal r grows with sin^2(theta1/2), and the transmission angle is smallest where r is smallest or largest: at an
+    end of the interval, or at theta1 = 0 or pi (modulo a turn) inside it.
+
+    Parameters
+    ----------
+    lengths : array_like, shape (..., 4)
+    first, last : array_like, shape (...)
+        Ends of the interval of theta1 in radians, in either order.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Radians, 0 to pi/2; NaN where the linkage does not close over the whole interval. Law: never above the transmission
+        angle at any crank angle of the interval.
+    """
+    first, last = np.asarray(first, dtype=float), np.asarray(last, dtype=float)
+    low, high = np.minimum(first, last), np.maximum(first, last)
+    inner = TURN * np.ceil(low / TURN)
+    outer = TURN * np.ceil((low - np.pi) / TURN) + np.pi
+    candidates = np.stack(
+        np.broadcast_arrays(low, high, np.where(inner <= high, inner, low), np.where(outer <= high, outer, low)),
+        axis=-1,
+    )
+    closure = close_loop(lengths, candidates)
+    angles = np.where(closure.closed, closure.transmission_angle, np.nan)
+    return np.min(angles, axis=-1)
+
+
+def condition_of_closure(lengths: ArrayLike, branch: ArrayLike, crank_angle: ArrayLike) -> Floats:
+    """Condition number of theta2: error in radians per relative error of the worst input, shape (..., N).
+
+    The sum of ``|d theta2 / d L_i| L_i`` over the lengths and ``|d theta2 / d theta1| |theta1|``.
+    """
+    closure = close_loop(lengths, crank_angle)
+    gradient = np.abs(closure.coupler_angle_gradient(branch))
+    lengths = np.asarray(lengths, dtype=float)[..., None, :]
+    return (gradient[..., :4] * lengths).sum(-1) + gradient[..., 4] * np.abs(closure.crank_angle)

@@ -1,0 +1,105 @@
+"""Haar features of rotation curves: the average and the detail coefficients of 2^j samples (pywt does the transform).
+
+Two normalisations of the same coefficients:
+
+* *mean* (the paper's): average = mean of the samples; detail w(n, l) = half the difference of the means of the first and
+  the second half of block l at level n. Level 0 is the whole curve, level n has 2^n blocks.
+* *orthonormal*: the detail times sqrt(block length). By Parseval the Euclidean distance of two orthonormal detail vectors
+  over sqrt(2^j) is the rms difference of the two curves after the best constant offset.
+
+Details are stored flat, coarse to fine: w(n, l) is element 2^n - 1 + l.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pywt
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+def levels(samples: int) -> int:
+    """j for 2^j samples; ValueError where the number is no power of two (or below 2)."""
+    if samples < 2 or samples & (samples - 1):
+        raise ValueError(f"samples: wanted a power of two of at least 2, found {samples}")
+    return samples.bit_length() - 1
+
+
+def _block_roots(samples: int) -> Floats:
+    """sqrt(block length) of every flat detail."""
+    j = levels(samples)
+    return np.repeat(np.sqrt(samples / 2.0 ** np.arange(j)), 2 ** np.arange(j))
+
+
+def features(curve: ArrayLike, normalisation: str = "mean") -> tuple[Floats, Floats]:
+    """Average and details of curves.
+
+    Parameters
+    ----------
+    curve : array_like, shape (..., 2^j)
+        Samples in any unit.
+    normalisation : {"mean", "orthonormal"}
+
+    Returns
+    -------
+    average : ndarray, shape (...)
+        The mean of the samples, in both normalisations.
+    details : ndarray, shape (..., 2^j - 1)
+        Law (orthonormal): ``sum(details**2) = sum((curve - average)**2)``. A constant added to the curve leaves the details.
+        Source: Sun, Liu, Chu, table 2.
+    """
+    curve = np.asarray(curve, dtype=float)
+    samples = curve.shape[-1]
+    roots = _block_roots(samples)
+    parts = pywt.wavedec(curve, "haar", mode="periodization", axis=-1)
+    details = np.concatenate(parts[1:], axis=-1)
+    if normalisation == "mean":
+        details = details / roots
+    elif normalisation != "orthonormal":
+        raise ValueError(f"normalisation: wanted 'mean' or 'orthonormal', found {normalisation!r}")
+    return curve.mean(axis=-1), details
+
+
+def curve_from_features(average: ArrayLike, details: ArrayLike, normalisation: str = "mean") -> Floats:
+    """Curves, shape (..., 2^j), from their average and details: the inverse of `features`."""
+    average, details = np.asarray(average, dtype=float), np.asarray(details, dtype=float)
+    samples = details.shape[-1] + 1
+    if normalisation == "mean":
+        details = details * _block_roots(samples)
+    elif normalisation != "orthonormal":
+        raise ValueError(f"normalisation: wanted 'mean' or 'orthonormal', found {normalisation!r}")
+    parts = [average[..., None] * np.sqrt(samples)]
+    parts += [details[..., 2**n - 1 : 2 ** (n + 1) - 1] for n in range(levels(samples))]
+    return pywt.waverec(parts, "haar", mode="periodization", axis=-1)
+
+
+def similarity(details: ArrayLike, other: ArrayLike) -> Floats:
+    """Rms difference of curves after the best constant offset, from their orthonormal details, shape (...)."""
+    details, other = np.asarray(details, dtype=float), np.asarray(other, dtype=float)
+    return np.sqrt(np.sum((details - other) ** 2, axis=-1) / (details.shape[-1] + 1))
+
+
+def resample(crank_angle: ArrayLike, curve: ArrayLike) -> tuple[Floats, Floats]:
+    """A curve at evenly spaced crank angles, as many as the next power of two.
+
+    Parameters
+    ----------
+    crank_angle : array_like, shape (N,), strictly monotonic
+    curve : array_like, shape (..., N), N >= 3
+
+    Returns
+    -------
+    crank_angle, curve : ndarray, shape (2^j,) and (..., 2^j)
+        Both ends included, 2^j >= N. Unchanged where the samples are even and their number is a power of two, otherwise
+        a cubic spline through the samples (not-a-knot ends). Law: cubics are kept exactly.
+    """
+    angle, curve = np.asarray(crank_angle, dtype=float), np.asarray(curve, dtype=float)
+    samples = 1 << (angle.size - 1).bit_length()
+    even = np.linspace(angle[0], angle[-1], samples)
+    if samples == angle.size and np.allclose(even, angle, rtol=0, atol=1e-12 * abs(angle[-1] - angle[0])):
+        return angle, curve
+    from scipy.interpolate import CubicSpline
+
+    sign = 1.0 if angle[-1] > angle[0] else -1.0
+    return even, CubicSpline(sign * angle, curve, axis=-1)(sign * even)
