@@ -1,0 +1,406 @@
+"""The exact scan of an atlas: which types, branches and starts come nearest to a requested motion, over any span.
+
+A *window* is a type, a branch and a whole degree of start. The scan computes a lower bound of the error of every window
+from short trigonometric series, then the exact error, from the lengths, of the few windows whose bound allows them among
+the best. So the answer is that of evaluating every window, and does not depend on how well a series is resolved.
+
+Rotation. Write the periodic part of theta2 of a type as p(x) = sum_h a_h cos hx + b_h sin hx, the centred target (less the
+winding) as g, and means over the samples t_m as <.>. The mean squared error after the best offset is
+
+    D(s) = <g^2> + <p(s+t)^2> - <p(s+t)>^2 - 2 <g p(s+t)>.
+
+With p^2 as a series of its own, each of the three terms is a row of coefficients times a matrix that depends on the
+request alone, so all starts of all types are a few matrix products. Branch -1 is the same linkage mirrored:
+theta2(x, -1) = -theta2(-x, +1), so its windows are those of the target (-g, -t) at the start -s, and share the rows.
+
+Position (design of `mounting`): P is fitted by {1, e^{it}, e^{i theta2}}, so what is left of it is
+|p|^2 - |<q, p>|^2 / |q|^2 with p and q the parts of P and of e^{i theta2} that are orthogonal to {1, e^{it}}; the inner
+products are again rows of the series of e^{i theta2} times matrices of the request.
+
+Bounds. If the series of theta2 is off by at most e everywhere, then the rms of a centred difference is off by at most e.
+So is the norm of q, and as the residual of the position is the least |p - z q| over z, attained at |z| <= |p| / |q|, it is
+off by at most e |p| / (|q| - e). e is the file's ``curve_error`` plus the coefficients left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.atlas_file import Atlas
+from synthesis.fourbar import TURN, coupler_angle
+from synthesis.mounting import fixed_parts, objective
+from synthesis.target import Target
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+STARTS = 360
+"""Starts of a window: every whole degree."""
+TIE = 1e-12
+"""Errors (radians, or the objective's unit) that agree to this are ties, broken by number, start, branch."""
+
+_HARMONICS = (4, 6, 8, 10, 12, 16, 24, 32, 48, 64, 96)
+_SERIES_ERROR = 3e-7
+_ROUNDING = 1e-13
+_BLOCK_ROWS = 256
+_FIRST_COUNT = 4096
+_PREPARED_AT_ONCE = 8192
+_EXACT_SAMPLES = 1 << 17
+
+
+class Windows(NamedTuple):
+    """Windows as columns: row of the type (number - 1), start in whole degrees, branch, and their error."""
+
+    row: Ints
+    start: Ints
+    branch: Ints
+    error: Floats
+
+    def take(self, index: NDArray[np.intp]) -> Windows:
+        return Windows(*(column[index] for column in self))
+
+
+@dataclass(frozen=True)
+class _Bucket:
+    """Types of one winding whose series have the same number of harmonics."""
+
+    rows: Ints
+    winding: int
+    harmonics: int
+    series: Floats
+    """(n, 6H): cosines and sines of p^2 up to 2H, then of p up to H."""
+    mean_square: Floats
+    error: Floats
+    phasor: NDArray[np.complex128]
+    """(n, 2K + 1): coefficients -K .. K of e^{i theta2}."""
+    phasor_error: Floats
+
+
+def _tails(magnitudes: Floats) -> Floats:
+    """Sum of all magnitudes from each column to the last."""
+    return np.cumsum(magnitudes[:, ::-1], axis=1)[:, ::-1]
+
+
+def _square_series(spectrum: NDArray[np.complex128], harmonics: int) -> tuple[Floats, Floats]:
+    """Mean, and cosine and sine coefficients 1 .. 2H, of the square of a series given by rfft-like coefficients."""
+    points = 4 * harmonics + 2
+    values = np.fft.irfft(spectrum * points, points, axis=1)
+    square = np.fft.rfft(values**2, axis=1)[:, : 2 * harmonics + 1] / points
+    return square[:, 0].real, np.concatenate([2 * square[:, 1:].real, -2 * square[:, 1:].imag], axis=1)
+
+
+class Scan:
+    """An atlas prepared for scanning; made once, read-only afterwards.
+
+    Parameters
+    ----------
+    atlas : Atlas
+    """
+
+    def __init__(self, atlas: Atlas) -> None:
+        self.lengths = atlas.lengths.astype(float)
+        pieces: dict[tuple[int, int], list[_Bucket]] = {}
+        for first in range(0, len(atlas), _PREPARED_AT_ONCE):
+            rows = np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
+            for bucket in _prepare(atlas, rows):
+                pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
+        self._buckets = [_join(parts) for _, parts in sorted(pieces.items())]
+
+    @property
+    def windows(self) -> int:
+        """Number of windows: types x starts x branches."""
+        return len(self.lengths) * STARTS * 2
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the prepared series."""
+        arrays = [value for bucket in self._buckets for value in vars(bucket).values()]
+        return self.lengths.nbytes + sum(value.nbytes for value in arrays if isinstance(value, np.ndarray))
+
+    # -- bounds -------------------------------------------------------------------------------------------------------
+
+    def _bounds(self, target: Target, limit: Callable[[], float]) -> Iterator[tuple[Ints, Floats]]:
+        """Window numbers and lower bounds of their error, block by block, of all windows that may be below ``limit()``."""
+        for bucket in self._buckets:
+            rotation = _RotationMatrices(target, bucket) if target.rotation is not None else None
+            position = _PositionMatrices(target, bucket) if target.position is not None else None
+            for first in range(0, len(bucket.rows), _BLOCK_ROWS):
+                part = slice(first, first + _BLOCK_ROWS)
+                ceiling = limit()
+                squared: Floats | float = 0.0
+                if rotation is not None:
+                    squared = rotation.mean_square_error(bucket, part)
+                    # cheap test on D itself first: bound = sqrt(D - rounding) - e <= ceiling
+                    reach = (ceiling + bucket.error[part]) ** 2 + rotation.rounding
+                    keep = squared <= reach[:, None]
+                    if not keep.any():
+                        continue
+                    squared = np.sqrt(np.maximum(squared - rotation.rounding, 0.0)) - bucket.error[part, None]
+                    squared = np.maximum(squared, 0.0) ** 2
+                if position is not None:
+                    squared = squared + position.mean_square_error(bucket, part)
+                    keep = squared <= ceiling**2
+                place, column = np.nonzero(keep)
+                bound = np.sqrt(squared[place, column])
+                yield bucket.rows[first + place] * (2 * STARTS) + column, bound
+
+    def _lowest(self, target: Target, count: int, ceiling: float) -> tuple[Ints, Floats, float]:
+        """The ``count`` windows of lowest bound at or below ``ceiling``, and a number that no other's bound is below."""
+        ids: list[Ints] = []
+        bounds: list[Floats] = []
+        held, cut = 0, ceiling
+
+        def reduce() -> None:
+            nonlocal ids, bounds, held, cut
+            all_ids, all_bounds = np.concatenate(ids), np.concatenate(bounds)
+            if all_ids.size > count:
+                keep = np.argpartition(all_bounds, count)[:count]
+                cut = min(cut, float(np.partition(all_bounds, count)[count]))
+                all_ids, all_bounds = all_ids[keep], all_bounds[keep]
+            ids, bounds, held = [all_ids], [all_bounds], all_ids.size
+
+        for block_ids, block_bounds in self._bounds(target, lambda: cut):
+            ids.append(block_ids)
+            bounds.append(block_bounds)
+            held += block_ids.size
+            if held > 4 * count:
+                reduce()
+        if ids:
+            reduce()
+            return ids[0], bounds[0], cut
+        return np.empty(0, dtype=np.int64), np.empty(0), cut
+
+    # -- answers ------------------------------------------------------------------------------------------------------
+
+    def best(
+        self,
+        target: Target,
+        top: int,
+        exact: Callable[[Windows], Floats] | None = None,
+        max_windows: int | None = None,
+    ) -> tuple[Windows, ScanReport]:
+        """The best windows of the whole atlas, exactly as if every window had been evaluated.
+
+        Parameters
+        ----------
+        target : Target
+            With rotation: its rms error after the best offset; with positions the joint objective, see `mounting.objective`.
+        top : int
+        exact : callable, optional
+            ``exact(windows) -> error``, the exact error of windows: never below the rms error or the objective, infinite for
+            windows that are no answer. Default: `window_errors`.
+        max_windows : int, optional
+            Evaluate no more than this many exactly; the report says if that cut the search short.
+
+        Returns
+        -------
+        windows : Windows
+            At most ``top``, by error, ties (to `TIE`) by number, start, branch. Law: equal to sorting all windows.
+        report : ScanReport
+        """
+        if exact is None:
+
+            def exact(windows: Windows) -> Floats:
+                return window_errors(self.lengths, target, windows)
+
+        count, ceiling = max(_FIRST_COUNT, 4 * top), np.inf
+        evaluated = 0
+        while True:
+            ids, bounds, cut = self._lowest(target, count, ceiling)
+            windows, done, ceiling = self._evaluate(ids, bounds, top, exact)
+            evaluated += done
+            if ceiling + TIE <= cut or ids.size < count:
+                return windows, ScanReport(self.windows, evaluated, True)
+            if max_windows is not None and count >= max_windows:
+                return windows, ScanReport(self.windows, evaluated, False)
+            count *= 8
+            ceiling += TIE
+
+    @staticmethod
+    def _evaluate(
+        ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats]
+    ) -> tuple[Windows, int, float]:
+        """Exact errors in the order of the bounds, until no bound is below the worst of the best."""
+        order = np.argsort(bounds, kind="stable")
+        ids, bounds = ids[order], bounds[order]
+        best = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
+        done, batch, worst = 0, max(512, 4 * top), np.inf
+        while done < ids.size and bounds[done] <= worst + TIE:
+            part = ids[done : done + batch]
+            row, column = np.divmod(part, 2 * STARTS)
+            windows = Windows(row, column % STARTS, np.where(column < STARTS, 1, -1), np.zeros(part.size))
+            windows = windows._replace(error=exact(windows))
+            windows = windows.take(np.flatnonzero(np.isfinite(windows.error)))
+            best = Windows(*(np.concatenate(pair) for pair in zip(best, windows)))
+            order = np.lexsort((best.branch < 0, best.start, best.row, np.round(best.error / TIE)))[:top]
+            best = best.take(order)
+            worst = float(best.error[-1]) if best.error.size == top else np.inf
+            done += part.size
+            batch *= 2
+        return best, min(done, ids.size), worst
+
+
+class ScanReport(NamedTuple):
+    """How much a scan looked at, and whether its answer is proved to be the best."""
+
+    windows: int
+    evaluated: int
+    exhaustive: bool
+
+
+def window_angles(lengths: Floats, target: Target, windows: Windows) -> tuple[Floats, Floats]:
+    """Crank angle and coupler angle of windows over the samples of a target, both (n, N), from the lengths alone."""
+    crank = np.deg2rad(windows.start)[:, None] + target.crank
+    return crank, coupler_angle(lengths[windows.row], windows.branch, crank)
+
+
+def window_errors(lengths: Floats, target: Target, windows: Windows) -> Floats:
+    """Exact error of windows, shape (n,): the objective of `mounting.objective`, evaluated at the samples.
+
+    Without positions that is the rms rotation error in radians after the best offset.
+    """
+    errors = np.empty(len(windows.row))
+    batch = max(1, _EXACT_SAMPLES // target.samples)
+    for first in range(0, errors.size, batch):
+        part = windows.take(np.arange(first, min(first + batch, errors.size)))
+        crank, angle = window_angles(lengths, target, part)
+        errors[first : first + batch] = objective(target, crank, angle)
+    return errors
+
+
+# -- preparation ------------------------------------------------------------------------------------------------------
+
+
+def _prepare(atlas: Atlas, rows: Ints) -> Iterator[_Bucket]:
+    samples = atlas.rule.samples
+    half = samples // 2
+    curves = atlas.curves(rows)
+    spectrum = np.fft.rfft(curves, axis=1) / samples
+    spectrum[:, half] = 0  # as in `atlas_rows.interpolate_midway`, on which curve_error rests
+    winding = atlas.winding[rows].astype(int)
+    crank = np.arange(samples) * (TURN / samples)
+    phasor = np.fft.fft(np.exp(1j * (curves + winding[:, None] * crank)), axis=1) / samples
+    tails = _tails(2 * np.abs(spectrum))
+    choices = np.array([h for h in _HARMONICS if h < half] + [half - 1])
+    # the first choice whose tail is small enough; the last one leaves nothing out
+    choice = np.argmax(
+        np.concatenate([tails[:, choices[:-1] + 1], np.zeros((len(rows), 1))], axis=1) <= _SERIES_ERROR, axis=1
+    )
+    for index, harmonics in enumerate(choices):
+        for turns in (0, 1):
+            chosen = np.flatnonzero((choice == index) & (winding == turns))
+            if chosen.size:
+                part = spectrum[chosen, : harmonics + 1].copy()
+                part[:, 0] = 0  # a constant is the offset's business
+                left_out = tails[chosen, harmonics + 1] if harmonics + 1 <= half else 0.0
+                error = atlas.curve_error[rows[chosen]].astype(float) * 1.5 + left_out + 1e-12
+                mean_square, square = _square_series(part, int(harmonics))
+                series = np.concatenate([square, 2 * part[:, 1:].real, -2 * part[:, 1:].imag], axis=1)
+                reach = min(int(1.25 * harmonics) + 4, half - 1)
+                kept = np.arange(-reach, reach + 1) % samples
+                coefficients = phasor[np.ix_(chosen, kept)]
+                lost = np.abs(phasor[chosen]).sum(1) - np.abs(coefficients).sum(1)
+                yield _Bucket(
+                    rows[chosen],
+                    turns,
+                    int(harmonics),
+                    series,
+                    mean_square,
+                    error,
+                    coefficients,
+                    error + np.maximum(2 * lost, 0) + 1e-9,
+                )
+
+
+def _join(parts: list[_Bucket]) -> _Bucket:
+    first = parts[0]
+    arrays = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name, value in vars(first).items()
+        if isinstance(value, np.ndarray)
+    }
+    return _Bucket(winding=first.winding, harmonics=first.harmonics, **arrays)
+
+
+# -- matrices of a request --------------------------------------------------------------------------------------------
+
+_START_ANGLES = np.deg2rad(np.arange(STARTS))
+
+
+def _means(weight: NDArray[np.generic], crank: Floats, harmonics: NDArray[np.int_]) -> NDArray[np.complex128]:
+    """<weight e^{i h t}> for each h."""
+    return np.exp(1j * np.outer(harmonics, crank)) @ weight / crank.size
+
+
+class _RotationMatrices:
+    """What a request multiplies the series of a bucket with, to give the mean squared rotation error of all windows."""
+
+    def __init__(self, target: Target, bucket: _Bucket) -> None:
+        rotation = target.rotation - bucket.winding * target.crank
+        centred = rotation - rotation.mean()
+        self.variance = float(np.mean(centred**2))
+        self.rounding = _ROUNDING * (1 + self.variance)
+        single = np.arange(1, bucket.harmonics + 1)
+        double = np.arange(1, 2 * bucket.harmonics + 1)
+        one = np.ones_like(centred)
+        sides = [(centred, target.crank, _START_ANGLES), (-centred, -target.crank, -_START_ANGLES)]
+        self.product = np.hstack(
+            [
+                np.vstack(
+                    [
+                        self._rows(_means(one, t, double), double, start),
+                        -2 * self._rows(_means(g, t, single), single, start),
+                    ]
+                )
+                for g, t, start in sides
+            ]
+        )
+        self.mean = np.hstack([self._rows(_means(one, t, single), single, start) for _, t, start in sides])
+
+    @staticmethod
+    def _rows(means: NDArray[np.complex128], harmonics: NDArray[np.int_], start: Floats) -> Floats:
+        shifted = np.exp(1j * np.outer(harmonics, start)) * means[:, None]
+        return np.vstack([shifted.real, shifted.imag])
+
+    def mean_square_error(self, bucket: _Bucket, part: slice) -> Floats:
+        """D of all windows of some rows, (n, 720): branch +1 at starts 0..359, then branch -1."""
+        series = bucket.series[part]
+        result = series @ self.product
+        mean = series[:, 4 * bucket.harmonics :] @ self.mean
+        np.multiply(mean, mean, out=mean)
+        result -= mean
+        result += (bucket.mean_square[part] + self.variance)[:, None]
+        return result
+
+
+class _PositionMatrices:
+    """What a request multiplies the phasors of a bucket with, to bound the mean squared position error (over l^2)."""
+
+    def __init__(self, target: Target, bucket: _Bucket) -> None:
+        reach = bucket.phasor.shape[1] // 2
+        harmonics = np.arange(-reach, reach + 1)
+        one, turned, rest = fixed_parts(target)
+        self.size = float(np.sqrt(np.mean(np.abs(rest) ** 2)))
+        unit = rest / self.size if self.size > 0 else rest
+        columns = []
+        for weight in (one, turned, unit):
+            means = _means(np.conj(weight), target.crank, harmonics)
+            turn = np.exp(1j * np.outer(harmonics, _START_ANGLES))
+            columns.append(np.hstack([turn * means[:, None], np.conj(turn * means[:, None])]))
+        self.product = np.hstack(columns)
+
+    def mean_square_error(self, bucket: _Bucket, part: slice) -> Floats:
+        """Lower bounds of the mean squared position error over l^2, (n, 720)."""
+        products = np.abs(bucket.phasor[part] @ self.product) ** 2
+        windows = 2 * STARTS
+        first, second, along = products[:, :windows], products[:, windows : 2 * windows], products[:, 2 * windows :]
+        error = bucket.phasor_error[part][:, None]
+        square = np.maximum(1.0 - first - second, 1e-30)
+        left = np.sqrt(np.maximum(1.0 - along / square - 1e-14 / square, 0.0))
+        norm = np.maximum(np.sqrt(square) - error - 1e-8, 1e-30)
+        return (self.size * np.maximum(left - error / norm, 0.0)) ** 2
