@@ -45,7 +45,7 @@ TIE = 1e-12
 """Errors (radians, or the objective's unit) that agree to this are ties, broken by number, start, branch."""
 
 _HARMONICS = (4, 6, 8, 10, 12, 16, 24, 32, 48, 64, 96)
-_SERIES_ERROR = 3e-7
+SERIES_ERROR = 3e-7
 _ROUNDING = 1e-13
 _BLOCK_ROWS = 256
 _FIRST_COUNT = 4096
@@ -54,7 +54,7 @@ _EXACT_SAMPLES = 1 << 17
 
 
 class Windows(NamedTuple):
-    """Windows as columns: row of the type (number - 1), start in whole degrees, branch, and their error."""
+    """Windows as columns: row of the type (number - 1), number of the start (whole degrees), branch, and error."""
 
     row: Ints
     start: Ints
@@ -100,21 +100,26 @@ class Scan:
     Parameters
     ----------
     atlas : Atlas
+    starts : int
+        Starts over the turn, evenly spaced from 0; 360 is every whole degree.
+    series_error : float
+        What the series may leave out, in radians; larger is faster to scan, and leaves more windows to evaluate exactly.
     """
 
-    def __init__(self, atlas: Atlas) -> None:
+    def __init__(self, atlas: Atlas, starts: int = STARTS, series_error: float = SERIES_ERROR) -> None:
         self.lengths = atlas.lengths.astype(float)
+        self.starts = starts
         pieces: dict[tuple[int, int], list[_Bucket]] = {}
         for first in range(0, len(atlas), _PREPARED_AT_ONCE):
             rows = np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
-            for bucket in _prepare(atlas, rows):
+            for bucket in _prepare(atlas, rows, series_error):
                 pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
         self._buckets = [_join(parts) for _, parts in sorted(pieces.items())]
 
     @property
     def windows(self) -> int:
         """Number of windows: types x starts x branches."""
-        return len(self.lengths) * STARTS * 2
+        return len(self.lengths) * self.starts * 2
 
     @property
     def nbytes(self) -> int:
@@ -127,8 +132,8 @@ class Scan:
     def _bounds(self, target: Target, limit: Callable[[], float]) -> Iterator[tuple[Ints, Floats]]:
         """Window numbers and lower bounds of their error, block by block, of all windows that may be below ``limit()``."""
         for bucket in self._buckets:
-            rotation = _RotationMatrices(target, bucket) if target.rotation is not None else None
-            position = _PositionMatrices(target, bucket) if target.position is not None else None
+            rotation = _RotationMatrices(target, bucket, self.starts) if target.rotation is not None else None
+            position = _PositionMatrices(target, bucket, self.starts) if target.position is not None else None
             for first in range(0, len(bucket.rows), _BLOCK_ROWS):
                 part = slice(first, first + _BLOCK_ROWS)
                 ceiling = limit()
@@ -147,7 +152,7 @@ class Scan:
                     keep = squared <= ceiling**2
                 place, column = np.nonzero(keep)
                 bound = np.sqrt(squared[place, column])
-                yield bucket.rows[first + place] * (2 * STARTS) + column, bound
+                yield bucket.rows[first + place] * (2 * self.starts) + column, bound
 
     def _lowest(self, target: Target, count: int, ceiling: float) -> tuple[Ints, Floats, float]:
         """The ``count`` windows of lowest bound at or below ``ceiling``, and a number that no other's bound is below."""
@@ -174,6 +179,25 @@ class Scan:
             reduce()
             return ids[0], bounds[0], cut
         return np.empty(0, dtype=np.int64), np.empty(0), cut
+
+    def _windows(self, ids: Ints) -> Windows:
+        row, column = np.divmod(ids, 2 * self.starts)
+        return Windows(row, column % self.starts, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
+
+    def error_table(self, target: Target) -> Floats:
+        """Approximate squared error of every window, (types, 2, starts): branch +1, then branch -1. For small atlases."""
+        table = np.empty((len(self.lengths), 2 * self.starts))
+        for bucket in self._buckets:
+            squared: Floats | float = 0.0
+            everything = slice(None)
+            if target.rotation is not None:
+                squared = _RotationMatrices(target, bucket, self.starts).mean_square_error(bucket, everything)
+            if target.position is not None:
+                squared = squared + _PositionMatrices(target, bucket, self.starts).mean_square_error(
+                    bucket, everything
+                )
+            table[bucket.rows] = squared
+        return np.maximum(table, 0.0).reshape(-1, 2, self.starts)
 
     # -- answers ------------------------------------------------------------------------------------------------------
 
@@ -221,9 +245,8 @@ class Scan:
             count *= 8
             ceiling += TIE
 
-    @staticmethod
     def _evaluate(
-        ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats]
+        self, ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats]
     ) -> tuple[Windows, int, float]:
         """Exact errors in the order of the bounds, until no bound is below the worst of the best."""
         order = np.argsort(bounds, kind="stable")
@@ -232,8 +255,7 @@ class Scan:
         done, batch, worst = 0, max(512, 4 * top), np.inf
         while done < ids.size and bounds[done] <= worst + TIE:
             part = ids[done : done + batch]
-            row, column = np.divmod(part, 2 * STARTS)
-            windows = Windows(row, column % STARTS, np.where(column < STARTS, 1, -1), np.zeros(part.size))
+            windows = self._windows(part)
             windows = windows._replace(error=exact(windows))
             windows = windows.take(np.flatnonzero(np.isfinite(windows.error)))
             best = Windows(*(np.concatenate(pair) for pair in zip(best, windows)))
@@ -253,9 +275,14 @@ class ScanReport(NamedTuple):
     exhaustive: bool
 
 
+def start_angles(starts: int = STARTS) -> Floats:
+    """theta1 of evenly spaced starts, radians."""
+    return np.arange(starts) * (TURN / starts)
+
+
 def window_angles(lengths: Floats, target: Target, windows: Windows) -> tuple[Floats, Floats]:
     """Crank angle and coupler angle of windows over the samples of a target, both (n, N), from the lengths alone."""
-    crank = np.deg2rad(windows.start)[:, None] + target.crank
+    crank = start_angles()[windows.start][:, None] + target.crank
     return crank, coupler_angle(lengths[windows.row], windows.branch, crank)
 
 
@@ -276,7 +303,7 @@ def window_errors(lengths: Floats, target: Target, windows: Windows) -> Floats:
 # -- preparation ------------------------------------------------------------------------------------------------------
 
 
-def _prepare(atlas: Atlas, rows: Ints) -> Iterator[_Bucket]:
+def _prepare(atlas: Atlas, rows: Ints, series_error: float) -> Iterator[_Bucket]:
     samples = atlas.rule.samples
     half = samples // 2
     curves = atlas.curves(rows)
@@ -289,7 +316,7 @@ def _prepare(atlas: Atlas, rows: Ints) -> Iterator[_Bucket]:
     choices = np.array([h for h in _HARMONICS if h < half] + [half - 1])
     # the first choice whose tail is small enough; the last one leaves nothing out
     choice = np.argmax(
-        np.concatenate([tails[:, choices[:-1] + 1], np.zeros((len(rows), 1))], axis=1) <= _SERIES_ERROR, axis=1
+        np.concatenate([tails[:, choices[:-1] + 1], np.zeros((len(rows), 1))], axis=1) <= series_error, axis=1
     )
     for index, harmonics in enumerate(choices):
         for turns in (0, 1):
@@ -329,8 +356,6 @@ def _join(parts: list[_Bucket]) -> _Bucket:
 
 # -- matrices of a request --------------------------------------------------------------------------------------------
 
-_START_ANGLES = np.deg2rad(np.arange(STARTS))
-
 
 def _means(weight: NDArray[np.generic], crank: Floats, harmonics: NDArray[np.int_]) -> NDArray[np.complex128]:
     """<weight e^{i h t}> for each h."""
@@ -340,7 +365,7 @@ def _means(weight: NDArray[np.generic], crank: Floats, harmonics: NDArray[np.int
 class _RotationMatrices:
     """What a request multiplies the series of a bucket with, to give the mean squared rotation error of all windows."""
 
-    def __init__(self, target: Target, bucket: _Bucket) -> None:
+    def __init__(self, target: Target, bucket: _Bucket, starts: int) -> None:
         rotation = target.rotation - bucket.winding * target.crank
         centred = rotation - rotation.mean()
         self.variance = float(np.mean(centred**2))
@@ -348,7 +373,8 @@ class _RotationMatrices:
         single = np.arange(1, bucket.harmonics + 1)
         double = np.arange(1, 2 * bucket.harmonics + 1)
         one = np.ones_like(centred)
-        sides = [(centred, target.crank, _START_ANGLES), (-centred, -target.crank, -_START_ANGLES)]
+        angles = start_angles(starts)
+        sides = [(centred, target.crank, angles), (-centred, -target.crank, -angles)]
         self.product = np.hstack(
             [
                 np.vstack(
@@ -381,7 +407,7 @@ class _RotationMatrices:
 class _PositionMatrices:
     """What a request multiplies the phasors of a bucket with, to bound the mean squared position error (over l^2)."""
 
-    def __init__(self, target: Target, bucket: _Bucket) -> None:
+    def __init__(self, target: Target, bucket: _Bucket, starts: int) -> None:
         reach = bucket.phasor.shape[1] // 2
         harmonics = np.arange(-reach, reach + 1)
         one, turned, rest = fixed_parts(target)
@@ -390,14 +416,14 @@ class _PositionMatrices:
         columns = []
         for weight in (one, turned, unit):
             means = _means(np.conj(weight), target.crank, harmonics)
-            turn = np.exp(1j * np.outer(harmonics, _START_ANGLES))
+            turn = np.exp(1j * np.outer(harmonics, start_angles(starts)))
             columns.append(np.hstack([turn * means[:, None], np.conj(turn * means[:, None])]))
         self.product = np.hstack(columns)
 
     def mean_square_error(self, bucket: _Bucket, part: slice) -> Floats:
         """Lower bounds of the mean squared position error over l^2, (n, 720)."""
         products = np.abs(bucket.phasor[part] @ self.product) ** 2
-        windows = 2 * STARTS
+        windows = products.shape[1] // 3
         first, second, along = products[:, :windows], products[:, windows : 2 * windows], products[:, 2 * windows :]
         error = bucket.phasor_error[part][:, None]
         square = np.maximum(1.0 - first - second, 1e-30)

@@ -1,0 +1,86 @@
+"""The best rows of an atlas as they are: mounted, within limits, different from one another."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from synthesis.limits import Limits
+from synthesis.mounting import fit_positions
+from synthesis.scan import Floats, Scan, ScanReport, Windows, window_angles, window_errors
+from synthesis.solution import Solution, distinct, make_solution
+from synthesis.target import Target
+
+MAX_LIMITED_WINDOWS = 1 << 18
+"""Windows evaluated before a search within limits gives up; the report then says that it is not exhaustive."""
+
+
+def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[list[Solution], ScanReport]:
+    """The best rows by the joint objective over rotation and position.
+
+    Parameters
+    ----------
+    scan : Scan
+    target : Target
+    limits : Limits
+    top : int
+
+    Returns
+    -------
+    solutions : list of Solution
+        At most ``top``, by objective; each linkage once, at its best start. Empty where no row keeps the limits.
+    report : ScanReport
+    """
+
+    def exact(windows: Windows) -> Floats:
+        error = window_errors(scan.lengths, target, windows)
+        return np.where(_within(scan, target, limits, windows), error, np.inf)
+
+    if not _any_row_of(limits.family, scan):
+        return [], ScanReport(scan.windows, 0, True)
+    wanted = top
+    while True:
+        windows, report = scan.best(target, wanted, exact, MAX_LIMITED_WINDOWS)
+        solutions = distinct([_solution(scan, target, windows, k) for k in _first_of_each(target, windows)], top)
+        complete = len(windows.row) < wanted or not report.exhaustive
+        if len(solutions) == top or complete:
+            return solutions, report
+        wanted *= 8
+
+
+def _first_of_each(target: Target, windows: Windows) -> np.ndarray:
+    """Places of the windows that can be different linkages: without positions a type and branch count once."""
+    if target.position is not None:
+        return np.arange(len(windows.row))
+    _, first = np.unique(windows.row * 2 + (windows.branch < 0), return_index=True)
+    return np.sort(first)
+
+
+def _solution(scan: Scan, target: Target, windows: Windows, k: int) -> Solution:
+    row = int(windows.row[k])
+    return make_solution(target, scan.lengths[row], int(windows.branch[k]), np.deg2rad(windows.start[k]), row)
+
+
+def _any_row_of(family: str, scan: Scan) -> bool:
+    longer = scan.lengths[:, 0] > scan.lengths[:, 3]
+    return bool(len(longer)) and {"crank_rocker": not longer.all(), "double_crank": longer.any()}.get(family, True)
+
+
+def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> np.ndarray:
+    lengths = scan.lengths[windows.row]
+    start = np.deg2rad(windows.start)
+    holds = limits.family_holds(target, lengths, start)
+    if limits.only_family:
+        return holds
+    pivot_a = pivot_b = None
+    if target.position is None:
+        lengths = lengths / lengths[:, 3:]
+    else:
+        _, angle = window_angles(scan.lengths, target, windows)
+        fit = fit_positions(target, angle)
+        scale = np.abs(fit.crank_vector) / lengths[:, 0]
+        unit = fit.crank_vector / np.maximum(np.abs(fit.crank_vector), np.finfo(float).tiny)
+        pivot_a = fit.pivot
+        pivot_b = pivot_a + scale * lengths[:, 3] * unit * np.exp(-1j * start)
+        lengths = lengths * np.maximum(scale, np.finfo(float).tiny)[:, None]
+    slacks = limits.slacks(target, lengths, start, pivot_a, pivot_b)
+    return holds & np.all(slacks >= 0, axis=-1)
