@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,20 +12,12 @@ from pydantic import ValidationError
 
 from app.queries import all_queries
 from app.query import Query
+from app.resources import ServiceResources
+from app.settings import Settings
+from synthesis.atlas_file import load_atlas
 from synthesis.errors import AtlasError, FieldError
 
 EXIT_OK, EXIT_USAGE, EXIT_DAMAGED, EXIT_INTERRUPTED = 0, 2, 3, 130
-
-
-class CommandResources:
-    """What answers may ask for, on the command line: the atlas is loaded when a query asks for it."""
-
-    def __init__(self, atlas_path: Path) -> None:
-        self.atlas_path = atlas_path
-
-    def clock(self) -> float:
-        """Seconds of a monotonic clock."""
-        return time.perf_counter()
 
 
 def main(argv: Sequence[str]) -> int:
@@ -62,14 +53,30 @@ def _parser() -> argparse.ArgumentParser:
                 groups[group[0]] = scene.add_subparsers(metavar="COMMAND", required=True)
             at = groups[group[0]]
         _add_query(at.add_parser(verb, help=query.summary, description=query.summary), query)
+    serve = commands.add_parser("serve", help="answer over HTTP", description="Serves the queries over HTTP.")
+    serve.add_argument("--atlas", type=Path, help="the atlas file (default: atlas.h5)")
+    serve.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
+    serve.add_argument("--port", type=int, default=8000, help="(%(default)s)")
+    serve.set_defaults(run=_serve)
     return parser
+
+
+def _serve(options: argparse.Namespace) -> int:
+    import uvicorn
+
+    from app.main import create_app
+
+    settings = _settings(options)
+    load_atlas(settings.atlas, settings.atlas_max_bytes, settings.atlas_max_types)
+    uvicorn.run(create_app(settings), host=options.host, port=options.port, log_level="info")
+    return EXIT_OK
 
 
 def _add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     parser.add_argument("file", nargs="?", default="-", help="the request as JSON (default: standard input)")
     parser.add_argument("--example", choices=sorted(query.examples), help="answer a bundled example instead")
     parser.add_argument("--json", action="store_true", help="print the reply as JSON, not as a table")
-    parser.add_argument("--atlas", type=Path, default=Path("atlas.h5"), help=argparse.SUPPRESS)
+    parser.add_argument("--atlas", type=Path, help="the atlas file, for queries that read it (default: atlas.h5)")
     if query.exports:
         formats = ", ".join(query.exports)
         parser.add_argument(
@@ -81,6 +88,10 @@ def _add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     parser.set_defaults(run=lambda options: _run_query(options, query))
 
 
+def _settings(options: argparse.Namespace) -> Settings:
+    return Settings(atlas=options.atlas) if options.atlas else Settings()
+
+
 def _run_query(options: argparse.Namespace, query: Query) -> int:
     if options.example:
         text = json.dumps(query.examples[options.example]).encode()
@@ -89,7 +100,7 @@ def _run_query(options: argparse.Namespace, query: Query) -> int:
     else:
         text = Path(options.file).read_bytes()
     request = query.request.model_validate_json(text)
-    resources = CommandResources(options.atlas)
+    resources = ServiceResources(_settings(options))
     if query.exports and options.export:
         name = options.export.suffix.lstrip(".").lower()
         if name not in query.exports:

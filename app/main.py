@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import anyio
 import anyio.to_thread
 from fastapi import FastAPI, Response
+from fastapi import Path as PathParameter
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 import linkage_atlas
 from app import problems
 from app.queries import all_queries
-from app.query import Export, Query
+from app.query import Export, Query, ReplyModel
+from app.resources import ServiceResources
 from app.settings import Settings
-
-
-class ServiceResources:
-    """What answers may ask for: the atlas, loaded and verified once, and a clock."""
-
-    def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-
-    def clock(self) -> float:
-        """Seconds of a monotonic clock."""
-        return time.perf_counter()
+from synthesis.fourbar import family
 
 
 class Turnstile:
@@ -52,6 +43,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.turnstile = Turnstile(settings.max_concurrent, settings.max_waiting)
+        resources.prepare()
         yield
 
     app = FastAPI(
@@ -67,12 +59,69 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         for name, export in query.exports.items():
             _add_export(app, query, name, export, resources)
 
+    _add_atlas_routes(app, resources)
+    _add_health_routes(app, resources)
+    return app
+
+
+class AtlasReply(ReplyModel):
+    types: int
+    schema_version: int
+    content_sha256: str
+    parameters: dict[str, int | str]
+    generator: dict[str, str]
+    scan_bytes: int
+    load_ms: float
+
+
+class AtlasTypeReply(ReplyModel):
+    number: int
+    lengths: list[int]
+    family: str
+    samples: int
+    winding: int
+    normalisation: Literal["mean"]
+    unit: Literal["rad"]
+    average: float
+    details: list[float]
+
+
+def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
+    @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_PROBLEM_RESPONSES)
+    def atlas() -> AtlasReply:
+        return AtlasReply(**resources.loaded_atlas().describe())
+
+    @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=_PROBLEM_RESPONSES)
+    def dimension_type(number: Annotated[int, PathParameter(ge=1, le=2**53)]) -> AtlasTypeReply:
+        """Lengths, family and the Haar average and details of the coupler rotation over the whole turn."""
+        stored = resources.loaded_atlas().atlas
+        if number > len(stored):
+            raise problems.NotFound(f"there is no type {number}: the atlas has types 1 to {len(stored)}")
+        row = number - 1
+        return AtlasTypeReply(
+            number=number,
+            lengths=stored.lengths[row].tolist(),
+            family=family(stored.lengths[row])[()].value,
+            samples=stored.rule.samples,
+            winding=int(stored.winding[row]),
+            normalisation="mean",
+            unit="rad",
+            average=float(stored.average[row]),
+            details=stored.details[row].tolist(),
+        )
+
+
+def _add_health_routes(app: FastAPI, resources: ServiceResources) -> None:
     @app.get("/livez", tags=["health"])
     async def livez() -> dict[str, str]:
         """The process answers."""
         return {"status": "ok"}
 
-    return app
+    @app.get("/readyz", tags=["health"], responses={503: _PROBLEM_RESPONSES[503]})
+    async def readyz() -> dict[str, str]:
+        """The atlas is loaded and verified."""
+        resources.loaded_atlas()
+        return {"status": "ready"}
 
 
 _PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {

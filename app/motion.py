@@ -7,12 +7,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from app.query import AngleUnit, Count, Number, Query, ReplyModel, RequestModel, Resources
+from app.query import AngleUnit, Count, Number, PositiveNumber, ReplyModel, RequestModel, Resources
 from synthesis.atlas_search import best_rows
+from synthesis.errors import FieldError
 from synthesis.haar import features, resample
 from synthesis.limits import Limits
-from synthesis.scan import Windows, window_angles
-from synthesis.solution import Solution, principal
+from synthesis.rounding import round_solution
+from synthesis.scan import window_angles
+from synthesis.search import DEFAULT_TOLERANCE, search
+from synthesis.solution import Solution, determination, principal, sensitivity
 from synthesis.target import MAX_SAMPLES, MIN_SAMPLES, Target, make_target
 
 MAX_TOP = 1000
@@ -117,7 +120,7 @@ def rotation_notes(target: Target) -> list[str]:
 
 
 def _features(crank: np.ndarray, curve: np.ndarray, unit: float) -> FeaturesReply:
-    even, resampled = resample(crank, curve)
+    resampled = resample(crank, curve)[1]
     average, details = features(resampled)
     return FeaturesReply(
         samples=resampled.size,
@@ -144,9 +147,7 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
             MatchReply(
                 rank=rank,
                 type=TypeReply(number=int(windows.row[rank - 1]) + 1, lengths=lengths),
-                start_angle=float(np.deg2rad(windows.start[rank - 1]) / unit)
-                if unit == 1.0
-                else float(windows.start[rank - 1]),
+                start_angle=float(windows.start[rank - 1]) * (np.pi / 180 / unit),
                 branch=int(windows.branch[rank - 1]),
                 offset=float(np.mean(target.rotation - angle) / unit),
                 similarity=float(windows.error[rank - 1] / unit),
@@ -166,3 +167,319 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
             features=own,
         ),
     )
+
+
+# -- synthesize -------------------------------------------------------------------------------------------------------
+
+
+class LimitsRequest(RequestModel):
+    """What every solution must keep to."""
+
+    transmission_angle_min: Number = Field(0.0, description="Smallest transmission angle over the used interval.")
+    pivot_box: Annotated[list[Number], Field(min_length=4, max_length=4)] | None = Field(
+        None, description="xmin, ymin, xmax, ymax for both fixed pivots."
+    )
+    link_min: PositiveNumber | None = Field(None, description="Shortest length of any link.")
+    link_max: PositiveNumber | None = Field(None, description="Longest length of any link.")
+    family: Literal["full_crank", "crank_rocker", "double_crank", "any"] = Field(
+        "full_crank", description="`any`: closes over the used interval without changing its branch."
+    )
+
+
+class SynthesizeRequest(CrankMotion):
+    """Which linkage moves a body like this: its dimensions and where it is mounted?"""
+
+    rotation: Curve | None = Field(None, description="Rotation of the body at the samples, continuous.")
+    position: Path | None = Field(None, description="Positions [x, y] of a point of the body, in any unit of length.")
+    top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
+    effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
+    limits: LimitsRequest = Field(default_factory=LimitsRequest)
+    tolerance: Annotated[Number, Field(ge=0)] = Field(
+        DEFAULT_TOLERANCE, description="The search ends when the objective is below this."
+    )
+    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
+    length_scale: PositiveNumber | None = Field(
+        None,
+        description="Weighs position errors against rotation errors in radians. Default: the largest distance of a "
+        "position from the mean position.",
+    )
+    round_to: PositiveNumber | None = Field(
+        None, description="Also report each solution with its links rounded to this grid and the rest fitted anew."
+    )
+    sensitivity: bool = Field(False, description="Also report the change of the motion per unit of each length.")
+
+
+class LinksReply(ReplyModel):
+    crank: float
+    coupler: float
+    rocker: float
+    ground: float
+
+
+class CouplerPointReply(ReplyModel):
+    radius: float
+    angle: float
+
+
+class MountReply(ReplyModel):
+    ground_angle: float = Field(description="Angle of the line from pivot A to pivot B.")
+    pivot_a: tuple[float, float] = Field(description="Fixed pivot of the crank.")
+    pivot_b: tuple[float, float] = Field(description="Fixed pivot of the rocker.")
+    coupler_point: CouplerPointReply = Field(
+        description="P = D + radius e^(i (angle + coupler angle + ground angle)), D the crank pin."
+    )
+    L_B: float = Field(description="Distance of pivot A from the origin.")
+    beta: float = Field(description="Angle of pivot A as seen from the origin.")
+
+
+class ErrorsReply(ReplyModel):
+    rotation_rms: float | None
+    rotation_max: float | None
+    position_rms: float | None
+    position_max: float | None
+    objective: float = Field(
+        description="sqrt(mean square rotation error in radians + mean square position error / l^2)"
+    )
+
+
+class DeterminationReply(ReplyModel):
+    ill_posed: bool = Field(
+        description="A length is not even fixed to a thousandth by the motion at this resolution."
+    )
+    resolution: float = Field(
+        description="Error of the motion that is considered: the objective, at least the tolerance."
+    )
+    length_uncertainty: list[float | None] = Field(
+        description="Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."
+    )
+
+
+class SensitivityReply(ReplyModel):
+    rotation: list[float] | None = Field(
+        description="Rms change of rotation per unit of crank, coupler, rocker, ground."
+    )
+    position: list[float] | None = Field(
+        description="Rms change of position per unit of crank, coupler, rocker, ground."
+    )
+
+
+class RoundedReply(ReplyModel):
+    closes: bool
+    links: LinksReply | None
+    start_angle: float | None
+    body_offset: float | None
+    mount: MountReply | None
+    errors: ErrorsReply | None
+
+
+class SolutionReply(ReplyModel):
+    rank: int
+    source: Literal["atlas", "refined"]
+    type: TypeReply | None
+    links: LinksReply
+    branch: Literal[-1, 1]
+    start_angle: float
+    body_offset: float | None = Field(
+        description="rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."
+    )
+    mount: MountReply | None
+    errors: ErrorsReply
+    family: str
+    transmission_angle_min: float = Field(description="Over the used interval.")
+    transmission_angle_min_turn: float | None = Field(
+        description="Over the whole turn; null if the crank cannot turn."
+    )
+    condition: float = Field(description="Condition number of the motion's derivatives by all unknowns.")
+    determination: DeterminationReply
+    sensitivity: SensitivityReply | None = None
+    rounded: RoundedReply | None = None
+
+
+class SynthesizeReport(ReplyModel):
+    elapsed_ms: dict[str, float]
+    trace: list[tuple[float, float]] = Field(description="[milliseconds, best objective] after each round.")
+    stopped_by: Literal["tolerance", "converged", "budget"]
+    length_scale: float | None
+    seeds: int | None = Field(description="Starting points refined; null for effort atlas.")
+    windows: int | None = Field(description="Atlas windows that the answer is the best of; null for effort refine.")
+    exhaustive: bool | None = Field(description="Whether all windows were considered; null for effort refine.")
+    notes: list[str]
+
+
+class SynthesizeReply(ReplyModel):
+    status: Literal["reached", "closest", "infeasible"]
+    solutions: list[SolutionReply]
+    report: SynthesizeReport
+
+
+def _limits(request: SynthesizeRequest) -> Limits:
+    asked = request.limits
+    return Limits(
+        asked.family,
+        asked.transmission_angle_min * request.unit,
+        None if asked.pivot_box is None else tuple(asked.pivot_box),
+        asked.link_min,
+        asked.link_max,
+    )
+
+
+def _links(links: np.ndarray) -> LinksReply:
+    return LinksReply(**dict(zip(("crank", "coupler", "rocker", "ground"), links.tolist())))
+
+
+def _mount(solution: Solution, unit: float) -> MountReply | None:
+    pose = solution.mount
+    if pose is None:
+        return None
+    return MountReply(
+        ground_angle=pose.ground_angle / unit,
+        pivot_a=(pose.pivot_a.real, pose.pivot_a.imag),
+        pivot_b=(pose.pivot_b.real, pose.pivot_b.imag),
+        coupler_point=CouplerPointReply(radius=pose.coupler_radius, angle=pose.coupler_angle / unit),
+        L_B=abs(pose.pivot_a),
+        beta=float(np.angle(pose.pivot_a)) / unit,
+    )
+
+
+def _errors(solution: Solution, unit: float) -> ErrorsReply:
+    errors = solution.errors
+    turned = [None if value is None else value / unit for value in (errors.rotation_rms, errors.rotation_max)]
+    return ErrorsReply(
+        rotation_rms=turned[0],
+        rotation_max=turned[1],
+        position_rms=errors.position_rms,
+        position_max=errors.position_max,
+        objective=errors.objective,
+    )
+
+
+def _rounded(target: Target, solution: Solution, grid: float, unit: float) -> RoundedReply:
+    rounded = round_solution(target, solution, grid)
+    if rounded is None:
+        return RoundedReply(closes=False, links=None, start_angle=None, body_offset=None, mount=None, errors=None)
+    return RoundedReply(
+        closes=True,
+        links=_links(rounded.links),
+        start_angle=rounded.start / unit,
+        body_offset=None if rounded.body_offset is None else rounded.body_offset / unit,
+        mount=_mount(rounded, unit),
+        errors=_errors(rounded, unit),
+    )
+
+
+def _solution(request: SynthesizeRequest, target: Target, solution: Solution, rank: int) -> SolutionReply:
+    unit = request.unit
+    fixed = determination(target, solution, max(solution.errors.objective, request.tolerance))
+    change = sensitivity(target, solution) if request.sensitivity else None
+    row = None
+    if solution.row is not None:
+        row = solution.row + 1
+    turn = solution.transmission_angle_min_turn
+    return SolutionReply(
+        rank=rank,
+        source="refined" if row is None else "atlas",
+        type=None,
+        links=_links(solution.links),
+        branch=solution.branch,
+        start_angle=solution.start / unit,
+        body_offset=None if solution.body_offset is None else solution.body_offset / unit,
+        mount=_mount(solution, unit),
+        errors=_errors(solution, unit),
+        family=solution.family.value,
+        transmission_angle_min=solution.transmission_angle_min / unit,
+        transmission_angle_min_turn=None if turn is None else turn / unit,
+        condition=fixed.condition,
+        determination=DeterminationReply(
+            ill_posed=fixed.ill_posed,
+            resolution=fixed.resolution,
+            length_uncertainty=[v if np.isfinite(v) else None for v in fixed.length_uncertainty.tolist()],
+        ),
+        sensitivity=None
+        if change is None
+        else SensitivityReply(
+            rotation=None if change.rotation is None else (change.rotation / unit).tolist(),
+            position=None if change.position is None else change.position.tolist(),
+        ),
+        rounded=None if request.round_to is None else _rounded(target, solution, request.round_to, unit),
+    )
+
+
+def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> SynthesizeReply:
+    """Linkages with actual dimensions and pose, best first."""
+    begin = resources.clock()
+    target = request.target(request.rotation, request.position, request.length_scale)
+    limits = _limits(request)
+    limits.check_against(target)
+    if request.round_to is not None and target.position is None:
+        raise FieldError("/round_to", "needs `position`: without it no length is actual")
+    if request.effort == "atlas":
+        solutions, report, elapsed = _from_atlas(request, target, limits, resources, begin)
+    else:
+        solutions, report, elapsed = _refined(request, target, limits, resources, begin)
+    found = resources.clock()
+    replies = [_solution(request, target, solution, rank) for rank, solution in enumerate(solutions, 1)]
+    if request.effort == "atlas":
+        scan = resources.atlas.scan
+        types = [TypeReply(number=s.row + 1, lengths=[int(v) for v in scan.lengths[s.row]]) for s in solutions]
+        replies = [reply.model_copy(update={"type": kind}) for reply, kind in zip(replies, types)]
+    end = resources.clock()
+    elapsed |= {"report": end - found, "total": end - begin}
+    notes = rotation_notes(target)
+    if replies and replies[0].determination.ill_posed:
+        notes.append(
+            "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
+            "see `determination` of each solution"
+        )
+    return SynthesizeReply(
+        solutions=replies,
+        report=SynthesizeReport(
+            elapsed_ms={name: 1000 * value for name, value in elapsed.items()},
+            length_scale=None if target.position is None else target.length_scale,
+            notes=notes,
+            **report,
+        ),
+        status=_status(request, replies),
+    )
+
+
+def _status(request: SynthesizeRequest, replies: list[SolutionReply]) -> Literal["reached", "closest", "infeasible"]:
+    if not replies:
+        return "infeasible"
+    return "reached" if replies[0].errors.objective < request.tolerance else "closest"
+
+
+def _from_atlas(
+    request: SynthesizeRequest, target: Target, limits: Limits, resources: Resources, begin: float
+) -> tuple[list[Solution], dict[str, Any], dict[str, float]]:
+    solutions, scanned = best_rows(resources.atlas.scan, target, limits, request.top)
+    screened = resources.clock()
+    best = [(1000 * (screened - begin), solutions[0].errors.objective)] if solutions else []
+    reached = bool(solutions) and solutions[0].errors.objective < request.tolerance
+    details = {
+        "trace": best,
+        "stopped_by": "tolerance" if reached else ("converged" if scanned.exhaustive else "budget"),
+        "seeds": None,
+        "windows": scanned.windows,
+        "exhaustive": scanned.exhaustive,
+    }
+    return solutions, details, {"screen": screened - begin}
+
+
+def _refined(
+    request: SynthesizeRequest, target: Target, limits: Limits, resources: Resources, begin: float
+) -> tuple[list[Solution], dict[str, Any], dict[str, float]]:
+    asked = np.inf if request.budget_ms is None else request.budget_ms
+    budget = min(asked, resources.max_budget_ms) / 1000
+    solutions, found = search(
+        resources.levels, target, limits, request.top, request.tolerance, resources.clock, budget
+    )
+    searched = resources.clock()
+    details = {
+        "trace": [(1000 * seconds, objective) for seconds, objective in found.trace],
+        "stopped_by": found.stopped_by.value,
+        "seeds": found.seeds,
+        "windows": None,
+        "exhaustive": None,
+    }
+    elapsed = {"screen": found.screen_seconds, "refine": searched - begin - found.screen_seconds}
+    return solutions, details, elapsed

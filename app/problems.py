@@ -27,6 +27,10 @@ class Overloaded(Exception):
     """More requests wait than the service lets wait."""
 
 
+class NotFound(Exception):
+    """There is no such thing; the message says what there is."""
+
+
 def pointer(location: Iterable[str | int]) -> str:
     """A JSON pointer (RFC 6901) as a URI fragment, for the path of a value in the request."""
     parts = [str(part).replace("~", "~0").replace("/", "~1") for part in location]
@@ -95,6 +99,10 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(AtlasError)
     async def _atlas(_: Request, error: AtlasError) -> Response:
         return problem(503, str(error), headers={"Retry-After": "5"})
+
+    @app.exception_handler(NotFound)
+    async def _not_found(_: Request, error: NotFound) -> Response:
+        return problem(404, str(error))
 
     @app.exception_handler(Overloaded)
     async def _overloaded(_: Request, __: Overloaded) -> Response:

@@ -1,11 +1,68 @@
-"""All questions that the service answers."""
+"""All questions that the service answers: the four-bar's and the scenes'."""
 
 from __future__ import annotations
 
+import json
+from importlib.resources import files
+from typing import Any
+
+from app.motion import (
+    MatchesReply,
+    MatchRequest,
+    SynthesizeReply,
+    SynthesizeRequest,
+    answer_match,
+    answer_synthesize,
+)
 from app.query import Query
 from app.scenes import scene_queries
+from app.tables import matches_table, synthesize_table
+
+
+def worked_example() -> dict[str, Any]:
+    """The bundled request: the motion of type 45,185 over crank 30 to 100 degrees, mounted as in the paper."""
+    return json.loads(files("app").joinpath("examples/worked_example.json").read_text())
+
+
+def motion_queries() -> tuple[Query, ...]:
+    """The four-bar's queries."""
+    example = worked_example()
+    rotation_only = {"rotation": example["rotation"], "crank_span": example["crank_span"]}
+    return (
+        Query(
+            "/v1/match",
+            "match",
+            "Rotation only: which atlas rows, at which start?",
+            MatchRequest,
+            MatchesReply,
+            answer_match,
+            matches_table,
+            {"worked_example": {**rotation_only, "top": 5}},
+        ),
+        Query(
+            "/v1/synthesize",
+            "synthesize",
+            "Rotation, positions or both: actual dimensions and mounting pose.",
+            SynthesizeRequest,
+            SynthesizeReply,
+            answer_synthesize,
+            synthesize_table,
+            {
+                "worked_example": {**example, "top": 3},
+                "atlas_rows_only": {**example, "effort": "atlas", "top": 3},
+                "rotation_only": {**rotation_only, "top": 3},
+                "within_limits": {
+                    **example,
+                    "top": 3,
+                    "limits": {"transmission_angle_min": 40, "pivot_box": [-50, -50, 250, 250]},
+                    "round_to": 0.5,
+                    "sensitivity": True,
+                },
+            },
+        ),
+    )
 
 
 def all_queries() -> tuple[Query, ...]:
-    """Every query of the service: the four-bar's and the scenes'."""
-    return scene_queries()
+    """Every query of the service."""
+    return (*motion_queries(), *scene_queries())

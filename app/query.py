@@ -30,8 +30,13 @@ class ReplyModel(BaseModel):
 class Resources(Protocol):
     """What an answer may ask for beyond its request; each is made or loaded when it is first asked for."""
 
+    max_budget_ms: float
+
     @property
     def atlas(self) -> Any: ...
+
+    @property
+    def levels(self) -> Any: ...
 
     def clock(self) -> float: ...
 

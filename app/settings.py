@@ -19,6 +19,11 @@ class Settings(BaseSettings):
         gt=0,
         description="Largest atlas file that is loaded; a larger one is refused at start.",
     )
+    atlas_max_types: int = Field(
+        1_500_000,
+        gt=0,
+        description="Most dimension types of an atlas that is loaded (a scan takes about 2 kB a type).",
+    )
     max_body_bytes: int = Field(
         1_000_000, gt=0, description="Largest request body; a larger one is answered with 413."
     )

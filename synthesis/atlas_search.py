@@ -7,7 +7,7 @@ import numpy as np
 from synthesis.limits import Limits
 from synthesis.mounting import fit_positions
 from synthesis.scan import Floats, Scan, ScanReport, Windows, window_angles, window_errors
-from synthesis.solution import Solution, distinct, make_solution
+from synthesis.solution import Solution, distinct, make_solutions
 from synthesis.target import Target
 
 MAX_LIMITED_WINDOWS = 1 << 18
@@ -40,7 +40,9 @@ def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[lis
     wanted = top
     while True:
         windows, report = scan.best(target, wanted, exact, MAX_LIMITED_WINDOWS)
-        solutions = distinct([_solution(scan, target, windows, k) for k in _first_of_each(target, windows)], top)
+        chosen = windows.take(_first_of_each(target, windows))
+        lengths, start = scan.lengths[chosen.row], np.deg2rad(chosen.start)
+        solutions = distinct(make_solutions(target, lengths, chosen.branch, start, chosen.row.tolist()), top)
         complete = len(windows.row) < wanted or not report.exhaustive
         if len(solutions) == top or complete:
             return solutions, report
@@ -53,11 +55,6 @@ def _first_of_each(target: Target, windows: Windows) -> np.ndarray:
         return np.arange(len(windows.row))
     _, first = np.unique(windows.row * 2 + (windows.branch < 0), return_index=True)
     return np.sort(first)
-
-
-def _solution(scan: Scan, target: Target, windows: Windows, k: int) -> Solution:
-    row = int(windows.row[k])
-    return make_solution(target, scan.lengths[row], int(windows.branch[k]), np.deg2rad(windows.start[k]), row)
 
 
 def _any_row_of(family: str, scan: Scan) -> bool:

@@ -70,7 +70,8 @@ class FullCrankChart:
         return Shape(lengths, excess * (2 + excess), gap**2 * fall, jacobian)
 
     def unknowns(self, lengths: Floats) -> Floats:
-        l1, l2, l3, l4 = np.moveaxis(np.asarray(lengths, dtype=float), -1, 0)
+        lengths = np.asarray(lengths, dtype=float)
+        l1, l4 = lengths[..., 0], lengths[..., 3]
         a, b, c = grashof_excesses(lengths)
         total = l1 + l4
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -13,14 +13,17 @@ decomposition, never from normal equations: in small spans the Jacobian's condit
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.charts import Chart
-from synthesis.mounting import DEGENERATE, fixed_parts
+from synthesis.charts import Chart, Shape
+from synthesis.fourbar import TURN, close_loop
+from synthesis.limits import Limits
+from synthesis.mounting import DEGENERATE, fit_positions, fixed_parts
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -39,11 +42,21 @@ class Evaluation(NamedTuple):
 
 
 class Problem:
-    """A target made ready for many evaluations."""
+    """A target made ready for many evaluations.
 
-    def __init__(self, target: Target, chart: Chart) -> None:
+    Parameters
+    ----------
+    target : Target
+        With a crank that turns counter-clockwise.
+    chart : Chart
+    sheet : int
+        -1: only linkages with L1 < L4, +1: only L1 > L4, 0: both.
+    """
+
+    def __init__(self, target: Target, chart: Chart, sheet: int = 0) -> None:
         self.target = target
         self.chart = chart
+        self.sheet = sheet
         self.half = np.exp(0.5j * target.crank)
         self.weight = 1 / np.sqrt(target.samples)
         if target.rotation is not None:
@@ -69,17 +82,22 @@ class Problem:
         y = shape.y0[:, None] + product * sine2
         gap = l4 - l1
         r = np.sqrt(gap**2 + product * sine2)
-        closed = np.all((x > 0) & (y > 0) & (r > 0), axis=1)
+        closed = np.all((x > 0) & (y > 0) & (r > 0), axis=1) & self._closes_between(shape, unknowns[:, 3])
+        if self.sheet:
+            closed &= (
+                shape.lengths[:, 0] > shape.lengths[:, 3]
+                if self.sheet > 0
+                else shape.lengths[:, 0] < shape.lengths[:, 3]
+            )
         if not closed.all():
             x, y, r = (np.where(closed[:, None], value, 1.0) for value in (x, y, r))
         # theta2 as in `fourbar`, where the two forms of arg(B - D) are explained
         longer = gap < 0
-        big, small = np.where(longer, l1, l4), np.where(longer, l4, l1)
+        small = np.where(longer, l4, l1)
         direction = np.arctan2(np.where(longer, small, -small) * sine, np.abs(gap) + 2 * small * sine2)
         crank = unknowns[:, 3:] + self.target.crank
         if longer.any():
             direction = np.where(longer, crank - np.pi + direction, direction)
-        del big
         difference = l3 - l2
         larger = r + np.abs(difference)
         smaller = y / larger
@@ -116,10 +134,20 @@ class Problem:
                 change = -z[:, None, None] * (turned - own[:, :, None] * onto[:, None, :])
                 change -= own[:, :, None] * against[:, None, :]
                 slopes += [change.real, change.imag]
+        if (rows := sum(part.shape[1] for part in residuals)) < 5:  # a triangle of 5 needs as many rows
+            residuals.append(np.zeros((len(unknowns), 5 - rows)))
+            slopes.append(np.zeros((len(unknowns), 5 - rows, 4)))
         residual = np.concatenate(residuals, axis=1) * self.weight
         cost = np.where(closed, np.einsum("nm,nm->n", residual, residual), np.inf)
         jacobian = np.concatenate(slopes, axis=1) * self.weight if derivatives else np.empty(0)
         return Evaluation(cost, residual, jacobian)
+
+    def _closes_between(self, shape: Shape, start: Floats) -> NDArray[np.bool_]:
+        """Whether the loop closes at theta1 = 0 and pi too, where the interval holds them: the diagonal's extremes."""
+        end = start + self.target.span
+        holds_zero = np.floor(end / TURN) >= np.ceil(start / TURN)
+        holds_half = np.floor((end - np.pi) / TURN) >= np.ceil((start - np.pi) / TURN)
+        return ~(holds_zero & (shape.y0 <= 0)) & ~(holds_half & (shape.x0 <= 0))
 
     def _off_fixed(self, phasor: Complexes) -> tuple[Complexes, Complexes]:
         own = phasor - phasor.mean(axis=1, keepdims=True)
@@ -129,7 +157,9 @@ class Problem:
         own = own - own.mean(axis=1, keepdims=True) - again[:, None] * self.turned
         return own, share + again
 
-    def _slope(self, shape, turned: Complexes, phasor: Complexes, x: Floats, y: Floats, side: Floats) -> Floats:
+    def _slope(
+        self, shape: Shape, turned: Complexes, phasor: Complexes, x: Floats, y: Floats, side: Floats
+    ) -> Floats:
         """d theta2 by the chart's unknowns and theta1', (n, N, 4)."""
         l1, l2, l3, l4 = (column[:, None] for column in shape.lengths.T)
         rocker = np.conj((l1 * turned + l2 * phasor - l4) / l3)
@@ -144,6 +174,60 @@ class Problem:
         return slope
 
 
+class LimitedProblem:
+    """A problem with a penalty for leaving limits: rows ``penalty * max(0, margin - slack)`` beside the residual.
+
+    Parameters
+    ----------
+    target, chart, sheet
+        As for `Problem`.
+    limits : Limits
+    penalty : float
+        Its square weighs squared violations against J squared; the margin makes up for what a finite penalty gives way.
+    """
+
+    MARGIN = 1e-5
+    _STEP = 1e-6
+
+    def __init__(self, target: Target, chart: Chart, sheet: int, limits: Limits, penalty: float) -> None:
+        self.plain = Problem(target, chart, sheet)
+        self.limits, self.penalty = limits, penalty
+
+    def slacks(self, unknowns: Floats, branch: Floats) -> Floats:
+        """Slacks of all limits, see `Limits.slacks`, (n, columns)."""
+        target = self.plain.target
+        lengths, start = self.plain.chart.shape(unknowns[:, :3]).lengths, unknowns[:, 3]
+        if target.position is None:
+            return self.limits.slacks(target, lengths / lengths[:, 3:], start, None, None)
+        angle = close_loop(lengths, start[:, None] + target.crank).coupler_angle(branch)
+        fit = fit_positions(target, angle)
+        size = np.maximum(np.abs(fit.crank_vector), np.finfo(float).tiny)
+        scale = size / lengths[:, 0]
+        ground = scale * lengths[:, 3] * fit.crank_vector / size * np.exp(-1j * start)
+        return self.limits.slacks(target, lengths * scale[:, None], start, fit.pivot, fit.pivot + ground)
+
+    def evaluate(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> Evaluation:
+        """As `Problem.evaluate`, the penalty included."""
+        plain = self.plain.evaluate(unknowns, branch, derivatives)
+        slacks = self.slacks(unknowns, branch)
+        violation = np.maximum(self.MARGIN - slacks, 0.0)
+        usable = np.isfinite(plain.cost) & np.all(np.isfinite(slacks), axis=1)
+        violation = np.where(usable[:, None], violation, 0.0)
+        cost = np.where(usable, plain.cost + self.penalty**2 * np.sum(violation**2, axis=1), np.inf)
+        residual = np.concatenate([plain.residual, self.penalty * violation], axis=1)
+        if not derivatives:
+            return Evaluation(cost, residual, plain.jacobian)
+        # central differences: the limits' derivatives steer the search, its answer is checked on the limits themselves
+        rows = np.zeros((*violation.shape, 4))
+        for k in range(4):
+            step = np.zeros(4)
+            step[k] = self._STEP
+            change = self.slacks(unknowns + step, branch) - self.slacks(unknowns - step, branch)
+            rows[:, :, k] = np.where(violation > 0, -change / (2 * self._STEP), 0.0)
+        rows = np.nan_to_num(rows, posinf=0.0, neginf=0.0)
+        return Evaluation(cost, residual, np.concatenate([plain.jacobian, self.penalty * rows], axis=1))
+
+
 @dataclass
 class Refined:
     """Candidates after refinement."""
@@ -151,27 +235,30 @@ class Refined:
     unknowns: Floats
     branch: Floats
     cost: Floats
-    iterations: int
+    steps: int
 
 
 def refine(
-    problem: Problem,
+    problem: Problem | LimitedProblem,
     unknowns: Floats,
     branch: Floats,
     iterations: int,
     tolerance: float = 0.0,
+    expired: Callable[[], bool] = lambda: False,
 ) -> Refined:
     """Levenberg-Marquardt from seeds, all at once.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or LimitedProblem
     unknowns : ndarray, shape (n, 4)
     branch : ndarray of +-1, shape (n,)
     iterations : int
         At most this many steps.
     tolerance : float
         Stop when the best J is below it.
+    expired : callable
+        Asked before each step; true stops the refinement where it is.
 
     Returns
     -------
@@ -186,10 +273,9 @@ def refine(
     active = np.flatnonzero(np.isfinite(cost))
     triangle = np.empty((len(unknowns), 5, 5))
     stale = active
-    done = 0
-    for done in range(iterations):
-        if active.size == 0 or (active.size and cost.min() <= tolerance**2):
-            break
+    steps = 0
+    while steps < iterations and active.size and cost.min() > tolerance**2 and not expired():
+        steps += 1
         if stale.size:
             augmented = np.concatenate([jacobian[stale], residual[stale][:, :, None]], axis=2)
             triangle[stale] = np.linalg.qr(augmented, mode="r")
@@ -222,4 +308,4 @@ def refine(
         stale = took
         active = active[~finished]
         stale = stale[np.isin(stale, active)]
-    return Refined(unknowns, branch, cost, done + 1)
+    return Refined(unknowns, branch, cost, steps)

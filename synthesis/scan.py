@@ -25,7 +25,9 @@ off by at most e |p| / (|q| - e). e is the file's ``curve_error`` plus the coeff
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -44,10 +46,12 @@ STARTS = 360
 TIE = 1e-12
 """Errors (radians, or the objective's unit) that agree to this are ties, broken by number, start, branch."""
 
-_HARMONICS = (4, 6, 8, 10, 12, 16, 24, 32, 48, 64, 96)
+HARMONICS = (4, 6, 8, 10, 12, 16, 24, 32, 48, 64, 96)
 SERIES_ERROR = 3e-7
 _ROUNDING = 1e-13
 _BLOCK_ROWS = 256
+_WAVE = 4
+"""Blocks between two looks at the limit: the same on every machine, or reports would differ."""
 _FIRST_COUNT = 4096
 _PREPARED_AT_ONCE = 8192
 _EXACT_SAMPLES = 1 << 17
@@ -104,15 +108,27 @@ class Scan:
         Starts over the turn, evenly spaced from 0; 360 is every whole degree.
     series_error : float
         What the series may leave out, in radians; larger is faster to scan, and leaves more windows to evaluate exactly.
+    harmonics : tuple of int
+        Lengths of series to choose from; each costs a request its own matrices.
+    threads : int
+        Threads of a scan.
     """
 
-    def __init__(self, atlas: Atlas, starts: int = STARTS, series_error: float = SERIES_ERROR) -> None:
+    def __init__(
+        self,
+        atlas: Atlas,
+        starts: int = STARTS,
+        series_error: float = SERIES_ERROR,
+        harmonics: tuple[int, ...] = HARMONICS,
+        threads: int = 1,
+    ) -> None:
         self.lengths = atlas.lengths.astype(float)
         self.starts = starts
+        self.threads = threads
         pieces: dict[tuple[int, int], list[_Bucket]] = {}
         for first in range(0, len(atlas), _PREPARED_AT_ONCE):
             rows = np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
-            for bucket in _prepare(atlas, rows, series_error):
+            for bucket in _prepare(atlas, rows, series_error, harmonics):
                 pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
         self._buckets = [_join(parts) for _, parts in sorted(pieces.items())]
 
@@ -129,30 +145,58 @@ class Scan:
 
     # -- bounds -------------------------------------------------------------------------------------------------------
 
-    def _bounds(self, target: Target, limit: Callable[[], float]) -> Iterator[tuple[Ints, Floats]]:
-        """Window numbers and lower bounds of their error, block by block, of all windows that may be below ``limit()``."""
+    def _matrices(
+        self, target: Target
+    ) -> Iterator[tuple[_Bucket, _RotationMatrices | None, _PositionMatrices | None]]:
+        """Buckets with the request's matrices for them; None for what the request does not ask for."""
+        shared: dict[int, _PositionMatrices] = {}
         for bucket in self._buckets:
-            rotation = _RotationMatrices(target, bucket, self.starts) if target.rotation is not None else None
-            position = _PositionMatrices(target, bucket, self.starts) if target.position is not None else None
-            for first in range(0, len(bucket.rows), _BLOCK_ROWS):
-                part = slice(first, first + _BLOCK_ROWS)
-                ceiling = limit()
-                squared: Floats | float = 0.0
-                if rotation is not None:
-                    squared = rotation.mean_square_error(bucket, part)
-                    # cheap test on D itself first: bound = sqrt(D - rounding) - e <= ceiling
-                    reach = (ceiling + bucket.error[part]) ** 2 + rotation.rounding
-                    keep = squared <= reach[:, None]
-                    if not keep.any():
-                        continue
-                    squared = np.sqrt(np.maximum(squared - rotation.rounding, 0.0)) - bucket.error[part, None]
-                    squared = np.maximum(squared, 0.0) ** 2
-                if position is not None:
-                    squared = squared + position.mean_square_error(bucket, part)
-                    keep = squared <= ceiling**2
-                place, column = np.nonzero(keep)
-                bound = np.sqrt(squared[place, column])
-                yield bucket.rows[first + place] * (2 * self.starts) + column, bound
+            rotation = position = None
+            if target.rotation is not None:
+                rotation = _RotationMatrices(target, bucket, self.starts)
+            if target.position is not None:
+                reach = bucket.phasor.shape[1] // 2
+                if reach not in shared:
+                    shared[reach] = _PositionMatrices(target, reach, self.starts)
+                position = shared[reach]
+            yield bucket, rotation, position
+
+    def _bounds(self, target: Target, limit: Callable[[], float]) -> Iterator[tuple[Ints, Floats]]:
+        """Window numbers and lower bounds of their error, block by block, of all windows that may be below ``limit()``.
+
+        Blocks are worked on in waves, one block a thread and all of a wave with the same limit, so that the result does
+        not depend on which thread is faster. (A matrix product of its own many threads waits for the slowest of them.)
+        """
+        with ThreadPoolExecutor(self.threads) as pool:
+            for bucket, rotation, position in self._matrices(target):
+                blocks = [slice(k, k + _BLOCK_ROWS) for k in range(0, len(bucket.rows), _BLOCK_ROWS)]
+                for k in range(0, len(blocks), _WAVE):
+                    ceiling = limit()
+                    work = partial(self._block_bounds, bucket, rotation, position, ceiling)
+                    yield from filter(None, pool.map(work, blocks[k : k + _WAVE]))
+
+    def _block_bounds(
+        self,
+        bucket: _Bucket,
+        rotation: _RotationMatrices | None,
+        position: _PositionMatrices | None,
+        ceiling: float,
+        part: slice,
+    ) -> tuple[Ints, Floats] | None:
+        squared: Floats | float = 0.0
+        if rotation is not None:
+            squared = rotation.mean_square_error(bucket, part)
+            # cheap test on D itself first: bound = sqrt(D - rounding) - e <= ceiling
+            keep = squared <= ((ceiling + bucket.error[part]) ** 2 + rotation.rounding)[:, None]
+            if not keep.any():
+                return None
+            squared = np.sqrt(np.maximum(squared - rotation.rounding, 0.0)) - bucket.error[part, None]
+            squared = np.maximum(squared, 0.0) ** 2
+        if position is not None:
+            squared = squared + position.mean_square_error(bucket, part)
+            keep = squared <= ceiling**2
+        place, column = np.nonzero(keep)
+        return bucket.rows[part.start + place] * (2 * self.starts) + column, np.sqrt(squared[place, column])
 
     def _lowest(self, target: Target, count: int, ceiling: float) -> tuple[Ints, Floats, float]:
         """The ``count`` windows of lowest bound at or below ``ceiling``, and a number that no other's bound is below."""
@@ -187,15 +231,13 @@ class Scan:
     def error_table(self, target: Target) -> Floats:
         """Approximate squared error of every window, (types, 2, starts): branch +1, then branch -1. For small atlases."""
         table = np.empty((len(self.lengths), 2 * self.starts))
-        for bucket in self._buckets:
+        for bucket, rotation, position in self._matrices(target):
             squared: Floats | float = 0.0
             everything = slice(None)
-            if target.rotation is not None:
-                squared = _RotationMatrices(target, bucket, self.starts).mean_square_error(bucket, everything)
-            if target.position is not None:
-                squared = squared + _PositionMatrices(target, bucket, self.starts).mean_square_error(
-                    bucket, everything
-                )
+            if rotation is not None:
+                squared = rotation.mean_square_error(bucket, everything)
+            if position is not None:
+                squared = squared + position.mean_square_error(bucket, everything)
             table[bucket.rows] = squared
         return np.maximum(table, 0.0).reshape(-1, 2, self.starts)
 
@@ -303,7 +345,7 @@ def window_errors(lengths: Floats, target: Target, windows: Windows) -> Floats:
 # -- preparation ------------------------------------------------------------------------------------------------------
 
 
-def _prepare(atlas: Atlas, rows: Ints, series_error: float) -> Iterator[_Bucket]:
+def _prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, ...]) -> Iterator[_Bucket]:
     samples = atlas.rule.samples
     half = samples // 2
     curves = atlas.curves(rows)
@@ -313,7 +355,7 @@ def _prepare(atlas: Atlas, rows: Ints, series_error: float) -> Iterator[_Bucket]
     crank = np.arange(samples) * (TURN / samples)
     phasor = np.fft.fft(np.exp(1j * (curves + winding[:, None] * crank)), axis=1) / samples
     tails = _tails(2 * np.abs(spectrum))
-    choices = np.array([h for h in _HARMONICS if h < half] + [half - 1])
+    choices = np.array([h for h in lengths if h < half] + [half - 1])
     # the first choice whose tail is small enough; the last one leaves nothing out
     choice = np.argmax(
         np.concatenate([tails[:, choices[:-1] + 1], np.zeros((len(rows), 1))], axis=1) <= series_error, axis=1
@@ -405,10 +447,9 @@ class _RotationMatrices:
 
 
 class _PositionMatrices:
-    """What a request multiplies the phasors of a bucket with, to bound the mean squared position error (over l^2)."""
+    """What a request multiplies phasors -reach .. reach with, to bound the mean squared position error (over l^2)."""
 
-    def __init__(self, target: Target, bucket: _Bucket, starts: int) -> None:
-        reach = bucket.phasor.shape[1] // 2
+    def __init__(self, target: Target, reach: int, starts: int) -> None:
         harmonics = np.arange(-reach, reach + 1)
         one, turned, rest = fixed_parts(target)
         self.size = float(np.sqrt(np.mean(np.abs(rest) ** 2)))

@@ -1,27 +1,23 @@
-"""A finished linkage with its pose, its errors and how well it is determined: what every kind of search ends in."""
+"""Finished linkages with their pose, errors and how well they are determined: what every kind of search ends in."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar import (
-    FULL_CRANK,
-    TURN,
-    Family,
-    close_loop,
-    family,
-    transmission_angle_over,
-)
-from synthesis.mounting import Mount, fit_positions, mount, rotation_residual, wrap
+from synthesis.fourbar import FULL_CRANK, TURN, Family, close_loop, family, transmission_angle_over
+from synthesis.mounting import Mount, fit_positions, mount, rotation_residual
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
 SAME = 1e-6
 """Linkages whose numbers agree to this, relative to their size, are the same linkage."""
+FREE = 1e3
+"""A relative uncertainty of a length above this says that the motion does not determine it at all."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +32,37 @@ class Errors:
 
 
 @dataclass(frozen=True)
+class Determination:
+    """How well a motion fixes a linkage, from the singular values of the motion's derivatives.
+
+    The unknowns are the logarithms of the actual lengths, the angles, and the pose over the length scale; the motion is
+    measured as in the objective. An error ``resolution`` of the motion moves the logarithm of a length by up to
+    ``length_uncertainty``, to first order (Golub and Van Loan, Matrix Computations, 5.3).
+    """
+
+    condition: float
+    """Largest over smallest singular value; 1e17 where the smallest vanishes."""
+    length_uncertainty: Floats
+    """(4,) relative; infinite where the motion does not fix a length at all. Without positions the ground is exact."""
+    resolution: float
+
+    ILL_POSED = 1e-3
+
+    @property
+    def ill_posed(self) -> bool:
+        """Whether a length is not even fixed to a thousandth at this resolution."""
+        return bool(np.max(self.length_uncertainty) > self.ILL_POSED)
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Change of the motion per unit of each length, everything else held: rms over the samples, (4,) each."""
+
+    rotation: Floats | None
+    position: Floats | None
+
+
+@dataclass(frozen=True)
 class Solution:
     """A linkage that answers a request.
 
@@ -47,14 +74,14 @@ class Solution:
     start : float
         theta1 at the first sample, [0, 2 pi).
     body_offset : float or None
-        rotation = theta2 + theta4 + body_offset, theta4 being 0 without positions.
+        rotation = theta2 + theta4 + body_offset, theta2 in (-pi, pi] at the first sample and theta4 = 0 without positions.
     mount : Mount or None
         Its scale is 1: ``links`` are actual.
     errors : Errors
         Recomputed from the numbers above, by the path that a user would go.
     family : Family
     transmission_angle_min : float
-        Over the used interval, exactly.
+        Over the used interval, exactly; 0 where it does not close between samples.
     transmission_angle_min_turn : float or None
         Over the whole turn; None where the crank does not turn fully.
     row : int or None
@@ -74,7 +101,7 @@ class Solution:
 
     @property
     def identity(self) -> Floats:
-        """Numbers, relative to the linkage's size, that tell linkages apart; `same` compares them."""
+        """Numbers, relative to the linkage's size, that tell linkages apart; the start does not count."""
         size = float(self.links.max())
         numbers = [*(self.links / size), self.branch]
         if self.mount is not None:
@@ -85,94 +112,198 @@ class Solution:
             numbers += [np.log(size), ground.real, ground.imag, coupler.real, coupler.imag, place.real, place.imag]
         return np.array(numbers)
 
-    def same(self, other: Solution) -> bool:
-        """Whether two solutions are the same linkage, mounted alike, to within `SAME`; the start does not count."""
-        mine, theirs = self.identity, other.identity
-        return bool(np.all(np.abs(mine - theirs) <= SAME * np.maximum(1.0, np.abs(mine))))
 
-
-def make_solution(target: Target, lengths: Floats, branch: int, start: float, row: int | None = None) -> Solution:
-    """The solution that a candidate is: best offset and pose, actual lengths, errors.
+def make_solutions(
+    target: Target, lengths: Floats, branch: NDArray[np.generic], start: Floats, rows: list[int] | None = None
+) -> list[Solution]:
+    """The solutions that candidates are: best offset and pose, actual lengths, errors.
 
     Parameters
     ----------
     target : Target
-    lengths : ndarray, shape (4,)
-        Any scale; closes at every sample.
-    branch : int
-    start : float
-        theta1 at the first sample, radians.
-    row : int, optional
+    lengths : ndarray, shape (n, 4)
+        Any scale; each closes at every sample.
+    branch, start : ndarray, shape (n,)
+        theta1 at the first sample, in radians.
+    rows : list of int, optional
 
     Returns
     -------
-    Solution
+    list of Solution
     """
-    start = float(start % TURN)
-    crank = start + target.crank
+    lengths, branch = np.asarray(lengths, dtype=float), np.asarray(branch)
+    start = np.asarray(start) % TURN
     if target.position is None:
-        return finish_solution(target, lengths / lengths[3], branch, start, None, row)
-    fit = fit_positions(target, close_loop(lengths, crank).coupler_angle(branch)[None, :])
-    pose = mount(lengths, start, fit.pivot[0], fit.crank_vector[0], fit.coupler_vector[0])
-    links = lengths * pose.scale
-    pose = Mount(1.0, pose.ground_angle, pose.pivot_a, pose.pivot_b, pose.coupler_radius, pose.coupler_angle)
-    return finish_solution(target, links, branch, start, pose, row)
+        return finish_solutions(target, lengths / lengths[:, 3:], branch, start, None, rows)
+    angle = close_loop(lengths, start[:, None] + target.crank).coupler_angle(branch)
+    fit = fit_positions(target, angle)
+    poses = [
+        mount(lengths[k], start[k], fit.pivot[k], fit.crank_vector[k], fit.coupler_vector[k])
+        for k in range(len(start))
+    ]
+    links = lengths * np.array([pose.scale for pose in poses])[:, None]
+    return finish_solutions(target, links, branch, start, [replace(pose, scale=1.0) for pose in poses], rows)
 
 
-def finish_solution(
-    target: Target, links: Floats, branch: int, start: float, pose: Mount | None, row: int | None = None
-) -> Solution:
-    """A solution from actual links and a given pose: the offset, the errors and the rest follow."""
-    crank = start + target.crank
-    closure = close_loop(links, crank)
-    angle = principal(closure.coupler_angle(branch))
-    ground_angle = pose.ground_angle if pose is not None else 0.0
-    body_offset = rotation_rms = rotation_max = position_rms = position_max = None
-    total = 0.0
+def finish_solutions(
+    target: Target,
+    links: Floats,
+    branch: NDArray[np.generic],
+    start: Floats,
+    poses: list[Mount] | None,
+    rows: list[int] | None = None,
+) -> list[Solution]:
+    """Solutions from actual links and given poses: offsets, errors and the rest follow."""
+    crank = start[:, None] + target.crank
+    angle = principal(close_loop(links, crank).coupler_angle(branch))
+    count = len(start)
+    square = np.zeros(count)
+    offset = rotation = position = [None] * count
     if target.rotation is not None:
-        offset, residual = rotation_residual(target, angle[None, :])
-        body_offset = float(offset[0]) - ground_angle
-        rotation_rms, rotation_max = _rms_and_max(residual[0])
-        total += rotation_rms**2
-    if pose is not None and target.position is not None:
-        gap = target.position - pose.body_point(links, crank, angle)
-        position_rms, position_max = _rms_and_max(gap)
-        total += (position_rms / target.length_scale) ** 2
-    kind = family(links)[()]
-    over_turn = float(transmission_angle_over(links, 0.0, np.pi)) if kind in FULL_CRANK else None
-    return Solution(
-        links,
-        int(branch),
-        start,
-        body_offset,
-        pose,
-        Errors(rotation_rms, rotation_max, position_rms, position_max, float(np.sqrt(total))),
-        Family(kind),
-        float(transmission_angle_over(links, start, start + target.span)),
-        over_turn,
-        row,
-    )
+        offset, residual = rotation_residual(target, angle)
+        rotation = _rms_and_max(residual)
+        square = square + np.array([rms for rms, _ in rotation]) ** 2
+    if poses is not None:
+        points = np.stack([pose.body_point(links[k], crank[k], angle[k]) for k, pose in enumerate(poses)])
+        position = _rms_and_max(target.position - points)
+        square = square + (np.array([rms for rms, _ in position]) / target.length_scale) ** 2
+    families = family(links)
+    used = np.nan_to_num(transmission_angle_over(links, start, start + target.span))
+    turn = transmission_angle_over(links, np.zeros(count), np.full(count, np.pi))
+    solutions = []
+    for k in range(count):
+        pose = poses[k] if poses is not None else None
+        ground_angle = pose.ground_angle if pose is not None else 0.0
+        rotation_rms, rotation_max = rotation[k] or (None, None)
+        position_rms, position_max = position[k] or (None, None)
+        solutions.append(
+            Solution(
+                links[k],
+                int(branch[k]),
+                float(start[k]),
+                None if offset[k] is None else float(offset[k]) - ground_angle,
+                pose,
+                Errors(rotation_rms, rotation_max, position_rms, position_max, float(np.sqrt(square[k]))),
+                Family(families[k]),
+                float(used[k]),
+                float(turn[k]) if families[k] in FULL_CRANK else None,
+                rows[k] if rows is not None else None,
+            )
+        )
+    return solutions
 
 
-def _rms_and_max(values: NDArray[np.generic]) -> tuple[float, float]:
+def _rms_and_max(values: NDArray[np.generic]) -> list[tuple[float, float]]:
     size = np.abs(values)
-    largest = float(size.max())
-    if largest == 0.0:
-        return 0.0, 0.0
-    return largest * float(np.sqrt(np.mean((size / largest) ** 2))), largest
+    largest = size.max(axis=-1)
+    # squares of ratios: no under- or overflow at any unit of length
+    rms = largest * np.sqrt(np.mean((size / np.where(largest > 0, largest, 1.0)[..., None]) ** 2, axis=-1))
+    return list(zip(rms.tolist(), largest.tolist()))
 
 
 def principal(angle: Floats) -> Floats:
-    """A continuous curve of angles, moved by whole turns so that its first sample lies in (-pi, pi]."""
-    return angle - TURN * np.round((angle[0] - wrap(angle[0])) / TURN)
+    """Continuous curves of angles (..., N), moved by whole turns so that the first sample lies in (-pi, pi]."""
+    first = angle[..., :1]
+    wrapped = np.arctan2(np.sin(first), np.cos(first))
+    return angle - TURN * np.round((first - wrapped) / TURN)
 
 
 def distinct(solutions: list[Solution], top: int) -> list[Solution]:
-    """The best ``top`` that differ from one another, by objective; ties keep their order."""
+    """The best ``top`` that differ from one another by more than `SAME`, by objective; ties keep their order."""
     kept: list[Solution] = []
+    identities = np.empty((0, 0))
     for solution in sorted(solutions, key=lambda s: s.errors.objective):
         if len(kept) == top:
             break
-        if not any(solution.same(other) for other in kept):
-            kept.append(solution)
+        mine = solution.identity
+        if kept:
+            near = np.abs(identities - mine) <= SAME * np.maximum(1.0, np.abs(mine))
+            if near.all(axis=1).any():
+                continue
+        kept.append(solution)
+        identities = np.vstack([identities, mine]) if identities.size else mine[None, :]
     return kept
+
+
+def motion_derivatives(target: Target, solution: Solution) -> tuple[Floats | None, Complexes | None]:
+    """Derivatives of rotation (N, 5) and position (N, 5) by L1 .. L4 (per unit) and theta1, the pose held."""
+    crank = solution.start + target.crank
+    closure = close_loop(solution.links, crank)
+    slope = closure.coupler_angle_gradient(solution.branch)
+    if solution.mount is None:
+        return slope, None
+    pose = solution.mount
+    arm = pose.coupler_radius * np.exp(
+        1j * (pose.coupler_angle + closure.coupler_angle(solution.branch) + pose.ground_angle)
+    )
+    turned = np.exp(1j * (crank + pose.ground_angle))
+    position = 1j * arm[:, None] * slope
+    position[:, 0] += turned
+    position[:, 4] += 1j * solution.links[0] * turned
+    return (slope if target.rotation is not None else None), position
+
+
+def sensitivity(target: Target, solution: Solution) -> Sensitivity:
+    """First-order change of the motion per unit of each length."""
+    rotation, position = motion_derivatives(target, solution)
+    return Sensitivity(
+        None if rotation is None else np.sqrt(np.mean(rotation[:, :4] ** 2, axis=0)),
+        None if position is None else np.sqrt(np.mean(np.abs(position[:, :4]) ** 2, axis=0)),
+    )
+
+
+def determination(target: Target, solution: Solution, resolution: float) -> Determination:
+    """How well the motion fixes this linkage; see `Determination`.
+
+    Parameters
+    ----------
+    target : Target
+    solution : Solution
+    resolution : float
+        Error of the motion, in the objective's measure, that is considered.
+    """
+    rotation, position = motion_derivatives(target, solution)
+    samples = target.samples
+    free = 4 if position is not None else 3
+    columns = []
+    for k in range(free):
+        by_log = [
+            derivative[:, k] * solution.links[k] for derivative in (rotation, position) if derivative is not None
+        ]
+        columns.append(by_log)
+    columns.append([derivative[:, 4] for derivative in (rotation, position) if derivative is not None])
+    blocks = [np.stack(column, axis=-1) for column in zip(*columns)]
+    if rotation is not None:
+        blocks[0] = np.column_stack([blocks[0], np.ones(samples)])
+    if position is None:
+        matrix = blocks[0]
+    else:
+        pose = solution.mount
+        crank = solution.start + target.crank
+        angle = close_loop(solution.links, crank).coupler_angle(solution.branch)
+        point = pose.body_point(solution.links, crank, angle) - pose.pivot_a
+        arm = np.exp(1j * (angle + pose.ground_angle))
+        ones = np.ones(samples)
+        extra = np.stack([1j * point / target.length_scale, ones, 1j * ones, arm, 1j * arm], axis=-1)
+        place = np.concatenate([blocks[-1] / target.length_scale, extra], axis=1)
+        place = np.concatenate([place.real, place.imag])
+        if rotation is None:
+            matrix = place
+        else:
+            upper = np.zeros((samples, place.shape[1] + 1))
+            upper[:, : free + 1], upper[:, -1] = blocks[0][:, : free + 1], 1.0
+            matrix = np.concatenate([upper, np.column_stack([place, np.zeros(2 * samples)])])
+    matrix = np.nan_to_num(matrix / np.sqrt(samples), posinf=0.0, neginf=0.0)
+    if len(matrix) < matrix.shape[1]:
+        matrix = np.concatenate([matrix, np.zeros((matrix.shape[1] - len(matrix), matrix.shape[1]))])
+    _, singular, vectors = np.linalg.svd(matrix, full_matrices=False)
+    floor = np.finfo(float).eps * singular[0] * len(matrix) ** 0.5
+    inverse = 1 / np.maximum(singular, floor)
+    uncertainty = np.zeros(4)
+    uncertainty[:free] = resolution * np.sqrt(np.sum((vectors[:, :free] * inverse[:, None]) ** 2, axis=0))
+    lost = singular <= floor
+    if lost.any():
+        touched = np.sqrt(np.sum(vectors[lost][:, :free] ** 2, axis=0)) > 1e-6
+        uncertainty[:free][touched] = np.inf
+    uncertainty[uncertainty > FREE] = np.inf
+    return Determination(float(singular[0] * inverse.max()), uncertainty, resolution)

@@ -1,0 +1,84 @@
+"""What answers need beyond their request: the atlas, the levels of the search, a clock. Each is made once, when needed."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from app.settings import Settings
+from synthesis.atlas_file import Atlas, load_atlas
+from synthesis.errors import AtlasError
+from synthesis.scan import Scan
+from synthesis.search import Levels
+
+
+@dataclass(frozen=True)
+class LoadedAtlas:
+    """A verified atlas and its scan; the file itself is closed."""
+
+    atlas: Atlas
+    scan: Scan
+    load_seconds: float
+
+    def describe(self) -> dict[str, Any]:
+        """What is loaded, as plain JSON values."""
+        return {
+            "types": len(self.atlas),
+            "schema_version": self.atlas.schema,
+            "content_sha256": self.content_sha256,
+            "parameters": self.atlas.rule.as_json(),
+            "generator": self.atlas.generator,
+            "scan_bytes": self.scan.nbytes,
+            "load_ms": 1000 * self.load_seconds,
+        }
+
+    @cached_property
+    def content_sha256(self) -> str:
+        return self.atlas.content_hash()
+
+
+class ServiceResources:
+    """Loads what is asked for, once; a scene's request asks for neither atlas nor levels, and pays for neither."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.max_budget_ms = settings.max_budget_ms
+        self.failure: AtlasError | None = None
+        # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
+        self._blas = threadpool_limits(1, "blas")
+
+    @cached_property
+    def atlas(self) -> LoadedAtlas:
+        """The atlas, loaded and verified. Raises AtlasError."""
+        begin = self.clock()
+        atlas = load_atlas(self.settings.atlas, self.settings.atlas_max_bytes, self.settings.atlas_max_types)
+        scan = Scan(atlas, threads=os.cpu_count() or 1)
+        return LoadedAtlas(atlas, scan, self.clock() - begin)
+
+    @cached_property
+    def levels(self) -> Levels:
+        """The coarse levels of the search."""
+        return Levels()
+
+    def prepare(self) -> None:
+        """Load everything now; an atlas that cannot be used is remembered as the `failure` and not raised."""
+        _ = self.levels
+        try:
+            _ = self.atlas.content_sha256
+        except AtlasError as error:
+            self.failure = error
+
+    def loaded_atlas(self) -> LoadedAtlas:
+        """The atlas that `prepare` has loaded; raises the AtlasError that it met."""
+        if self.failure is not None:
+            raise self.failure
+        return self.atlas
+
+    def clock(self) -> float:
+        """Seconds of a monotonic clock."""
+        return time.perf_counter()

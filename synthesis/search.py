@@ -1,0 +1,453 @@
+"""The anytime search: coarse atlas, diverse seeds, refinement in rounds, stop when the tolerance is reached.
+
+Data flow of a request::
+
+    target --(clockwise: mirrored)--> squared errors of all windows of a coarse level (two matrix products)
+      -> best start of each type and branch -> thinned out over cells of the chart -> seeds
+      -> refine all at once -> pool -> reached? otherwise the next round: more seeds, the finer level,
+         perturbations of the best ("hops"), long runs along narrow valleys
+      -> polish -> solutions, recomputed from their numbers, different from one another, within the limits
+
+What decides is the diversity of the seeds, not the density of the atlas: the best rows of a dense atlas lie in one valley.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.atlas_file import Atlas, AtlasRule, generator_versions
+from synthesis.atlas_rows import compute_rows
+from synthesis.charts import AnyChart, Chart, FullCrankChart
+from synthesis.dimension_types import OrderRule, TypeRule, enumerate_types
+from synthesis.fourbar import TURN
+from synthesis.limits import Limits
+from synthesis.refine import LimitedProblem, Problem, refine
+from synthesis.scan import Scan
+from synthesis.solution import Solution, distinct, make_solutions
+from synthesis.target import Target
+
+Floats = NDArray[np.float64]
+
+DEFAULT_TOLERANCE = 1e-10
+SEARCH_SAMPLES = 64
+"""Samples that the rounds look at; longer requests are thinned for them and polished on all samples."""
+
+_LEVEL_PERIMETERS = (40, 64)
+_LEVEL_SAMPLES = 64
+_LEVEL_STARTS = 36
+_LEVEL_SERIES_ERROR = 1e-3
+_LEVEL_HARMONICS = (8, 20)
+_CELL = np.array([0.7, 1.0, 1.0, 0.6])
+_HOP = np.array([0.7, 1.5, 1.5, 0.4])
+_PENALTIES = (0.3, 3.0, 30.0, 1000.0)
+
+
+class StoppedBy(StrEnum):
+    """Why a search ended."""
+
+    TOLERANCE = "tolerance"
+    CONVERGED = "converged"
+    BUDGET = "budget"
+
+
+class Status(StrEnum):
+    """What a search found."""
+
+    REACHED = "reached"
+    CLOSEST = "closest"
+    INFEASIBLE = "infeasible"
+
+
+class SearchReport(NamedTuple):
+    """How a search went."""
+
+    status: Status
+    stopped_by: StoppedBy
+    trace: list[tuple[float, float]]
+    """Seconds since the start, best objective within the limits."""
+    screen_seconds: float
+    seeds: int
+    rounds: int
+
+
+class _Level(NamedTuple):
+    scan: Scan
+    unknowns: Floats
+    double_crank: NDArray[np.bool_]
+
+
+class Levels:
+    """The coarse atlases of the search, enumerated and prepared once (about 3 MB)."""
+
+    def __init__(self) -> None:
+        self.levels = [_prepare_level(perimeter) for perimeter in _LEVEL_PERIMETERS]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all levels."""
+        return sum(level.scan.nbytes + level.unknowns.nbytes for level in self.levels)
+
+
+def _prepare_level(perimeter: int) -> _Level:
+    rule = AtlasRule(TypeRule(perimeter, 1, OrderRule.FULL_CRANK), _LEVEL_SAMPLES)
+    lengths = enumerate_types(rule.types)
+    rows = compute_rows(lengths, rule.samples)
+    atlas = Atlas(rule, lengths.astype("<u2"), generator=generator_versions(), **rows._asdict())
+    scan = Scan(atlas, _LEVEL_STARTS, _LEVEL_SERIES_ERROR, _LEVEL_HARMONICS)
+    return _Level(scan, FullCrankChart().unknowns(lengths), lengths[:, 0] > lengths[:, 3])
+
+
+class _Candidates(NamedTuple):
+    unknowns: Floats
+    branch: Floats
+    cost: Floats
+
+    def take(self, index: NDArray[np.generic]) -> _Candidates:
+        return _Candidates(*(column[index] for column in self))
+
+    def joined(self, other: _Candidates) -> _Candidates:
+        return _Candidates(*(np.concatenate(pair) for pair in zip(self, other)))
+
+
+_NONE = _Candidates(np.empty((0, 4)), np.empty(0), np.empty(0))
+
+
+def _thin(candidates: _Candidates, count: int, cell: float = 0.05) -> _Candidates:
+    """The best ``count`` candidates, at most one a small cell of chart, start and branch."""
+    candidates = candidates.take(np.argsort(candidates.cost, kind="stable"))
+    candidates = candidates.take(np.isfinite(candidates.cost))
+    start = candidates.unknowns[:, 3:]
+    place = np.hstack([candidates.unknowns[:, :3], np.cos(start), np.sin(start), candidates.branch[:, None]])
+    _, first = np.unique(np.round(place / cell).astype(np.int64), axis=0, return_index=True)
+    return candidates.take(np.sort(first)[:count])
+
+
+class _Search:
+    """One request's search in one chart."""
+
+    def __init__(
+        self,
+        levels: Levels,
+        target: Target,
+        limits: Limits,
+        tolerance: float,
+        clock: Callable[[], float],
+        deadline: float,
+        begin: float,
+    ) -> None:
+        self.levels, self.limits, self.tolerance = levels, limits, tolerance
+        self.target = target
+        self.clock, self.deadline, self.begin = clock, deadline, begin
+        self.thin_target = _thinned(target)
+        self.trace: list[tuple[float, float]] = []
+        self.seeds = self.rounds = 0
+        self.screen_seconds = 0.0
+        self.random = np.random.default_rng(20)
+        self.tables: dict[int, _Candidates] = {}
+        self.taken: dict[int, int] = {}
+        self.use(FullCrankChart())
+
+    def use(self, chart: Chart) -> None:
+        """Go on in another chart, with an empty pool."""
+        self.chart = chart
+        sheet = {"crank_rocker": -1, "double_crank": 1}.get(self.limits.family, 0)
+        self.problem = Problem(self.thin_target, chart, sheet)
+        self.pool = _NONE
+
+    # -- seeds --------------------------------------------------------------------------------------------------------
+
+    def table(self, index: int) -> _Candidates:
+        """Best start of each type and branch of a level, thinned, best first."""
+        if index not in self.tables:
+            begin = self.clock()
+            level = self.levels.levels[index]
+            error = level.scan.error_table(self.thin_target)
+            if self.limits.family in ("crank_rocker", "double_crank"):
+                error[level.double_crank != (self.limits.family == "double_crank")] = np.inf
+            best = error.argmin(axis=2)
+            cost = np.take_along_axis(error, best[:, :, None], 2)[:, :, 0]
+            parts = _NONE
+            for side, branch in enumerate((1.0, -1.0)):
+                start = best[:, side] * (TURN / level.scan.starts)
+                unknowns = np.hstack([level.unknowns, start[:, None]])
+                parts = parts.joined(_Candidates(unknowns, np.full(len(start), branch), cost[:, side]))
+            parts = parts.take(np.isfinite(parts.cost))
+            parts = parts.take(np.argsort(parts.cost, kind="stable"))
+            cells = np.column_stack([np.floor(parts.unknowns / _CELL), parts.branch]).astype(np.int64) + 64
+            key = cells @ np.array([1, 1 << 8, 1 << 16, 1 << 24, 1 << 32])
+            _, first = np.unique(key, return_index=True)
+            self.tables[index] = parts.take(np.sort(first))
+            self.screen_seconds += self.clock() - begin
+        return self.tables[index]
+
+    def fresh(self, index: int, count: int) -> _Candidates:
+        """The next seeds of a level, up to ``count`` of each branch in all rounds."""
+        table = self.table(index)
+        before = self.taken.get(index, 0)
+        self.taken[index] = count
+        places = [np.flatnonzero(table.branch == branch)[before:count] for branch in (1.0, -1.0)]
+        return table.take(np.concatenate(places))
+
+    # -- rounds -------------------------------------------------------------------------------------------------------
+
+    def expired(self) -> bool:
+        return self.clock() >= self.deadline
+
+    def run(self, seeds: _Candidates, iterations: int, problem: Problem | None = None) -> _Candidates:
+        """Refine seeds and put them into the pool."""
+        self.seeds += len(seeds.branch)
+        self.rounds += 1
+        tolerance = 0.3 * self.tolerance
+        done = refine(problem or self.problem, seeds.unknowns, seeds.branch, iterations, tolerance, self.expired)
+        found = _Candidates(done.unknowns, done.branch, done.cost)
+        self.pool = self.pool.joined(found)
+        if self.limits.only_family:
+            self.note(self.pool.cost)
+        return found
+
+    def note(self, cost: Floats) -> None:
+        """Add the best objective so far to the trace."""
+        best = float(np.sqrt(cost.min())) if cost.size else np.inf
+        if self.trace:
+            best = min(best, self.trace[-1][1])
+        if np.isfinite(best):
+            self.trace.append((self.clock() - self.begin, best))
+
+    def hop(self, origins: int, copies: int) -> _Candidates:
+        """Perturbed copies of the best of the pool: heavy tails reach the far ends of the chart, where change points lie."""
+        best = _thin(self.pool, origins)
+        steps = self.random.standard_t(3, size=(len(best.branch) * copies, 4)) * _HOP
+        unknowns = np.repeat(best.unknowns, copies, axis=0) + steps
+        return _Candidates(unknowns, np.repeat(best.branch, copies), np.full(len(steps), np.inf))
+
+    def plan(self) -> list[Callable[[], object]]:
+        """Rounds of growing effort; each is worth its time only where the ones before did not reach the tolerance."""
+        return [
+            lambda: self.run(self.fresh(0, 8), 12),
+            lambda: self.run(self.fresh(0, 30).joined(_thin(self.pool, 12)), 25),
+            lambda: self.run(self.fresh(1, 100).joined(_thin(self.pool, 12)), 40),
+            lambda: self.run(self.hop(15, 8), 40),
+            lambda: self.run(self.hop(15, 12), 60),
+            lambda: self.run(_thin(self.pool, 40), 200),
+            lambda: self.run(self.hop(20, 12), 100),
+            lambda: self.run(_thin(self.pool, 12), 1000),
+        ]
+
+    def reached(self, pool: _Candidates) -> bool:
+        return bool(pool.cost.size and pool.cost.min() < self.tolerance**2)
+
+    def free_search(self, rounds: int | None = None) -> None:
+        """Rounds without limits until reached, out of time or out of rounds."""
+        for step in self.plan()[:rounds]:
+            step()
+            if self.reached(self.pool) or self.expired():
+                return
+
+    def polish(self, count: int, iterations: int = 30) -> _Candidates:
+        """The best of the pool on all samples of the request."""
+        best = _thin(self.pool, count, 1e-3)
+        if not best.branch.size:
+            return best
+        problem = self.problem
+        if self.thin_target is not self.target:
+            problem = Problem(self.target, self.chart, problem.sheet)
+        done = refine(problem, best.unknowns, best.branch, iterations)
+        return _Candidates(done.unknowns, done.branch, done.cost)
+
+    def limited_search(self) -> _Candidates:
+        """Rounds that keep to the limits: penalties that grow until the candidates lie inside."""
+        inside = _NONE
+        attempts = [
+            lambda: _thin(self.pool, 30).joined(self.fresh(0, 60)),
+            lambda: self.fresh(1, 120),
+            lambda: self.spread(inside),
+        ]
+        for attempt in attempts:
+            seeds = attempt()
+            for k, penalty in enumerate(_PENALTIES):
+                limited = LimitedProblem(self.thin_target, self.chart, self.problem.sheet, self.limits, penalty)
+                last = k == len(_PENALTIES) - 1
+                seeds = _thin(self.run(seeds, 60 if last else 15, limited), 200, 1e-4)
+                if self.expired():
+                    break
+            inside = inside.joined(self.inside(seeds))
+            self.note(inside.cost)
+            if self.reached(inside) or self.expired():
+                break
+        return inside
+
+    def spread(self, inside: _Candidates) -> _Candidates:
+        """Seeds around what is inside the limits; around what is nearest to them where nothing is."""
+        self.pool = inside if inside.branch.size else self.pool
+        return self.hop(15, 12)
+
+    def inside(self, candidates: _Candidates) -> _Candidates:
+        """Those that keep the limits, with their objective on all samples."""
+        if not candidates.branch.size:
+            return candidates
+        limited = LimitedProblem(self.target, self.chart, self.problem.sheet, self.limits, 0.0)
+        cost = limited.plain.evaluate(candidates.unknowns, candidates.branch, derivatives=False).cost
+        slacks = limited.slacks(candidates.unknowns, candidates.branch)
+        keeps = np.isfinite(cost) & np.all(slacks >= 0, axis=1)
+        return candidates._replace(cost=cost).take(keeps)
+
+    def lengths(self, candidates: _Candidates) -> Floats:
+        return self.chart.shape(candidates.unknowns[:, :3]).lengths
+
+
+def _thinned(target: Target) -> Target:
+    """The target at no more than `SEARCH_SAMPLES` samples, both ends kept."""
+    if target.samples <= SEARCH_SAMPLES:
+        return target
+    keep = np.unique(np.round(np.linspace(0, target.samples - 1, SEARCH_SAMPLES)).astype(int))
+    return replace(
+        target,
+        crank=target.crank[keep],
+        rotation=None if target.rotation is None else target.rotation[keep],
+        position=None if target.position is None else target.position[keep],
+    )
+
+
+def mirrored(target: Target) -> Target:
+    """The target in a mirror (the x axis): the crank turns the other way, and so does the body."""
+    return replace(
+        target,
+        crank=-target.crank,
+        rotation=None if target.rotation is None else -target.rotation,
+        position=None if target.position is None else np.conj(target.position),
+    )
+
+
+def search(
+    levels: Levels,
+    target: Target,
+    limits: Limits,
+    top: int,
+    tolerance: float,
+    clock: Callable[[], float],
+    budget: float = np.inf,
+) -> tuple[list[Solution], SearchReport]:
+    """The best linkages for a motion.
+
+    Parameters
+    ----------
+    levels : Levels
+    target : Target
+    limits : Limits
+    top : int
+        At most this many solutions, different from one another, best first.
+    tolerance : float
+        Stop the search when the objective is below it.
+    clock : callable
+        Seconds of a monotonic clock.
+    budget : float
+        Seconds; the best found by then is returned.
+
+    Returns
+    -------
+    solutions : list of Solution
+        All within the limits. Law: a mirrored target gives the mirrored linkages.
+    report : SearchReport
+    """
+    begin = clock()
+    clockwise = target.span < 0
+    # a clockwise crank is a mirror image: one search serves both
+    canonical = mirrored(target) if clockwise else target
+    run = _Search(levels, canonical, limits, tolerance, clock, begin + budget, begin)
+    found: list[tuple[Floats, Floats, Floats]] = []
+
+    def collect(candidates: _Candidates) -> None:
+        if candidates.branch.size:
+            found.append((run.lengths(candidates), candidates.branch, candidates.unknowns[:, 3]))
+
+    charts: list[Chart] = [FullCrankChart()]
+    if limits.family == "any":
+        charts.append(AnyChart())
+    count = top + 4
+    for chart in charts:
+        if not isinstance(chart, FullCrankChart):
+            previous = run.lengths(run.pool)
+            seeds = _any_seeds(run, previous)
+            run.use(chart)
+            run.run(seeds, 40)
+        elif limits.only_family:
+            run.free_search()
+        else:
+            run.free_search(rounds=2)
+        if limits.only_family:
+            if isinstance(chart, AnyChart) and not run.reached(run.pool) and not run.expired():
+                run.run(run.hop(20, 10), 60)
+                run.run(_thin(run.pool, 40), 200)
+            # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
+            polished = run.polish(count, 6 if run.reached(run.pool) else 30)
+            run.note(polished.cost)
+            collect(polished)
+            done = run.reached(polished)
+        else:
+            inside = run.inside(run.polish(count))
+            run.note(inside.cost)
+            if not run.reached(inside):
+                inside = inside.joined(run.limited_search())
+            collect(_thin(inside, 3 * count, 1e-4))
+            done = run.reached(inside)
+        if done or run.expired():
+            break
+
+    solutions: list[Solution] = []
+    if found:
+        lengths, branch, start = (np.concatenate(column) for column in zip(*found))
+        if clockwise:
+            branch, start = -branch, -start
+        solutions = make_solutions(target, lengths, branch, start)
+        solutions = distinct([s for s in solutions if _holds(limits, target, s)], top)
+    return solutions, _report(run, solutions, tolerance)
+
+
+def _any_seeds(run: _Search, lengths: Floats) -> _Candidates:
+    """Seeds in the chart of all four-bars: the best so far, and types of all families that close over the interval."""
+    chart = AnyChart()
+    best = _Candidates(np.hstack([chart.unknowns(lengths), run.pool.unknowns[:, 3:]]), run.pool.branch, run.pool.cost)
+    grid = np.array([1.0, 2.0, 3.0, 4.5])
+    types = np.stack(np.meshgrid(grid, grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 4)
+    types = np.unique(np.round(types / types[:, 3:], 9), axis=0)
+    starts = np.arange(18) * (TURN / 18)
+    unknowns = np.hstack(
+        [np.repeat(chart.unknowns(types), starts.size, axis=0), np.tile(starts, len(types))[:, None]]
+    )
+    problem = Problem(run.thin_target, chart, 0)
+    parts = _thin(best, 20)
+    for branch in (1.0, -1.0):
+        side = np.full(len(unknowns), branch)
+        cost = problem.evaluate(unknowns, side, derivatives=False).cost
+        parts = parts.joined(_thin(_Candidates(unknowns, side, cost), 120, 0.7))
+    return parts
+
+
+def _holds(limits: Limits, target: Target, solution: Solution) -> bool:
+    """The limits, checked on the numbers of the reply."""
+    links, start = solution.links[None, :], np.array([solution.start])
+    if not limits.family_holds(target, links, start)[0] or not np.isfinite(solution.errors.objective):
+        return False
+    pivots = (None, None)
+    if solution.mount is not None:
+        pivots = (np.array([solution.mount.pivot_a]), np.array([solution.mount.pivot_b]))
+    return bool(np.all(limits.slacks(target, links, start, *pivots) >= 0))
+
+
+def _report(run: _Search, solutions: list[Solution], tolerance: float) -> SearchReport:
+    best = solutions[0].errors.objective if solutions else np.inf
+    if best < tolerance:
+        status, stopped = Status.REACHED, StoppedBy.TOLERANCE
+    else:
+        status = Status.CLOSEST if solutions else Status.INFEASIBLE
+        stopped = StoppedBy.BUDGET if run.expired() else StoppedBy.CONVERGED
+    trace = run.trace
+    if solutions and (not trace or trace[-1][1] != best):
+        trace = [*trace, (run.clock() - run.begin, best)]
+    return SearchReport(status, stopped, trace, run.screen_seconds, run.seeds, run.rounds)
