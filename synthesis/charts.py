@@ -33,6 +33,9 @@ class Shape(NamedTuple):
 class Chart(Protocol):
     """A chart of linkages."""
 
+    always_closes: bool
+    """Whether every point of it closes at every crank angle."""
+
     def shape(self, unknowns: Floats) -> Shape:
         """Shape at unknowns (n, 3)."""
 
@@ -48,6 +51,7 @@ class FullCrankChart:
     Law: ``unknowns(shape(x).lengths) == x`` for moderate x.
     """
 
+    always_closes = True
     LIMITS = np.array([16.0, 30.0, 17.0])
     """Largest |p|, |u|, |w|: beyond, the lengths no longer change in double precision."""
 
@@ -84,6 +88,7 @@ class FullCrankChart:
 class AnyChart:
     """All four-bars: the logarithms of L1 / L4, L2 / L4, L3 / L4. Most points close over a part of the turn only."""
 
+    always_closes = False
     LIMIT = 16.0
 
     def shape(self, unknowns: Floats) -> Shape:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +30,24 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 
+_LONGEST_STEP = 1.5
+_STALL = 1e-9
+"""A step that lowers the cost by a smaller part than this is the last one."""
+
+
 class Evaluation(NamedTuple):
     """Residuals and Jacobians of candidates."""
 
     cost: Floats
     """(n,): J squared; infinite where a candidate is no answer."""
-    residual: Floats
-    """(n, rows), scaled so that the sum of squares is J squared."""
-    jacobian: Floats
-    """(n, rows, 4)"""
+    stack: Floats
+    """(n, 5, rows): four derivatives of the residual, then the residual, whose squares add up to J squared."""
 
 
 class Problem:
     """A target made ready for many evaluations.
+
+    Few array operations a call, each over all candidates and samples: in small batches their number is the run time.
 
     Parameters
     ----------
@@ -58,119 +63,126 @@ class Problem:
         self.chart = chart
         self.sheet = sheet
         self.half = np.exp(0.5j * target.crank)
-        self.weight = 1 / np.sqrt(target.samples)
+        samples = target.samples
+        self.weight = 1 / np.sqrt(samples)
+        self.rotation_rows = samples if target.rotation is not None else 0
+        rows = self.rotation_rows + (2 * samples if target.position is not None else 0)
+        self.rows = max(rows, 5)  # a triangle of 5 needs as many rows
         if target.rotation is not None:
             self.rotation = target.rotation - target.rotation.mean()
         if target.position is not None:
-            _, self.turned, self.rest = fixed_parts(target)
+            one, turned, self.rest = fixed_parts(target)
+            self.basis = np.stack([one, turned])
+            self.onto_basis = np.conj(self.basis.T) / samples
             scaled = (target.position - target.position.mean()) / target.length_scale
-            self.along = np.mean(np.conj(self.turned) * scaled)
+            self.along = np.mean(np.conj(turned) * scaled)
             less_one = 2j * np.sin(target.crank / 2) * self.half
-            self.turned_norm = float(np.sqrt(np.mean(np.abs(less_one - less_one.mean()) ** 2)))
-            self.smallest_crank = DEGENERATE * target.extent / target.length_scale
+            turned_norm = float(np.sqrt(np.mean(np.abs(less_one - less_one.mean()) ** 2)))
+            self.smallest_share = DEGENERATE * target.extent / target.length_scale * turned_norm
 
     def evaluate(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> Evaluation:
-        """Residuals, and Jacobians unless not wanted, at unknowns (n, 4) and branches (n,)."""
+        """Residuals, and derivatives unless not wanted, at unknowns (n, 4) and branches (n,)."""
         shape = self.chart.shape(unknowns[:, :3])
-        l1, l2, l3, l4 = (column[:, None] for column in shape.lengths.T)
+        lengths = shape.lengths[:, :, None]
+        l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
         side = branch[:, None]
-        half = np.exp(0.5j * unknowns[:, 3])[:, None] * self.half
-        sine2, cosine2 = half.imag**2, half.real**2
-        sine = 2 * half.real * half.imag
+        half = np.exp(0.5j * unknowns[:, 3:]) * self.half
+        sine, cosine = half.imag, half.real
         product = 4 * l1 * l4
-        x = shape.x0[:, None] + product * cosine2
-        y = shape.y0[:, None] + product * sine2
+        reach = product * (sine * sine)
+        x = shape.x0[:, None] + product * (cosine * cosine)
+        y = shape.y0[:, None] + reach
         gap = l4 - l1
-        r = np.sqrt(gap**2 + product * sine2)
-        closed = np.all((x > 0) & (y > 0) & (r > 0), axis=1) & self._closes_between(shape, unknowns[:, 3])
-        if self.sheet:
-            closed &= (
-                shape.lengths[:, 0] > shape.lengths[:, 3]
-                if self.sheet > 0
-                else shape.lengths[:, 0] < shape.lengths[:, 3]
-            )
-        if not closed.all():
-            x, y, r = (np.where(closed[:, None], value, 1.0) for value in (x, y, r))
-        # theta2 as in `fourbar`, where the two forms of arg(B - D) are explained
-        longer = gap < 0
-        small = np.where(longer, l4, l1)
-        direction = np.arctan2(np.where(longer, small, -small) * sine, np.abs(gap) + 2 * small * sine2)
-        crank = unknowns[:, 3:] + self.target.crank
-        if longer.any():
-            direction = np.where(longer, crank - np.pi + direction, direction)
-        difference = l3 - l2
-        larger = r + np.abs(difference)
-        smaller = y / larger
-        total = r + l2 + l3
-        ahead, behind = np.where(difference >= 0, larger, smaller), np.where(difference >= 0, smaller, larger)
-        angle = direction + 2 * side * np.arctan2(np.sqrt(ahead * x / total), np.sqrt(behind * total))
+        r2 = gap * gap + reach
+        answer = self._closes(shape, unknowns[:, 3], x, y)
+        if answer is not True:
+            x, y, r2 = (np.where(answer[:, None], value, 1.0) for value in (x, y, r2))
+        # theta2 as in `fourbar`, where the two forms of arg(B - D) are explained. 2 L2 r cos(mu) = r^2 + L2^2 - L3^2 and
+        # 2 L2 r sin(mu) = sqrt(X Y): not the last digit of `fourbar`'s form, but X and Y are as good as there.
+        small = np.minimum(l1, l4)
+        lag = np.arctan2(np.copysign(2 * small, -gap) * (sine * cosine), np.abs(gap) + 2 * small * (sine * sine))
+        root = np.sqrt(x * y)
+        angle = lag + side * np.arctan2(root, r2 + (l2 - l3) * (l2 + l3))
+        ahead = np.flatnonzero(gap[:, 0] < 0)
+        if ahead.size:
+            angle[ahead] += unknowns[ahead, 3:] + (self.target.crank - np.pi)
+        phasor = np.empty(angle.shape, dtype=complex)
+        np.cos(angle, out=phasor.real)
+        np.sin(angle, out=phasor.imag)
 
-        residuals, slopes = [], []
-        phasor = np.exp(1j * angle)
-        if derivatives:
-            slope = self._slope(shape, half * half, phasor, x, y, side)
+        stack = np.zeros((len(unknowns), 5, self.rows))
+        samples = self.target.samples
+        slope = self._slope(shape, half * half, phasor, root, side) if derivatives else None
         if self.target.rotation is not None:
-            difference = self.rotation - angle
-            residuals.append(difference - difference.mean(axis=1, keepdims=True))
-            if derivatives:
-                slopes.append(slope.mean(axis=1, keepdims=True) - slope)
+            part = stack[:, :, :samples]
+            np.subtract(self.rotation, angle, out=part[:, 4])
+            if slope is not None:
+                np.negative(slope, out=part[:, :4])
+            part -= part.sum(axis=2, keepdims=True) / samples
         if self.target.position is not None:
-            own, share = self._off_fixed(phasor)
-            square = np.mean(own.real**2 + own.imag**2, axis=1)
-            square = np.maximum(square, 1e-280)
-            z = np.conj(own) @ self.rest / self.target.samples / square
-            left = self.rest - z[:, None] * own
-            crank_vector = np.abs(self.along - z * share) / self.turned_norm
-            closed = closed & (crank_vector > self.smallest_crank)
-            residuals += [left.real, left.imag]
-            if derivatives:
-                turned = 1j * phasor[:, :, None] * slope
-                # turned off {1, e^{it}}, then off q
-                mean = turned.mean(axis=1, keepdims=True)
-                along = np.einsum("m,nmk->nk", np.conj(self.turned), turned) / self.target.samples
-                turned = turned - mean - self.turned[:, None] * along[:, None, :]
-                onto = np.einsum("nm,nmk->nk", np.conj(own), turned) / self.target.samples / square[:, None]
-                against = np.einsum("nmk,nm->nk", np.conj(turned), left) / self.target.samples / square[:, None]
-                change = -z[:, None, None] * (turned - own[:, :, None] * onto[:, None, :])
-                change -= own[:, :, None] * against[:, None, :]
-                slopes += [change.real, change.imag]
-        if (rows := sum(part.shape[1] for part in residuals)) < 5:  # a triangle of 5 needs as many rows
-            residuals.append(np.zeros((len(unknowns), 5 - rows)))
-            slopes.append(np.zeros((len(unknowns), 5 - rows, 4)))
-        residual = np.concatenate(residuals, axis=1) * self.weight
-        cost = np.where(closed, np.einsum("nm,nm->n", residual, residual), np.inf)
-        jacobian = np.concatenate(slopes, axis=1) * self.weight if derivatives else np.empty(0)
-        return Evaluation(cost, residual, jacobian)
+            crank_share = self._position(phasor, slope, stack[:, :, self.rotation_rows :])
+            answer = answer & (crank_share > self.smallest_share)
+        stack *= self.weight
+        residual = stack[:, 4]
+        cost = np.einsum("nm,nm->n", residual, residual)
+        return Evaluation(cost if answer is True else np.where(answer, cost, np.inf), stack)
 
-    def _closes_between(self, shape: Shape, start: Floats) -> NDArray[np.bool_]:
-        """Whether the loop closes at theta1 = 0 and pi too, where the interval holds them: the diagonal's extremes."""
-        end = start + self.target.span
-        holds_zero = np.floor(end / TURN) >= np.ceil(start / TURN)
-        holds_half = np.floor((end - np.pi) / TURN) >= np.ceil((start - np.pi) / TURN)
-        return ~(holds_zero & (shape.y0 <= 0)) & ~(holds_half & (shape.x0 <= 0))
+    def _position(self, phasor: Complexes, slope: Floats | None, part: Floats) -> Floats:
+        """Fill in the rows of the position; returns |z1| times the norm of e^{it} less its mean, (n,)."""
+        samples = self.target.samples
+        shares = phasor @ self.onto_basis
+        own = phasor - shares @ self.basis
+        again = own @ self.onto_basis  # twice is enough (Parlett, The Symmetric Eigenvalue Problem, 6.9)
+        own -= again @ self.basis
+        dual = np.conj(own) / samples
+        square = np.maximum(np.einsum("nm,nm->n", dual, own).real, 1e-280)
+        z = (dual @ self.rest) / square
+        left = self.rest - z[:, None] * own
+        part[:, 4, :samples], part[:, 4, samples : 2 * samples] = left.real, left.imag
+        if slope is not None:
+            change = (1j * phasor)[:, None, :] * slope
+            change -= (change @ self.onto_basis) @ self.basis
+            toward = (change @ dual[:, :, None])[:, :, 0] / square[:, None]
+            against = np.conj(change @ np.conj(left)[:, :, None])[:, :, 0] / (samples * square[:, None])
+            # z times the part off q, and the turn of q against the residual
+            change *= -z[:, None, None]
+            change += (z[:, None] * toward - against)[:, :, None] * own[:, None, :]
+            part[:, :4, :samples], part[:, :4, samples : 2 * samples] = change.real, change.imag
+        return np.abs(self.along - z * (shares[:, 1] + again[:, 1]))
 
-    def _off_fixed(self, phasor: Complexes) -> tuple[Complexes, Complexes]:
-        own = phasor - phasor.mean(axis=1, keepdims=True)
-        share = own @ np.conj(self.turned) / self.target.samples
-        own = own - share[:, None] * self.turned
-        again = own @ np.conj(self.turned) / self.target.samples  # twice is enough (Parlett, Kahan)
-        own = own - own.mean(axis=1, keepdims=True) - again[:, None] * self.turned
-        return own, share + again
+    def _closes(self, shape: Shape, start: Floats, x: Floats, y: Floats) -> NDArray[np.bool_] | Literal[True]:
+        """Which candidates are of the sheet and close at every sample, and at theta1 = 0 and pi where the interval holds them.
 
-    def _slope(
-        self, shape: Shape, turned: Complexes, phasor: Complexes, x: Floats, y: Floats, side: Floats
-    ) -> Floats:
-        """d theta2 by the chart's unknowns and theta1', (n, N, 4)."""
-        l1, l2, l3, l4 = (column[:, None] for column in shape.lengths.T)
-        rocker = np.conj((l1 * turned + l2 * phasor - l4) / l3)
-        lever = -2 * side * l3 / np.sqrt(x * y)
-        lever = np.clip(lever, -1e8, 1e8)
+        There the diagonal is shortest and longest, so nothing can open between the samples.
+        """
+        answer: NDArray[np.bool_] | Literal[True] = True
+        if self.sheet:
+            answer = (shape.lengths[:, 0] - shape.lengths[:, 3]) * self.sheet > 0
+        if not self.chart.always_closes:
+            end = start + self.target.span
+            holds_zero = np.floor(end / TURN) >= np.ceil(start / TURN)
+            holds_half = np.floor((end - np.pi) / TURN) >= np.ceil((start - np.pi) / TURN)
+            between = ~(holds_zero & (shape.y0 <= 0)) & ~(holds_half & (shape.x0 <= 0))
+            answer = answer & between & np.all((x > 0) & (y > 0), axis=1)
+        return answer
+
+    def _slope(self, shape: Shape, turned: Complexes, phasor: Complexes, root: Floats, side: Floats) -> Floats:
+        """d theta2 by the chart's unknowns and theta1', (n, 4, N)."""
+        lengths = shape.lengths[:, :, None]
+        l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
+        rocker = np.conj(l1 * turned + l2 * phasor - l4) / l3
         cross = turned * rocker
-        by_length = np.stack([cross.real, (phasor * rocker).real, -np.ones_like(x), -rocker.real], axis=-1)
-        slope = np.empty((*x.shape, 4))
-        np.matmul(by_length, shape.jacobian, out=slope[..., :3])
-        slope[..., 3] = -l1 * cross.imag
-        slope *= lever[..., None]
+        by_length = np.empty((len(root), 4, root.shape[1]))
+        by_length[:, 0] = cross.real
+        by_length[:, 1] = (phasor * rocker).real
+        by_length[:, 2] = -1.0
+        np.negative(rocker.real, out=by_length[:, 3])
+        slope = np.empty_like(by_length)
+        np.matmul(shape.jacobian.transpose(0, 2, 1), by_length, out=slope[:, :3])
+        np.multiply(-l1, cross.imag, out=slope[:, 3])
+        # one over L2 sin(theta2 - theta3); bounded, so that a dead position stops a step and not the program
+        lever = -2 * side * l3 / np.maximum(root, 1e-8)
+        slope *= lever[:, None, :]
         return slope
 
 
@@ -214,18 +226,18 @@ class LimitedProblem:
         usable = np.isfinite(plain.cost) & np.all(np.isfinite(slacks), axis=1)
         violation = np.where(usable[:, None], violation, 0.0)
         cost = np.where(usable, plain.cost + self.penalty**2 * np.sum(violation**2, axis=1), np.inf)
-        residual = np.concatenate([plain.residual, self.penalty * violation], axis=1)
         if not derivatives:
-            return Evaluation(cost, residual, plain.jacobian)
+            return Evaluation(cost, plain.stack)
         # central differences: the limits' derivatives steer the search, its answer is checked on the limits themselves
-        rows = np.zeros((*violation.shape, 4))
+        rows = np.zeros((len(unknowns), 5, violation.shape[1]))
+        rows[:, 4] = violation
         for k in range(4):
             step = np.zeros(4)
             step[k] = self._STEP
             change = self.slacks(unknowns + step, branch) - self.slacks(unknowns - step, branch)
-            rows[:, :, k] = np.where(violation > 0, -change / (2 * self._STEP), 0.0)
+            rows[:, k] = np.where(violation > 0, -change / (2 * self._STEP), 0.0)
         rows = np.nan_to_num(rows, posinf=0.0, neginf=0.0)
-        return Evaluation(cost, residual, np.concatenate([plain.jacobian, self.penalty * rows], axis=1))
+        return Evaluation(cost, np.concatenate([plain.stack, self.penalty * rows], axis=2))
 
 
 @dataclass
@@ -266,46 +278,47 @@ def refine(
         Law: no candidate is worse than its seed.
     """
     unknowns = unknowns.copy()
-    state = problem.evaluate(unknowns, branch)
-    cost, residual, jacobian = state.cost.copy(), state.residual.copy(), state.jacobian.copy()
+    cost, stack = problem.evaluate(unknowns, branch)
     damping = np.full(len(unknowns), 1e-3)
     growth = np.full(len(unknowns), 2.0)
+    triangle = np.linalg.qr(stack.transpose(0, 2, 1), mode="r")
     active = np.flatnonzero(np.isfinite(cost))
-    triangle = np.empty((len(unknowns), 5, 5))
-    stale = active
     steps = 0
     while steps < iterations and active.size and cost.min() > tolerance**2 and not expired():
         steps += 1
-        if stale.size:
-            augmented = np.concatenate([jacobian[stale], residual[stale][:, :, None]], axis=2)
-            triangle[stale] = np.linalg.qr(augmented, mode="r")
         upper, right = triangle[active, :4, :4], triangle[active, :4, 4]
-        norms = np.maximum(np.sqrt(np.einsum("nij,nij->nj", upper, upper)), 1e-12)
-        left, singular, vectors = np.linalg.svd(upper / norms[:, None, :])
-        inner = np.einsum("nij,ni->nj", left, right)
-        factor = singular / (singular**2 + damping[active, None])
-        step = -np.einsum("nji,nj->ni", vectors, factor * inner) / norms
+        step = -_damped_solution(upper, right, damping[active])
         # no more than a bit over one in any unknown at a time: the charts are logarithmic
         longest = np.max(np.abs(step), axis=1)
-        step *= np.minimum(1.0, 1.5 / np.maximum(longest, 1e-300))[:, None]
+        step *= np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
         trial = unknowns[active] + step
         moved = np.einsum("nij,nj->ni", upper, step)
-        predicted = -np.einsum("ni,ni->n", moved, moved) - 2 * np.einsum("ni,ni->n", moved, right)
+        predicted = -np.einsum("ni,ni->n", moved, moved + 2 * right)
         new = problem.evaluate(trial, branch[active])
-        gain = (cost[active] - new.cost) / np.maximum(predicted, 1e-300)
-        better = new.cost < cost[active]
-        took = active[better]
-        relative = (cost[active] - new.cost) / np.maximum(cost[active], 1e-300)
+        before = cost[active]
+        decrease = before - new.cost
+        better = decrease > 0
+        took, refused = active[better], active[~better]
         unknowns[took], cost[took] = trial[better], new.cost[better]
-        residual[took], jacobian[took] = new.residual[better], new.jacobian[better]
-        good = np.clip(gain[better], 0, 1)
-        damping[took] = np.maximum(damping[took] * np.maximum(1 / 10, 1 - (2 * good - 1) ** 3), 1e-20)
+        triangle[took] = np.linalg.qr(new.stack[better].transpose(0, 2, 1), mode="r")
+        # Nielsen's rule (Madsen, Nielsen, Tingleff, Methods for non-linear least squares problems, 3.2)
+        gain = np.clip(decrease[better] / np.maximum(predicted[better], 1e-300), 0, 1)
+        damping[took] = np.maximum(damping[took] * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), 1e-20)
         growth[took] = 2.0
-        refused = active[~better]
         damping[refused] *= growth[refused]
         growth[refused] *= 2
-        finished = (better & (relative < 1e-9)) | (damping[active] > 1e10) | (cost[active] < 1e-30)
-        stale = took
+        stalled = better & (decrease < _STALL * before)
+        finished = stalled | (damping[active] > 1e10) | (before < 1e-30)
         active = active[~finished]
-        stale = stale[np.isin(stale, active)]
     return Refined(unknowns, branch, cost, steps)
+
+
+def _damped_solution(upper: Floats, right: Floats, damping: Floats) -> Floats:
+    """Least-squares solutions of ``upper @ step = right`` with Marquardt's damping, by the QR decomposition of both."""
+    norms = np.maximum(np.sqrt(np.einsum("nij,nij->nj", upper, upper)), 1e-12)
+    system = np.zeros((len(upper), 8, 5))
+    system[:, :4, :4], system[:, :4, 4] = upper, right
+    diagonal = np.arange(4)
+    system[:, 4 + diagonal, diagonal] = np.sqrt(damping)[:, None] * norms
+    small = np.linalg.qr(system, mode="r")
+    return np.linalg.solve(small[:, :4, :4], small[:, :4, 4:])[:, :, 0]
