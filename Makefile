@@ -4,25 +4,69 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 ATLAS ?= atlas.h5
+HOST ?= 127.0.0.1
+PORT ?= 8000
 
-.PHONY: run test lint fault clean setup
+.PHONY: help run test fault lint report stability bench docs clean setup
 .DELETE_ON_ERROR:
+
+help:
+	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
+	@echo "make test       style and the default tests (about five minutes)"
+	@echo "make fault      the slow destructive tests: kills, bit flips"
+	@echo "make report     error against run time: docs/error_vs_runtime.md"
+	@echo "make stability  extreme cases against high precision: docs/stability.md"
+	@echo "make bench      time, size and memory of build, load and scan: benchmarks/results"
+	@echo "make docs       tables and pictures of the scenes: docs/lift.md, docs/chain.md, docs/knotter.md"
+	@echo "make clean      remove the environment and the atlas"
 
 setup: $(READY)
 
 $(READY): pyproject.toml constraints.txt
-	@$(PYTHON) -c 'import sys; sys.exit("linkage-atlas needs Python 3.11 or newer, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
+	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("linkage-atlas needs Python 3.11 or newer, $(PYTHON) is " + sys.version.split()[0] + "; set PYTHON=")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs]'
 	@touch $@
 
+$(ATLAS): | $(READY)
+	$(BIN)/linkage-atlas build --out $@
+
+run: $(READY) $(ATLAS)
+	@echo; echo "The bundled example (app/examples/worked_example.json), with atlas rows as they are and refined:"; echo
+	@$(BIN)/linkage-atlas synthesize --atlas $(ATLAS) --example atlas_rows_only
+	@echo
+	@$(BIN)/linkage-atlas synthesize --atlas $(ATLAS) --example worked_example
+	@echo; echo "Serving on http://$(HOST):$(PORT) (stop with Ctrl-C; the routes: http://$(HOST):$(PORT)/docs). Ask it, from another terminal:"
+	@echo "  curl -s http://$(HOST):$(PORT)/v1/synthesize -H 'content-type: application/json' -d @app/examples/worked_example.json"
+	@echo
+	@$(BIN)/linkage-atlas serve --atlas $(ATLAS) --host $(HOST) --port $(PORT)
+
 test: $(READY)
 	$(BIN)/python -m ruff check .
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m ruff format --check .
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+
+fault: $(READY)
+	$(BIN)/python -m pytest -m fault
 
 lint: $(READY)
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
+
+bench: $(READY) $(ATLAS)
+	$(BIN)/python -m benchmarks.foundation --atlas $(ATLAS)
+
+docs: $(READY)
+	$(BIN)/python -m benchmarks.lift
+	$(BIN)/python -m benchmarks.chain
+	$(BIN)/python -m benchmarks.knotter
+
+report: $(READY) $(ATLAS)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,opponents]'
+	$(BIN)/python -m benchmarks.error_vs_runtime --atlas $(ATLAS)
+
+stability: $(READY)
+	$(BIN)/python -m benchmarks.stability
 
 clean:
 	rm -rf $(VENV) build *.egg-info $(ATLAS)

@@ -14,7 +14,6 @@ from app.queries import all_queries
 from app.query import Query
 from app.resources import ServiceResources
 from app.settings import Settings
-from synthesis.atlas_file import load_atlas
 from synthesis.errors import AtlasError, FieldError
 
 EXIT_OK, EXIT_USAGE, EXIT_DAMAGED, EXIT_INTERRUPTED = 0, 2, 3, 130
@@ -66,9 +65,9 @@ def _serve(options: argparse.Namespace) -> int:
 
     from app.main import create_app
 
-    settings = _settings(options)
-    load_atlas(settings.atlas, settings.atlas_max_bytes, settings.atlas_max_types)
-    uvicorn.run(create_app(settings), host=options.host, port=options.port, log_level="info")
+    resources = ServiceResources(_settings(options))
+    _ = resources.atlas  # a service without its atlas is no service: fail here, with an exit code
+    uvicorn.run(create_app(resources=resources), host=options.host, port=options.port, log_level="info")
     return EXIT_OK
 
 

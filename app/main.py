@@ -35,10 +35,10 @@ class Turnstile:
         return await anyio.to_thread.run_sync(function, *args, limiter=self._limiter)
 
 
-def create_app(settings: Settings | None = None) -> FastAPI:
-    """The application; settings come from the environment unless given."""
-    settings = settings or Settings()
-    resources = ServiceResources(settings)
+def create_app(settings: Settings | None = None, resources: ServiceResources | None = None) -> FastAPI:
+    """The application; settings come from the environment unless given, resources are made from them unless given."""
+    settings = settings or (resources.settings if resources else Settings())
+    resources = resources or ServiceResources(settings)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:

@@ -183,20 +183,23 @@ class Scan:
         ceiling: float,
         part: slice,
     ) -> tuple[Ints, Floats] | None:
+        places = np.arange(len(bucket.rows))[part]
         squared: Floats | float = 0.0
         if rotation is not None:
             squared = rotation.mean_square_error(bucket, part)
             # cheap test on D itself first: bound = sqrt(D - rounding) - e <= ceiling
             keep = squared <= ((ceiling + bucket.error[part]) ** 2 + rotation.rounding)[:, None]
-            if not keep.any():
+            some = keep.any(axis=1)
+            if not some.any():
                 return None
-            squared = np.sqrt(np.maximum(squared - rotation.rounding, 0.0)) - bucket.error[part, None]
+            places, squared, keep = places[some], squared[some], keep[some]
+            squared = np.sqrt(np.maximum(squared - rotation.rounding, 0.0)) - bucket.error[places, None]
             squared = np.maximum(squared, 0.0) ** 2
         if position is not None:
-            squared = squared + position.mean_square_error(bucket, part)
+            squared = squared + position.mean_square_error(bucket, places)
             keep = squared <= ceiling**2
         place, column = np.nonzero(keep)
-        return bucket.rows[part.start + place] * (2 * self.starts) + column, np.sqrt(squared[place, column])
+        return bucket.rows[places[place]] * (2 * self.starts) + column, np.sqrt(squared[place, column])
 
     def _lowest(self, target: Target, count: int, ceiling: float) -> tuple[Ints, Floats, float]:
         """The ``count`` windows of lowest bound at or below ``ceiling``, and a number that no other's bound is below."""
@@ -461,7 +464,7 @@ class _PositionMatrices:
             columns.append(np.hstack([turn * means[:, None], np.conj(turn * means[:, None])]))
         self.product = np.hstack(columns)
 
-    def mean_square_error(self, bucket: _Bucket, part: slice) -> Floats:
+    def mean_square_error(self, bucket: _Bucket, part: slice | Ints) -> Floats:
         """Lower bounds of the mean squared position error over l^2, (n, 720)."""
         products = np.abs(bucket.phasor[part] @ self.product) ** 2
         windows = products.shape[1] // 3
