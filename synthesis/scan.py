@@ -50,7 +50,7 @@ HARMONICS = (4, 6, 8, 10, 12, 16, 24, 32, 48, 64, 96)
 SERIES_ERROR = 3e-7
 _ROUNDING = 1e-13
 _BLOCK_ROWS = 256
-_WAVE = 4
+_LARGEST_WAVE = 64
 """Blocks between two looks at the limit: the same on every machine, or reports would differ."""
 _FIRST_COUNT = 4096
 _PREPARED_AT_ONCE = 8192
@@ -167,22 +167,20 @@ class Scan:
         Blocks are worked on in waves, one block a thread and all of a wave with the same limit, so that the result does
         not depend on which thread is faster. (A matrix product of its own many threads waits for the slowest of them.)
         """
+        work = [
+            (bucket, rotation, position, slice(k, k + _BLOCK_ROWS))
+            for bucket, rotation, position in self._matrices(target)
+            for k in range(0, len(bucket.rows), _BLOCK_ROWS)
+        ]
         with ThreadPoolExecutor(self.threads) as pool:
-            for bucket, rotation, position in self._matrices(target):
-                blocks = [slice(k, k + _BLOCK_ROWS) for k in range(0, len(bucket.rows), _BLOCK_ROWS)]
-                for k in range(0, len(blocks), _WAVE):
-                    ceiling = limit()
-                    work = partial(self._block_bounds, bucket, rotation, position, ceiling)
-                    yield from filter(None, pool.map(work, blocks[k : k + _WAVE]))
+            first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
+            while first < len(work):
+                ceiling = limit()
+                yield from filter(None, pool.map(partial(self._block_bounds, ceiling), work[first : first + wave]))
+                first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
 
-    def _block_bounds(
-        self,
-        bucket: _Bucket,
-        rotation: _RotationMatrices | None,
-        position: _PositionMatrices | None,
-        ceiling: float,
-        part: slice,
-    ) -> tuple[Ints, Floats] | None:
+    def _block_bounds(self, ceiling: float, work: tuple) -> tuple[Ints, Floats] | None:
+        bucket, rotation, position, part = work
         places = np.arange(len(bucket.rows))[part]
         squared: Floats | float = 0.0
         if rotation is not None:
