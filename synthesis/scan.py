@@ -308,7 +308,7 @@ def _prepare(atlas: Atlas, rows: Ints, series_error: float) -> Iterator[_Bucket]
     half = samples // 2
     curves = atlas.curves(rows)
     spectrum = np.fft.rfft(curves, axis=1) / samples
-    spectrum[:, half] = 0  # as in `atlas_rows.interpolate_midway`, on which curve_error rests
+    spectrum[:, half] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
     winding = atlas.winding[rows].astype(int)
     crank = np.arange(samples) * (TURN / samples)
     phasor = np.fft.fft(np.exp(1j * (curves + winding[:, None] * crank)), axis=1) / samples
@@ -325,7 +325,7 @@ def _prepare(atlas: Atlas, rows: Ints, series_error: float) -> Iterator[_Bucket]
                 part = spectrum[chosen, : harmonics + 1].copy()
                 part[:, 0] = 0  # a constant is the offset's business
                 left_out = tails[chosen, harmonics + 1] if harmonics + 1 <= half else 0.0
-                error = atlas.curve_error[rows[chosen]].astype(float) * 1.5 + left_out + 1e-12
+                error = atlas.curve_error[rows[chosen]].astype(float) + left_out + 1e-12
                 mean_square, square = _square_series(part, int(harmonics))
                 series = np.concatenate([square, 2 * part[:, 1:].real, -2 * part[:, 1:].imag], axis=1)
                 reach = min(int(1.25 * harmonics) + 4, half - 1)
