@@ -243,6 +243,9 @@ def close_loop(lengths: ArrayLike, crank_angle: ArrayLike) -> Closure:
     x = (c * scaled[..., 0, :].sum(-1))[..., None] + product * cosine2
     y = (a * b)[..., None] + product * sine2
     r = np.sqrt((l4 - l1) ** 2 + product * sine2)
+    # X0 < 0: both terms of X may dwarf it; then its own factors lose less.
+    longest = scaled[..., 1] + scaled[..., 2]
+    x = np.where((c[..., None] < 0) & (product * cosine2 > longest**2), (longest - r) * (longest + r), x)
     closed = (x >= 0) & (y >= 0) & (r > 0)
     x, y = np.where(closed, x, np.nan), np.where(closed, y, np.nan)
     shape = closed.shape
