@@ -72,7 +72,8 @@ def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
         above zero is Grashof's condition. A zero is a change point.
     """
     l1, l2, l3, l4 = np.moveaxis(np.asarray(lengths, dtype=float), -1, 0)
-    return _pair_difference(l2, l4, l1, l3), _pair_difference(l3, l4, l1, l2), _pair_difference(l2, l3, l1, l4)
+    with np.errstate(over="ignore", invalid="ignore"):  # NaN for lengths that are not finite, or overflow when added
+        return _pair_difference(l2, l4, l1, l3), _pair_difference(l3, l4, l1, l2), _pair_difference(l2, l3, l1, l4)
 
 
 def family(lengths: ArrayLike) -> NDArray[np.object_]:
@@ -88,7 +89,7 @@ def family(lengths: ArrayLike) -> NDArray[np.object_]:
         Law: the same for ``k * lengths`` with any power of two k, and for exchanged coupler and rocker except that
         double-rocker and rocker-crank change places.
     """
-    a, b, c = grashof_excesses(lengths)
+    a, b, c = grashof_excesses(_scaled(lengths)[0])
     names = np.full(np.shape(a), Family.TRIPLE_ROCKER, dtype=object)
     names[...] = np.where((a > 0) & (b > 0) & (c > 0), Family.CRANK_ROCKER, names)
     names[...] = np.where((a < 0) & (b < 0) & (c > 0), Family.DOUBLE_CRANK, names)
@@ -212,7 +213,8 @@ class Closure:
             [np.cos(t1 - t3), np.cos(t2 - t3), -np.ones_like(t3), -np.cos(t3), -l1 * np.sin(t1 - t3)], axis=-1
         )
         gradient = numerators / lever[..., None]
-        gradient[..., :4] = np.ldexp(gradient[..., :4], -self.exponent[..., None, None])
+        with np.errstate(over="ignore"):  # infinite per unit of length where the lengths are all but zero
+            gradient[..., :4] = np.ldexp(gradient[..., :4], -self.exponent[..., None, None])
         return gradient
 
 
