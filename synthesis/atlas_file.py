@@ -38,7 +38,8 @@ _UNITS = {
     "details": "radians: Haar details, (mean of first half - mean of second half) / 2 of each block, coarse to fine: "
     "level n, block l (from 0) is column 2^n - 1 + l",
     "winding": "turns of the coupler in one turn of the crank; coupler angle = winding * crank angle + periodic part",
-    "curve_error": "radians: largest error of band-limited interpolation of the stored curve midway between samples",
+    "curve_error": "radians: bound of the error, at any crank angle, of the stored curve's band-limited interpolation "
+    "(all harmonics below samples / 2)",
 }
 _CURVE = (
     "coupler angle theta2 (measured from the ground line A->B, branch +1: C left of D->B) at crank angles "

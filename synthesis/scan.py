@@ -17,6 +17,9 @@ Position (design of `mounting`): P is fitted by {1, e^{it}, e^{i theta2}}, so wh
 |p|^2 - |<q, p>|^2 / |q|^2 with p and q the parts of P and of e^{i theta2} that are orthogonal to {1, e^{it}}; the inner
 products are again rows of the series of e^{i theta2} times matrices of the request.
 
+The norms of p and q are those of the series, whose modulus is not quite 1: |q|^2 is the mean of its squared modulus (one
+more series) less the two parts that are taken off.
+
 Bounds. If the series of theta2 is off by at most e everywhere, then the rms of a centred difference is off by at most e.
 So is the norm of q, and as the residual of the position is the least |p - z q| over z, attained at |z| <= |p| / |q|, it is
 off by at most e |p| / (|q| - e). e is the file's ``curve_error`` plus the coefficients left out.
@@ -83,6 +86,9 @@ class _Bucket:
     phasor: NDArray[np.complex128]
     """(n, 2K + 1): coefficients -K .. K of e^{i theta2}."""
     phasor_error: Floats
+    modulus: Floats
+    """(n, 4K): cosines and sines of the squared modulus of that series, which is not quite 1."""
+    modulus_mean: Floats
 
 
 def _tails(magnitudes: Floats) -> Floats:
@@ -90,12 +96,26 @@ def _tails(magnitudes: Floats) -> Floats:
     return np.cumsum(magnitudes[:, ::-1], axis=1)[:, ::-1]
 
 
+def _real_series(values: Floats, harmonics: int) -> tuple[Floats, Floats]:
+    """Mean, and cosine and sine coefficients 1 .. ``harmonics``, of samples over a turn."""
+    spectrum = np.fft.rfft(values, axis=1)[:, : harmonics + 1] / values.shape[1]
+    return spectrum[:, 0].real, np.concatenate([2 * spectrum[:, 1:].real, -2 * spectrum[:, 1:].imag], axis=1)
+
+
 def _square_series(spectrum: NDArray[np.complex128], harmonics: int) -> tuple[Floats, Floats]:
     """Mean, and cosine and sine coefficients 1 .. 2H, of the square of a series given by rfft-like coefficients."""
     points = 4 * harmonics + 2
-    values = np.fft.irfft(spectrum * points, points, axis=1)
-    square = np.fft.rfft(values**2, axis=1)[:, : 2 * harmonics + 1] / points
-    return square[:, 0].real, np.concatenate([2 * square[:, 1:].real, -2 * square[:, 1:].imag], axis=1)
+    return _real_series(np.fft.irfft(spectrum * points, points, axis=1) ** 2, 2 * harmonics)
+
+
+def _modulus_series(coefficients: NDArray[np.complex128]) -> tuple[Floats, Floats]:
+    """Mean, and cosine and sine coefficients 1 .. 2K, of the squared modulus of a series of coefficients -K .. K."""
+    reach = coefficients.shape[1] // 2
+    points = 4 * reach + 2
+    padded = np.zeros((len(coefficients), points), dtype=complex)
+    padded[:, np.arange(-reach, reach + 1)] = coefficients
+    values = np.fft.ifft(padded, axis=1) * points
+    return _real_series(values.real**2 + values.imag**2, 2 * reach)
 
 
 class Scan:
@@ -280,7 +300,7 @@ class Scan:
         while True:
             ids, bounds, cut = self._lowest(target, count, ceiling)
             windows, done, ceiling = self._evaluate(ids, bounds, top, exact)
-            evaluated += done
+            evaluated = max(evaluated, done)  # a further pass begins with the same windows
             if ceiling + TIE <= cut or ids.size < count:
                 return windows, ScanReport(self.windows, evaluated, True)
             if max_windows is not None and count >= max_windows:
@@ -351,10 +371,8 @@ def _prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, 
     half = samples // 2
     curves = atlas.curves(rows)
     spectrum = np.fft.rfft(curves, axis=1) / samples
-    spectrum[:, half] = 0  # as in `atlas_rows.interpolate_midway`, on which curve_error rests
+    spectrum[:, half] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
     winding = atlas.winding[rows].astype(int)
-    crank = np.arange(samples) * (TURN / samples)
-    phasor = np.fft.fft(np.exp(1j * (curves + winding[:, None] * crank)), axis=1) / samples
     tails = _tails(2 * np.abs(spectrum))
     choices = np.array([h for h in lengths if h < half] + [half - 1])
     # the first choice whose tail is small enough; the last one leaves nothing out
@@ -368,13 +386,12 @@ def _prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, 
                 part = spectrum[chosen, : harmonics + 1].copy()
                 part[:, 0] = 0  # a constant is the offset's business
                 left_out = tails[chosen, harmonics + 1] if harmonics + 1 <= half else 0.0
-                error = atlas.curve_error[rows[chosen]].astype(float) * 1.5 + left_out + 1e-12
+                error = atlas.curve_error[rows[chosen]].astype(float) + left_out + 1e-12
                 mean_square, square = _square_series(part, int(harmonics))
                 series = np.concatenate([square, 2 * part[:, 1:].real, -2 * part[:, 1:].imag], axis=1)
-                reach = min(int(1.25 * harmonics) + 4, half - 1)
-                kept = np.arange(-reach, reach + 1) % samples
-                coefficients = phasor[np.ix_(chosen, kept)]
-                lost = np.abs(phasor[chosen]).sum(1) - np.abs(coefficients).sum(1)
+                reach = int(1.25 * harmonics) + 4
+                coefficients, lost = _phasor_series(spectrum[chosen], samples, turns, reach)
+                modulus_mean, modulus = _modulus_series(coefficients)
                 yield _Bucket(
                     rows[chosen],
                     turns,
@@ -383,8 +400,25 @@ def _prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, 
                     mean_square,
                     error,
                     coefficients,
-                    error + np.maximum(2 * lost, 0) + 1e-9,
+                    atlas.curve_error[rows[chosen]] + 2 * lost + 1e-9,
+                    modulus,
+                    modulus_mean,
                 )
+
+
+def _phasor_series(
+    spectrum: NDArray[np.complex128], samples: int, winding: int, reach: int
+) -> tuple[NDArray[np.complex128], Floats]:
+    """Coefficients -reach .. reach of e^{i theta2}, and the sum of the magnitudes of those left out.
+
+    e^{i theta2} has more harmonics than theta2 has, so it is taken from a grid that resolves four times the reach.
+    """
+    points = max(samples, 1 << (4 * reach - 1).bit_length())
+    curves = np.fft.irfft(spectrum * points, points, axis=1)
+    crank = np.arange(points) * (TURN / points)
+    phasor = np.fft.fft(np.exp(1j * (curves + winding * crank)), axis=1) / points
+    coefficients = phasor[:, np.arange(-reach, reach + 1) % points]
+    return coefficients, np.maximum(np.abs(phasor).sum(1) - np.abs(coefficients).sum(1), 0)
 
 
 def _join(parts: list[_Bucket]) -> _Bucket:
@@ -405,6 +439,17 @@ def _means(weight: NDArray[np.generic], crank: Floats, harmonics: NDArray[np.int
     return np.exp(1j * np.outer(harmonics, crank)) @ weight / crank.size
 
 
+def _sides(crank: Floats, starts: int) -> list[tuple[Floats, Floats]]:
+    """Increments and starts for branch +1, and mirrored for branch -1."""
+    return [(crank, start_angles(starts)), (-crank, -start_angles(starts))]
+
+
+def _rows(means: NDArray[np.complex128], harmonics: NDArray[np.int_], start: Floats) -> Floats:
+    """What cosine and sine coefficients are multiplied with, for every start, to give the mean of their series."""
+    shifted = np.exp(1j * np.outer(harmonics, start)) * means[:, None]
+    return np.vstack([shifted.real, shifted.imag])
+
+
 class _RotationMatrices:
     """What a request multiplies the series of a bucket with, to give the mean squared rotation error of all windows."""
 
@@ -416,25 +461,19 @@ class _RotationMatrices:
         single = np.arange(1, bucket.harmonics + 1)
         double = np.arange(1, 2 * bucket.harmonics + 1)
         one = np.ones_like(centred)
-        angles = start_angles(starts)
-        sides = [(centred, target.crank, angles), (-centred, -target.crank, -angles)]
+        sides = [(sign * centred, *side) for sign, side in zip((1, -1), _sides(target.crank, starts))]
         self.product = np.hstack(
             [
                 np.vstack(
                     [
-                        self._rows(_means(one, t, double), double, start),
-                        -2 * self._rows(_means(g, t, single), single, start),
+                        _rows(_means(one, t, double), double, start),
+                        -2 * _rows(_means(g, t, single), single, start),
                     ]
                 )
                 for g, t, start in sides
             ]
         )
-        self.mean = np.hstack([self._rows(_means(one, t, single), single, start) for _, t, start in sides])
-
-    @staticmethod
-    def _rows(means: NDArray[np.complex128], harmonics: NDArray[np.int_], start: Floats) -> Floats:
-        shifted = np.exp(1j * np.outer(harmonics, start)) * means[:, None]
-        return np.vstack([shifted.real, shifted.imag])
+        self.mean = np.hstack([_rows(_means(one, t, single), single, start) for _, t, start in sides])
 
     def mean_square_error(self, bucket: _Bucket, part: slice) -> Floats:
         """D of all windows of some rows, (n, 720): branch +1 at starts 0..359, then branch -1."""
@@ -461,6 +500,10 @@ class _PositionMatrices:
             turn = np.exp(1j * np.outer(harmonics, start_angles(starts)))
             columns.append(np.hstack([turn * means[:, None], np.conj(turn * means[:, None])]))
         self.product = np.hstack(columns)
+        double = np.arange(1, 2 * reach + 1)
+        self.modulus = np.hstack(
+            [_rows(_means(np.ones_like(t), t, double), double, start) for t, start in _sides(target.crank, starts)]
+        )
 
     def mean_square_error(self, bucket: _Bucket, part: slice | Ints) -> Floats:
         """Lower bounds of the mean squared position error over l^2, (n, 720)."""
@@ -468,7 +511,8 @@ class _PositionMatrices:
         windows = products.shape[1] // 3
         first, second, along = products[:, :windows], products[:, windows : 2 * windows], products[:, 2 * windows :]
         error = bucket.phasor_error[part][:, None]
-        square = np.maximum(1.0 - first - second, 1e-30)
+        whole = bucket.modulus_mean[part][:, None] + bucket.modulus[part] @ self.modulus
+        square = np.maximum(whole - first - second, 1e-30)
         left = np.sqrt(np.maximum(1.0 - along / square - 1e-14 / square, 0.0))
         norm = np.maximum(np.sqrt(square) - error - 1e-8, 1e-30)
         return (self.size * np.maximum(left - error / norm, 0.0)) ** 2
