@@ -18,8 +18,9 @@ from types import MappingProxyType
 import numpy as np
 
 from synthesis import knotter_events as events
+from synthesis.knotter_conditions import Clearance, Condition
+from synthesis.knotter_entry import SegmentHitsTriangle
 from synthesis.knotter_mechanism import DRIVER, Chain, Law, Linear, Mechanism, Shift, Table, Turn
-from synthesis.knotter_study import Clearance, Condition, SegmentHitsTriangle
 
 Point = tuple[float, float, float]
 
@@ -50,11 +51,8 @@ POINT_FRAMES: Mapping[str, str] = MappingProxyType(
     {"S0": "u3", "S1": "u4", "S3": "u4", "S4": "u4", "S5": "u4", "S7": "u4", "S8": "u5", "S9": "u4", "S10": "u5"}
 )
 PUBLISHED_POINTS = ("S3", "S4")
-GRID: Mapping[str, tuple[float, ...]] = MappingProxyType(
-    {
-        "alpha1": tuple(float(x) for x in np.radians([0.0, 10.0, 20.0])),
-        "alpha3": tuple(float(x) for x in np.radians([20.0, 25.0, 30.0])),
-    }
+GRID_DEGREES: Mapping[str, tuple[float, ...]] = MappingProxyType(
+    {"alpha1": (0.0, 10.0, 20.0), "alpha3": (20.0, 25.0, 30.0)}
 )
 WRAP_WINDOW = (0.0, float(np.radians(180.0)))
 BITE_WINDOW = (float(np.radians(270.0)), float(np.radians(360.0)))
@@ -215,6 +213,15 @@ class Needle:
         below = [angle for angle in zeros if angle < best]
         above = [angle for angle in zeros if angle > best]
         return max(below, default=best), min(above, default=best)
+
+    def smallest_whole_degree(self) -> int | None:
+        """The smallest whole number of degrees at which the clearance is positive; None if there is none."""
+        free = self.free_range()
+        if free is None:
+            return None
+        low, high = (float(np.degrees(end)) for end in free)
+        candidates = range(max(-89, int(np.floor(low))), min(89, int(np.ceil(high))) + 1)
+        return next((degree for degree in candidates if self.clearance(np.radians(degree)) > 0), None)
 
     def lay(self, alpha2: np.ndarray | float) -> np.ndarray | float:
         """``d5`` at which the rope is laid on the disc (eq 5)."""

@@ -9,6 +9,7 @@ is decided by the function itself at the extremum, in extended precision where t
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb
@@ -32,7 +33,7 @@ TAIL = 1e-13
 AMBIGUOUS = 1e-11
 """Bernstein coefficients below this share of the function's size have a sign that rounding may have made."""
 NEAR_TANGENT = 1e-4
-"""Slope over size, per piece, below which a root is found by bisection in extended precision instead of one Newton step."""
+"""Slope over size, per piece, below which a root is bisected in extended precision; above, one Newton step does."""
 
 Function = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """``function(driver, item) -> values``, shape (functions, *broadcast of driver and item)."""
@@ -42,7 +43,9 @@ _NODES = np.sin(np.pi * _ORDER / (2 * DEGREE)) ** 2
 _NODES[-1] = 1.0
 _TO_CHEBYSHEV = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * _NODES - 1, DEGREE))
 _TO_BERNSTEIN = np.linalg.inv(
-    np.array([comb(DEGREE, k) for k in _ORDER]) * _NODES[:, None] ** _ORDER * (1 - _NODES[:, None]) ** (DEGREE - _ORDER)
+    np.array([comb(DEGREE, k) for k in _ORDER])
+    * _NODES[:, None] ** _ORDER
+    * (1 - _NODES[:, None]) ** (DEGREE - _ORDER)
 )
 # The ends are values, exactly: neighbouring pieces then agree on the sign at their common end.
 _TO_BERNSTEIN[0], _TO_BERNSTEIN[-1] = np.eye(DEGREE + 1)[0], np.eye(DEGREE + 1)[-1]
@@ -90,12 +93,12 @@ def edges(first: float, last: float, breakpoints: list[float], rate: Callable[[f
     Raises `FieldError` when that takes more than `MAX_PIECES_PER_ITEM` pieces.
     """
     corners = [first, *(at for at in breakpoints if first < at < last), last]
-    spans = list(zip(corners, corners[1:]))
+    spans = list(itertools.pairwise(corners))
     counts = [max(1.0, np.ceil((high - low) * rate(low, high) / TURN_PER_PIECE)) for low, high in spans]
     if sum(counts) > MAX_PIECES_PER_ITEM:
         raise FieldError(
             "/laws",
-            f"the laws turn so fast that a range takes {sum(counts):.0f} pieces, at most {MAX_PIECES_PER_ITEM} are allowed",
+            f"the laws turn so fast that a range takes {sum(counts):.0f} pieces, more than {MAX_PIECES_PER_ITEM}",
             constraint="work",
             amount=float(sum(counts)),
         )
@@ -134,7 +137,9 @@ def pieces(function: Function, ends: np.ndarray, items: int, floor: np.ndarray) 
             break
         rough = ~good
         if np.sum(rough) > MAX_ROUGH:
-            raise FieldError("/laws", "the laws change too fast to be followed", constraint="work", amount=int(np.sum(rough)))
+            raise FieldError(
+                "/laws", "the laws change too fast to be followed", constraint="work", amount=int(np.sum(rough))
+            )
         item, low, high, parent = item[rough], low[rough], high[rough], values[:, rough]
         middle = low + (high - low) / 2
         left, right = (np.array(function(_places(*ends), item[:, None])) for ends in ((low, middle), (middle, high)))
@@ -238,7 +243,7 @@ def _bracketed(
     positive: np.ndarray,
     precision: type = float,
 ) -> np.ndarray:
-    """Places of the sign changes between ``left`` and ``right`` by bisection; ``positive`` is the sign at the left."""
+    """The sign changes between ``left`` and ``right`` by bisection; ``positive`` is the sign at the left."""
     left, right = left.astype(precision), right.astype(precision)
     for _ in range(np.finfo(precision).nmant + 1 if len(left) else 0):
         middle = 0.5 * (left + right)

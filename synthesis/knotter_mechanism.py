@@ -125,7 +125,7 @@ class Table:
         return value
 
     def rate_bound(self, first: float, last: float) -> float:
-        """A bound of ``|d angle / d driver|``; three times the steepest chord holds for pchip too (Fritsch-Carlson)."""
+        """A bound of ``|d angle / d driver|``; for pchip three times the steepest chord (Fritsch and Carlson)."""
         knots = np.array(self.driver)
         inside = (knots[1:] > first) & (knots[:-1] < last)
         slopes = np.abs(np.diff(self.angle) / np.diff(knots))[inside]
@@ -227,7 +227,9 @@ class Mechanism:
         for chain, forward in self._path(source, target):
             for step in chain.steps if forward else reversed(chain.steps):
                 if isinstance(step, Turn):
-                    vector = _turned(vector, step.axis, (step.sense if forward else -step.sense), self._angle(step, driver))
+                    vector = _turned(
+                        vector, step.axis, (step.sense if forward else -step.sense), self._angle(step, driver)
+                    )
                 else:
                     sign = 1.0 if forward else -1.0
                     vector = tuple(

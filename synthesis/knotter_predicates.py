@@ -145,7 +145,9 @@ def classify(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.n
         same_side = np.sign(signs[0]) == np.sign(signs[1])
         # A segment that is nearly parallel may be exactly parallel: only rational arithmetic tells.
         known &= ~same_side | (np.abs(signs[0] - signs[1]) > side_bound.sum(axis=0))
-        verdict = np.where(same_side, Crossing.SAME_SIDE, np.where(inside(tuple(signs)), Crossing.CROSSES, Crossing.MISSES))
+        verdict = np.where(
+            same_side, Crossing.SAME_SIDE, np.where(inside(tuple(signs)), Crossing.CROSSES, Crossing.MISSES)
+        )
     verdict = verdict.astype(np.int8)
     for row in np.flatnonzero(~known):
         verdict[row] = _classify_exactly(*(tuple(Fraction(float(x)) for x in point[row]) for point in rows))
