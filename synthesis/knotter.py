@@ -152,6 +152,10 @@ def conditions() -> list[Condition]:
     return [wrap(), clearance(), bite()]
 
 
+BESIDE_POLE = float(np.pi / 2 - 1e-7)
+"""An angle beside 90 degrees, from which the pole of eq 4 can be judged."""
+
+
 @dataclass(frozen=True)
 class Needle:
     """The needle that lays the rope past the bill, its angle alpha2 limited by the frame (eqs 4 and 5).
@@ -212,7 +216,10 @@ class Needle:
         zeros = self._zeros(free)
         below = [angle for angle in zeros if angle < best]
         above = [angle for angle in zeros if angle > best]
-        return max(below, default=best), min(above, default=best)
+        # Without a zero on a side the clearance stays positive as far as doubles tell the angle from 90 degrees.
+        low = -np.pi / 2 if free(np.array(-BESIDE_POLE)) > 0 else best
+        high = np.pi / 2 if free(np.array(BESIDE_POLE)) > 0 else best
+        return max(below, default=low), min(above, default=high)
 
     def smallest_whole_degree(self) -> int | None:
         """The smallest whole number of degrees at which the clearance is positive; None if there is none."""

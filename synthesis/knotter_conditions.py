@@ -203,7 +203,7 @@ def in_chunks(
     count = len(ends) - 1
     if items * count > MAX_PIECES:
         raise FieldError(
-            "/grid",
+            "",
             f"{name} would take {items * count} pieces, at most {MAX_PIECES} are allowed: ask for a coarser grid, a "
             "shorter range of the driver, slower laws or shorter tables",
             constraint="work",

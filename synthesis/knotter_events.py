@@ -32,7 +32,7 @@ TAIL = 1e-13
 """Largest size of the last two coefficients against the function's own size."""
 AMBIGUOUS = 1e-11
 """Bernstein coefficients below this share of the function's size have a sign that rounding may have made."""
-NEAR_TANGENT = 1e-4
+NEAR_TANGENT = 1e-3
 """Slope over size, per piece, below which a root is bisected in extended precision; above, one Newton step does."""
 
 Function = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -243,7 +243,10 @@ def _bracketed(
     positive: np.ndarray,
     precision: type = float,
 ) -> np.ndarray:
-    """The sign changes between ``left`` and ``right`` by bisection; ``positive`` is the sign at the left."""
+    """The sign changes between ``left`` and ``right`` by bisection; ``positive`` is the sign at the left.
+
+    Bisection, because a batch is as slow as its slowest member: faster methods were measured and were slower here.
+    """
     left, right = left.astype(precision), right.astype(precision)
     for _ in range(np.finfo(precision).nmant + 1 if len(left) else 0):
         middle = 0.5 * (left + right)

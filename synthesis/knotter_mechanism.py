@@ -223,13 +223,15 @@ class Mechanism:
         return self.carry(coordinates, home, frame, driver)
 
     def carry(self, vector: Vector, source: str, target: str, driver: np.ndarray) -> Vector:
-        """Coordinates in frame ``source`` as coordinates in frame ``target``."""
+        """Coordinates in frame ``source`` as coordinates in frame ``target``, in the precision of ``driver``."""
+        precision = np.result_type(driver, float)
+        if precision != float:
+            vector = tuple(np.asarray(at, precision) for at in vector)
         for chain, forward in self._path(source, target):
             for step in chain.steps if forward else reversed(chain.steps):
                 if isinstance(step, Turn):
-                    vector = _turned(
-                        vector, step.axis, (step.sense if forward else -step.sense), self._angle(step, driver)
-                    )
+                    angle = np.asarray(self._angle(step, driver), precision)
+                    vector = _turned(vector, step.axis, step.sense if forward else -step.sense, angle)
                 else:
                     sign = 1.0 if forward else -1.0
                     vector = tuple(

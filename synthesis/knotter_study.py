@@ -94,8 +94,8 @@ def solve(
     Notes
     -----
     Where the condition holds between two samples only, neither sees it; the verdict at a sample is exact, the search
-    over the parameter is as fine as its samples. Each sign change is then cut into 16 until the doubles
-    are exhausted.
+    over the parameter is as fine as its samples. Each sign change is then cut into 16 until
+    next to nothing is left.
     Law: the condition holds at ``value`` and fails at the next samples beyond it.
     """
     condition.check(mechanism)
@@ -108,7 +108,8 @@ def solve(
     at = np.flatnonzero(holds[1:] != holds[:-1])
     left, right, rises = values[at], values[at + 1], holds[at + 1]
     cut = np.linspace(0, 1, 17)
-    for _ in range(13 if len(at) else 0):
+    finest = (between[1] - between[0]) * 2.0**-60  # what rounding leaves of a limit near zero
+    while np.any(right - left > np.maximum(2 * np.spacing(np.maximum(np.abs(left), np.abs(right))), finest)):
         inner = left[:, None] + (right - left)[:, None] * cut
         inner[:, -1] = right
         # The first change in the bracket: its ends differ by construction.

@@ -40,7 +40,12 @@ class _Angles:
         return math.radians(angle) if self.degrees else angle
 
     def outward(self, angle: float) -> float:
-        return math.degrees(angle) if self.degrees else angle
+        """The angle in the request's unit; the short decimal where that is the same angle, so 240 stays 240."""
+        if not self.degrees:
+            return angle
+        degrees = math.degrees(angle)
+        short = round(degrees, 9)
+        return short if math.radians(short) == angle else degrees
 
 
 def _given(model: RequestModel) -> dict[str, Any]:
@@ -170,7 +175,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     angles = _Angles(request.angle_unit)
     given = _given(request.grid)
     grid = {
-        name: given.get(name) or [x if angles.degrees else math.radians(x) for x in values]
+        name: given.get(name) or [angles.outward(math.radians(x)) for x in values]
         for name, values in knotter.GRID_DEGREES.items()
     }
     grid |= {name: values for name, values in given.items() if name not in grid}

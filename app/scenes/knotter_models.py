@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from app.query import AngleUnit, Count, Number, PositiveNumber, ReplyModel, RequestModel
 
@@ -22,12 +22,19 @@ MAX_RANGE_TURNS = 2
 LIMIT_SAMPLES = (3, 1025)
 """Fewest and most values of the parameter that the search for its limits looks at first."""
 
+
+def _no_boolean(value: object) -> object:
+    if isinstance(value, bool):
+        raise ValueError("a sense is -1 or 1, not a truth value")
+    return value
+
+
 Bounded = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 BoundedPositive = Annotated[PositiveNumber, Field(le=MAX_LENGTH)]
 Point3 = Annotated[list[Bounded], Field(min_length=3, max_length=3)]
 Range = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 GridValues = Annotated[list[Bounded], Field(min_length=1, max_length=MAX_GRID_VALUES)]
-Sense = Literal[-1, 1]
+Sense = Annotated[Literal[-1, 1], BeforeValidator(_no_boolean)]
 ConditionName = Literal["wrap", "clearance", "bite"]
 ParameterName = Literal["alpha1", "alpha2", "alpha3", "d1", "D", "d5", "d6", "d9", "d10"]
 ANGLES = ("alpha1", "alpha2", "alpha3")
@@ -88,7 +95,7 @@ class Laws(RequestModel):
 
 
 class Points(RequestModel):
-    """Points, each in the frame of its body: S0 on the disc (u3); S8, S10 on the hook (u5); others on the bill (u4)."""
+    """Points, each in its body's frame: S0 on the disc (u3); S8, S10 on the hook (u5); the rest on the bill (u4)."""
 
     S0: Point3 | None = Field(None, description="Rope on the disc, at disc angle zero, u3.")
     S1: Point3 | None = Field(None, description="Rope's end at the bill, u4.")
