@@ -288,9 +288,9 @@ def _windows(
         extended = driver[span[narrow]] + 0.5 * width[narrow].astype(np.longdouble)
         hit[narrow] = predicates.inside(tuple(function(extended, item[span[narrow]])))
     span = span[hit & allowed[item[span]]]
-    # Two neighbouring spans that are both inside are one window: the event between them was none of the five's.
+    # Two neighbouring spans that are both inside are one window: nothing but rounding parts them.
     continued = np.zeros(len(span), bool)
-    continued[1:] = (span[1:] == span[:-1] + 1) & (item[span[1:]] == item[span[:-1]])
+    continued[1:] = (driver[span[1:]] <= driver[span[:-1] + 1]) & (item[span[1:]] == item[span[:-1]])
     starts = np.flatnonzero(~continued)
     stops = np.append(starts[1:], len(span)) - 1 if len(span) else starts
     return item[span[starts]], driver[span[starts]], driver[span[stops] + 1], kind[span[starts]]

@@ -261,10 +261,13 @@ def _monotone_parts(chebyshev: np.ndarray) -> np.ndarray:
     The roots of each derivative lie one by one between those of the next, so they follow from the highest down.
     """
     derivatives = [chebyshev]
-    for _ in range(DEGREE - 1):
+    while len(derivatives) < DEGREE:
         derivatives.append(derivatives[-1] @ _DERIVATIVE.T)
+        bernstein = derivatives[-1] @ (_TO_BERNSTEIN @ _FROM_CHEBYSHEV).T
+        if np.all(bernstein > 0, axis=1).sum() + np.all(bernstein < 0, axis=1).sum() == len(bernstein):
+            break  # a derivative without roots: the one before it is monotone as a whole
     cuts = np.tile([0.0, 1.0], (len(chebyshev), 1))
-    for order in range(DEGREE - 1, 0, -1):
+    for order in range(len(derivatives) - 1, 0, -1):
         rows, parts = len(chebyshev), cuts.shape[1] - 1
         row = np.repeat(np.arange(rows), parts)
         left, right = cuts[:, :-1].ravel(), cuts[:, 1:].ravel()

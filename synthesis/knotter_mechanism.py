@@ -225,7 +225,7 @@ class Mechanism:
     def carry(self, vector: Vector, source: str, target: str, driver: np.ndarray) -> Vector:
         """Coordinates in frame ``source`` as coordinates in frame ``target``, in the precision of ``driver``."""
         precision = np.result_type(driver, float)
-        if precision != float:
+        if np.finfo(precision).nmant > np.finfo(float).nmant:
             vector = tuple(np.asarray(at, precision) for at in vector)
         for chain, forward in self._path(source, target):
             for step in chain.steps if forward else reversed(chain.steps):

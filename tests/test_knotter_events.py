@@ -75,6 +75,14 @@ def test_a_zero_at_a_common_end_of_two_pieces_is_found_once() -> None:
     )
 
 
+def test_rounding_that_differs_between_two_looks_at_one_place_makes_no_root() -> None:
+    def noisy(x: np.ndarray) -> np.ndarray:
+        last = x.shape[-1] if x.ndim else 1
+        return np.sin(x - 1.0) + 1e-17 * np.where(np.arange(last) < last / 2, -1, 1)
+
+    assert len(roots_of(noisy, 0.0, 2.0, 1.0, [1.0])) == 1
+
+
 def test_a_function_that_is_zero_has_no_events() -> None:
     assert len(roots_of(lambda x: 0.0 * x, 0.0, 2.0)) == 0
     assert len(roots_of(lambda x: 1e-16 * np.sin(50 * x), 0.0, 2.0)) == 0

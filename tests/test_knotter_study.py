@@ -12,7 +12,8 @@ from scipy.optimize import brentq
 from synthesis import knotter
 from synthesis.errors import FieldError
 from synthesis.knotter_conditions import Clearance, Scalar
-from synthesis.knotter_entry import Found, SegmentHitsTriangle
+from synthesis.knotter_entry import Found, SegmentHitsTriangle, _windows
+from synthesis.knotter_events import Events
 from synthesis.knotter_mechanism import Chain, Linear, Mechanism, Shift, Table, Turn
 from synthesis.knotter_study import solve, study
 
@@ -171,6 +172,28 @@ def test_a_disc_hides_less_than_its_plane_and_a_huge_one_is_the_plane() -> None:
     worst = [knotter.clearance(radius=r).evaluate(machine, 1).worst[0] for r in (10.0, 30.0, 60.0, 1e6, np.inf)]
     assert np.all(np.diff(worst) >= 0)
     assert worst[-2] == pytest.approx(worst[-1], abs=1e-9)
+
+
+def test_deepest_place_in_a_disc_may_be_a_corner() -> None:
+    """A point on a circle beside the rim: deeper past the plane and nearer to the rim at once; solved by hand."""
+    arm = Mechanism(
+        {}, {}, (Chain("arm", "disc", (Turn("k", "driver"), Shift(i=15.0))),), {"tip": ("arm", (10.0, 0.0, 0.0))}
+    )
+    condition = Clearance("clear", "tip", "disc", 1, -1, 0.0, (0.0, np.pi), radius=20.0)
+    found = condition.evaluate(arm, 1)
+    # The tip is 10 sin behind the plane and 5 - 10 cos inside the rim: equal where sin + cos = 1/2.
+    angle = np.pi - np.arcsin(0.5 / np.sqrt(2)) - np.pi / 4
+    assert found.worst_driver[0] == pytest.approx(angle, abs=1e-12)
+    assert found.worst[0] == pytest.approx(10 * np.sin(angle), abs=1e-11)
+
+
+def test_an_event_of_no_width_does_not_split_a_window() -> None:
+    def always_inside(driver: np.ndarray, item: np.ndarray) -> np.ndarray:
+        return np.array([1.0, -1.0, 1.0, 1.0, 1.0])[:, None] * np.ones_like(driver)
+
+    touch = Events(np.array([0, 0, 0]), np.array([2, 2, 3]), np.array([0.5, 0.5, 0.7]))
+    item, start, end, opened_by = _windows(always_inside, touch, np.array([0.0, 1.0]), 1, np.array([True]))
+    assert (list(item), list(start), list(end), list(opened_by)) == ([0], [0.0], [1.0], [-1])
 
 
 def test_an_item_does_not_know_its_neighbours() -> None:
