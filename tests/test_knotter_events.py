@@ -176,6 +176,8 @@ def test_beyond_the_vertex_there_is_no_window() -> None:
 @pytest.mark.parametrize("width", [1.0, 1e-1, 1e-3, 1e-5])
 def test_windows_where_the_rope_only_grazes_the_edge(degrees: float, width: float) -> None:
     """Enters and leaves through one edge, laid along E1's path: nearly a double root."""
+    if np.finfo(np.longdouble).eps > 1e-18 and width < 1e-2:
+        pytest.skip("this machine has no extended precision")
 
     def crossing(alpha: float) -> np.ndarray:
         return np.array([float(x) for x in exact_crossing(alpha)])
