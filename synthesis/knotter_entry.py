@@ -60,6 +60,10 @@ class Entry(Result):
     sensitivity : ndarray
         By how much ``enter`` moves when the edge of entry (or the segment's end) is moved by one unit of length, rad
         per length: the condition number of the event. It grows without bound as the entry becomes tangential.
+    nearest : ndarray
+        Where the segment never enters: the driver angle (rad) at which it comes nearest to the triangle.
+    nearest_case : ndarray of int
+        How it lies to the triangle there, values of `knotter_predicates.Crossing`; -1 where it enters.
     """
 
     found: np.ndarray
@@ -70,6 +74,8 @@ class Entry(Result):
     fraction: np.ndarray
     windows: np.ndarray
     sensitivity: np.ndarray
+    nearest: np.ndarray
+    nearest_case: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -155,7 +161,8 @@ class SegmentHitsTriangle:
         windows = np.bincount(item, minlength=items)
         has = windows > 0
         leading = np.searchsorted(item, np.flatnonzero(has))
-        enter, leave, fraction, margin, sensitivity = (np.full(items, np.nan) for _ in range(5))
+        enter, leave, fraction, margin, sensitivity, nearest = (np.full(items, np.nan) for _ in range(6))
+        case = np.full(items, -1)
         opened = np.full(items, -1)
         enter[has], leave[has], opened[has] = start[leading], end[leading], opened_by[leading]
 
@@ -187,9 +194,13 @@ class SegmentHitsTriangle:
             sensitivity[entering] = self._sensitivity(mechanism.item(entering), enter[entering], opened[entering])
         missing = np.flatnonzero(~has)
         if len(missing):
-            margin[missing] = -self._closest_approach(mechanism.item(missing[:, None]), ends)
+            distance, nearest[missing] = self._closest_approach(mechanism.item(missing[:, None]), ends)
+            margin[missing] = -distance
+            corners = self.positions(mechanism.item(missing), nearest[missing])
+            rows = [np.stack([np.broadcast_to(x, missing.shape) for x in corner], axis=-1) for corner in corners]
+            case[missing] = predicates.classify(*rows)
         holds = kind == Found.ENTERS
-        return Entry(holds, margin, kind, enter, leave, opened, point, fraction, windows, sensitivity)
+        return Entry(holds, margin, kind, enter, leave, opened, point, fraction, windows, sensitivity, nearest, case)
 
     def _sensitivity(self, mechanism: Mechanism, enter: np.ndarray, opened_by: np.ndarray) -> np.ndarray:
         """``|d driver / d length|``: one over the speed at which the crossing passes the edge it enters by."""
@@ -199,10 +210,15 @@ class SegmentHitsTriangle:
             s_p, s_q, *u = predicates.orientations(*corners)
             _, _, a, b, c = corners
             area = predicates.norm(predicates.cross(predicates.subtract(b, a), predicates.subtract(c, a)))
+            area = np.where(area > 0, area, 1.0)
             sides = [predicates.norm(predicates.subtract(end, start)) for start, end in ((a, b), (b, c), (c, a))]
             w = s_p - s_q
             w = np.where(np.abs(w) > 0, w, 1.0)
-            rows = [s_p / area, s_q / area, *(edge / (w * area * side) for edge, side in zip(u, sides))]
+            rows = [
+                s_p / area,
+                s_q / area,
+                *(edge / (w * area * np.where(side > 0, side, 1.0)) for edge, side in zip(u, sides)),
+            ]
             return np.choose(opened_by, [np.broadcast_to(row, enter.shape) for row in rows])
 
         speed = np.abs(distance(enter + SPEED_STEP) - distance(enter - SPEED_STEP)) / (2 * SPEED_STEP)
@@ -230,8 +246,8 @@ class SegmentHitsTriangle:
         edge = rounding * area**2 * sides * far
         return np.stack([side, side, edge, edge, edge])
 
-    def _closest_approach(self, mechanism: Mechanism, ends: np.ndarray) -> np.ndarray:
-        """The smallest distance of segment and triangle, shape (items,), for parameters of shape (items, 1)."""
+    def _closest_approach(self, mechanism: Mechanism, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The smallest distance of segment and triangle and its driver angle, for parameters of shape (items, 1)."""
         grid = np.linspace(ends[:-1], ends[1:], 7)[:-1].T.ravel()
         grid = np.append(grid, ends[-1])
         near = predicates.segment_triangle_distance(*self.positions(mechanism, grid[None]))
@@ -253,7 +269,11 @@ class SegmentHitsTriangle:
             fresh = distance(np.where(lower, low_new, high_new))
             at_low, at_high = np.where(lower, fresh, at_high), np.where(lower, at_low, fresh)
             low, high = low_new, high_new
-        return np.minimum(near.min(axis=1), np.minimum(at_low, at_high)[:, 0])
+        # The range's ends and the grid stay candidates: the bracket may have been one-sided.
+        candidates = np.concatenate([np.take_along_axis(near, best, 1), at_low, at_high], axis=1)
+        drivers = np.concatenate([grid[best], low, high], axis=1)
+        pick = np.argmin(candidates, axis=1)[:, None]
+        return np.take_along_axis(candidates, pick, 1)[:, 0], np.take_along_axis(drivers, pick, 1)[:, 0]
 
 
 def _coincide(first: tuple[float, float, float], second: tuple[float, float, float]) -> bool:

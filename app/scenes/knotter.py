@@ -135,6 +135,7 @@ def _provenance(request: MachineRequest, given_angles: set[str]) -> dict[str, An
 
 def _entry(condition: Any, result: Any, row: int, angles: _Angles) -> EntryReply:
     from synthesis.knotter_entry import Found
+    from synthesis.knotter_predicates import Crossing
 
     enters = result.windows[row] > 0
     opened = int(result.opened_by[row])
@@ -150,6 +151,8 @@ def _entry(condition: Any, result: Any, row: int, angles: _Angles) -> EntryReply
         leave=angles.outward(float(result.leave[row])) if enters else None,
         windows=int(result.windows[row]),
         margin=float(result.margin[row]),
+        nearest_angle=None if enters else angles.outward(float(result.nearest[row])),
+        nearest_case=None if enters else Crossing(int(result.nearest_case[row])).sentence,
         angle_per_length=angles.outward(sensitivity) if math.isfinite(sensitivity) else None,
     )
 

@@ -182,6 +182,10 @@ class EntryReply(ReplyModel):
         description="Length, positive if the condition holds: entry point to the nearer end of the wanted edge. Else "
         "minus the distance of the entry point to the wanted edge, or of rope and triangle if they never meet."
     )
+    nearest_angle: float | None = Field(
+        description="Where the rope never enters: bill's angle of the closest approach."
+    )
+    nearest_case: str | None = Field(description="How the rope lies to the triangle there.")
     angle_per_length: float | None = Field(description="Condition number: shift of the angle per shift of the edge.")
 
 
