@@ -106,6 +106,7 @@ class Clearance:
     def check(self, mechanism: Mechanism) -> None:
         """Raise `FieldError` for laws that end within the range."""
         if self.locked is not None:
+            mechanism.require_laws(self.frames(mechanism), self.at, self.at, only=self.locked)
             mechanism = mechanism.locked(self.locked, self.at)
         mechanism.require_laws(self.frames(mechanism), min(self.at, self.over[0]), max(self.at, self.over[1]))
 

@@ -117,6 +117,11 @@ def pieces(function: Function, ends: np.ndarray, items: int, floor: np.ndarray) 
     items : int
     floor : ndarray, shape (functions, items)
         Rounding error of the values: no piece is halved for the sake of it.
+
+    Notes
+    -----
+    A piece that is rough after `MAX_HALVINGS` stays as it is. Of what this scene asks only the distance from an axis
+    is ever that rough, where the point passes through the axis.
     """
     low, high = ends[:-1], ends[1:]
     values = np.array(function(_places(low, high)[None], np.arange(items)[:, None, None]))

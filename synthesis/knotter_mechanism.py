@@ -68,7 +68,7 @@ class Table:
         Pchip keeps the monotony of the points and has a continuous rate.
     outside : {"hold", "error"}
         Before the first and after the last knot: a dwell at that angle, or no law at all. A table that holds must
-        still share a driver angle with the range it is asked for.
+        still share a driver angle with the range it is asked for: one that lies wholly elsewhere is a mistake.
 
     Raises
     ------
@@ -137,7 +137,7 @@ class Table:
         if self.outside == "error":
             defined = start <= first and last <= end
         else:
-            defined = start <= last and first <= end
+            defined = (start <= last and first <= end) or not first < last  # at rest at any single angle
         if defined:
             return None
         return (
@@ -246,9 +246,9 @@ class Mechanism:
         steps = [step for frame in others for chain, _ in self._path(first, frame) for step in chain.steps]
         return {step.by for step in steps if isinstance(step, Turn) and step.by in self.laws}
 
-    def require_laws(self, frames: set[str], first: float, last: float) -> None:
+    def require_laws(self, frames: set[str], first: float, last: float, only: str | None = None) -> None:
         """Raise `FieldError` naming the first law between the frames that is not defined over a driver range."""
-        for name in sorted(self.laws_between(frames)):
+        for name in sorted(self.laws_between(frames) & ({only} if only else set(self.laws))):
             if reason := self.laws[name].undefined(first, last):
                 raise FieldError(f"/laws/{name}", reason, constraint="law_range")
 

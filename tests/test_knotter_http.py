@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ from fastapi.testclient import TestClient
 
 import linkage_atlas
 from app.main import create_app
+from app.scenes import knotter_models as models
+from synthesis.knotter_conditions import MAX_PIECES
 
 FIGURES = json.loads((Path(__file__).parent / "reference" / "knotter.json").read_text())
 POINTS = ("S0", "S1", "S3", "S4", "S5", "S7", "S8", "S9", "S10")
@@ -191,6 +194,11 @@ SCAN_REFUSALS = {
     "hook without a blade": ({"points": {"S8": [0, 0, 0]}}, "/points", "O5 and S8"),
     "law too short": ({"laws": {"beta": {"table": [[0, 0], [90, 45]]}}}, "/laws/beta", "not defined"),
     "law elsewhere": ({"laws": {"alpha4": {"table": [[0, 22], [10, 0]]}}}, "/laws/alpha4", "not defined"),
+    "lock before the law": (
+        {"conditions": ["clearance"], "laws": {"alpha4": {"table": [[280, 22], [337, 0]], "outside": "error"}}},
+        "/laws/alpha4",
+        "not defined",
+    ),
     "law of one row": ({"laws": {"alpha4": {"table": [[270, 22]]}}}, "/laws/alpha4", "two rows"),
     "law of no row": ({"laws": {"beta": {"table": []}}}, "/laws/beta", "two rows"),
     "law that turns back": ({"laws": {"beta": {"table": [[0, 1], [9, 2], [8, 3]]}}}, "/laws/beta", "row 2"),
@@ -275,6 +283,40 @@ def test_csv_holds_the_same_numbers(client, reference) -> None:
         assert float(row["wrap.angle"]) == pair["wrap"]["angle"]
         assert [float(x) for x in row["bite.point"].split()] == pair["bite"]["point"]
         assert (row["feasible"] == "True") == pair["feasible"]
+
+
+def test_page_runs_and_states_the_limits_that_hold(capsys) -> None:
+    page = (Path(__file__).parents[1] / "docs" / "knotter.md").read_text()
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1), {})
+    assert capsys.readouterr().out.split()[0] == "[63.43494882"
+    limits = page[page.index("## Limits\n") :]
+    for value in (
+        models.MAX_LENGTH,
+        models.MAX_RATIO,
+        models.MAX_TABLE_ROWS,
+        models.MAX_GRID_VALUES,
+        models.MAX_PAIRS,
+        models.MAX_RANGE_TURNS,
+        MAX_PIECES,
+    ):
+        assert any(f" {text}" in limits for text in (f"{value:,}", f"{value:g}".replace("e+0", "e"), str(value))), (
+            value
+        )
+
+
+def test_a_hook_at_rest_before_its_turn_may_be_locked_there(client) -> None:
+    later = {"alpha4": {"table": [[300, 22.5], [337, 0]]}}
+    locked = scan(client, conditions=["clearance"], laws=later)["pairs"]
+    steady = scan(client, conditions=["clearance"], laws={"alpha4": {"lead": 22.5}})["pairs"]
+    assert locked == steady
+
+
+def test_a_rope_that_never_enters_says_why(client) -> None:
+    pair = scan(client, grid={"alpha1": [10], "alpha3": [25], "d5": [120]}, conditions=["wrap"])["pairs"][0]["wrap"]
+    assert pair["angle"] is None and pair["margin"] < 0
+    assert 0 <= pair["nearest_angle"] <= 180 and "outside the triangle" in pair["nearest_case"]
+    plane = scan(client, points={"S1": [0, 14, -39]}, conditions=["wrap"])["pairs"][0]["wrap"]
+    assert "plane throughout" in plane["status"]
 
 
 def test_command_line_prints_a_table_and_names_a_bad_field(tmp_path, capsys) -> None:
