@@ -305,12 +305,13 @@ def _cell(condition: EntryReply | ClearanceReply | None) -> str:
 
 def scan_table(reply: ScanReply) -> str:
     """The pairs as rows: of each condition the verdict, where, and the margin."""
-    lines = [f"{'  '.join(reply.axes):<20}{'wrap':<35}{'clearance (worst)':<35}{'bite':<35}tied"]
-    for pair in reply.pairs:
-        values = [pair.alpha1, pair.alpha3, *(pair.parameters or {}).values()]
-        label = "  ".join(f"{value:g}" for value in values)
+    rows = [[pair.alpha1, pair.alpha3, *(pair.parameters or {}).values()] for pair in reply.pairs]
+    labels = ["  ".join(reply.axes), *("  ".join(f"{value:g}" for value in row) for row in rows)]
+    width = max(map(len, labels)) + 2
+    lines = [f"{labels[0]:<{width}}{'wrap':<35}{'clearance (worst)':<35}{'bite':<35}tied"]
+    for label, pair in zip(labels[1:], reply.pairs):
         cells = "  ".join(_cell(part) for part in (pair.wrap, pair.clearance, pair.bite))
-        lines.append(f"{label:<20}{cells}  {'yes' if pair.feasible else 'no'}")
+        lines.append(f"{label:<{width}}{cells}  {'yes' if pair.feasible else 'no'}")
     lines.append(f"feasible: {len(reply.feasible)} of {len(reply.pairs)}")
     lines.append(f"assumed, not published: {', '.join(reply.assumed) or 'nothing'}")
     return "\n".join(lines)
