@@ -93,9 +93,8 @@ def solve(
 
     Notes
     -----
-    Where the condition holds between two samples only, neither sees it; the verdict at a sample is exact, the search
-    over the parameter is as fine as its samples. Each sign change is then cut into 16 until
-    next to nothing is left.
+    Where the condition holds between two samples only, neither sees it: the verdict at a sample is exact, the search
+    over the parameter is as fine as its samples. Each change is then cut into 16 until next to nothing is left.
     Law: the condition holds at ``value`` and fails at the next samples beyond it.
     """
     condition.check(mechanism)

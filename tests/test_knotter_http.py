@@ -170,6 +170,8 @@ def test_needle_over_http(client) -> None:
     assert found["alpha2_for_d5"] == pytest.approx(FIGURES["alpha2_for_54"], abs=1e-9)
     assert (found["alpha2_whole_degrees"], found["d5_whole"]) == (7, 54)
     assert found["assumed"] == [] and found["given"] == ["alpha2"]
+    moved = client.post("/v1/knotter/needle", json={"d5": 54.001}).json()
+    assert moved["alpha2_for_d5"] - found["alpha2_for_d5"] == pytest.approx(1e-3 * found["alpha2_per_d5"], rel=1e-4)
     radians = client.post("/v1/knotter/needle", json={"alpha2": math.radians(8), "angle_unit": "rad"}).json()
     assert radians["alpha2_range"] == pytest.approx([math.radians(x) for x in found["alpha2_range"]], rel=1e-14)
     assert radians["d5_per_angle"] == pytest.approx(math.degrees(found["d5_per_angle"]), rel=1e-13)
@@ -242,6 +244,8 @@ def test_refusals_point_to_the_field(name: str, client) -> None:
         ("needle", {"S1x": 1e300}, "/S1x"),
         ("limit", {"between": [5, 5]}, "/between"),
         ("limit", {"parameter": "S1"}, "/parameter"),
+        ("limit", {"parameter": "d5", "parameters": {"d5": 54}}, "/parameter"),
+        ("limit", {"parameter": "alpha3", "alpha3": 25}, "/parameter"),
         ("limit", {"samples": 2}, "/samples"),
     ],
 )

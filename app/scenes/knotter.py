@@ -29,6 +29,9 @@ from app.scenes.knotter_models import (
 )
 from synthesis.errors import FieldError
 
+MIN_SLOPE = 1e-12
+"""Slope of eq 5 against its amplitude, below which the angle for a length is undetermined."""
+
 
 class _Angles:
     """Angles of a request to radians, and back."""
@@ -232,6 +235,8 @@ def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
     if not low < high:
         raise FieldError("/between", "the range must run from a smaller to a larger value")
     asked = {name: value for name in ("alpha1", "alpha3") if (value := getattr(request, name)) is not None}
+    if request.parameter in {*asked, *_given(request.parameters)}:
+        raise FieldError("/parameter", f"{request.parameter} is searched for and given a value as well")
     mechanism = mechanism.with_parameters(
         **{"alpha1": math.radians(10.0), "alpha3": math.radians(25.0)}
         | {name: angles.inward(value) for name, value in asked.items()}
@@ -251,7 +256,7 @@ def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
         status="limited" if limits else "always" if holds else "never",
         parameter=request.parameter,
         limits=rows,
-        **_provenance(request, set(asked)),
+        **_provenance(request, {*asked, request.parameter}),
     )
 
 
@@ -271,6 +276,8 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
     free = needle.free_range()
     whole = needle.smallest_whole_degree()
     for_length = needle.angles_for_lay(request.d5)
+    nearest = min(for_length, key=lambda at: abs(at - alpha2), default=None)
+    slope = 0.0 if nearest is None else float(needle.lay_slope(nearest)) * angles.inward(1.0)
     names = [name for name in NeedleRequest.model_fields if name != "angle_unit"]
     given = [name for name in names if name in request.model_fields_set and getattr(request, name) is not None]
     return NeedleReply(
@@ -283,7 +290,10 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
         d5=length,
         d5_whole=math.trunc(length),
         d5_per_angle=float(needle.lay_slope(alpha2)) * angles.inward(1.0),
-        alpha2_for_d5=angles.outward(min(for_length, key=lambda at: abs(at - alpha2))) if for_length else None,
+        alpha2_for_d5=None if nearest is None else angles.outward(nearest),
+        alpha2_per_d5=1.0 / slope
+        if abs(slope) > MIN_SLOPE * math.hypot(request.S1x, request.d6 + request.S1y)
+        else None,
         alpha2_for_d5_all=[angles.outward(at) for at in for_length],
         assumed=[],
         published=[name for name in names if name not in given],

@@ -298,6 +298,9 @@ class NeedleReply(ReplyModel):
     alpha2_for_d5: float | None = Field(
         description="The angle nearest to alpha2 at which eq 5 gives the d5 asked for."
     )
+    alpha2_per_d5: float | None = Field(
+        description="Condition number: shift of that angle per unit of d5; null where the length is the largest."
+    )
     alpha2_for_d5_all: list[float]
     assumed: list[str]
     published: list[str]
