@@ -13,8 +13,8 @@ from fastapi import Path as PathParameter
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 import linkage_atlas
-from app import problems
-from app.queries import all_queries
+from app import export, page, problems
+from app.queries import all_queries, worked_example
 from app.query import Export, Query, ReplyModel
 from app.resources import ServiceResources
 from app.settings import Settings
@@ -56,9 +56,11 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
     problems.install(app)
     for query in all_queries():
         _add_query(app, query, resources)
-        for name, export in query.exports.items():
-            _add_export(app, query, name, export, resources)
+        for name, rendered in query.exports.items():
+            _add_export(app, query, name, rendered, resources)
 
+    export.install(app, resources, _PROBLEM_RESPONSES, worked_example())
+    page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)
     return app

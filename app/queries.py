@@ -6,6 +6,7 @@ import json
 from importlib.resources import files
 from typing import Any
 
+from app.export import SYNTHESIZE_EXPORTS
 from app.motion import (
     MatchesReply,
     MatchRequest,
@@ -59,6 +60,7 @@ def motion_queries() -> tuple[Query, ...]:
                     "sensitivity": True,
                 },
             },
+            SYNTHESIZE_EXPORTS,
         ),
     )
 

@@ -1,0 +1,166 @@
+"""The linkage as a file: the exports of /v1/synthesize, and /v1/export for any solution of a reply."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from fastapi import FastAPI, Response
+from pydantic import ConfigDict, Field, Strict
+
+from app.motion import SynthesizeRequest, answer_synthesize
+from app.query import Export, Number, RequestModel, Resources
+from synthesis.errors import FieldError
+from synthesis.export import MountedLinkage, to_csv, to_dxf, to_mjcf, to_svg
+from synthesis.target import Target
+
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+LengthUnit = Literal["mm", "cm", "m", "in"]
+Length = Annotated[Number, Field(ge=1e-100, le=1e100)]
+Coordinate = Annotated[Number, Field(ge=-1e100, le=1e100)]
+Angle = Annotated[Number, Field(ge=-1e9, le=1e9)]
+
+
+class _ReplyPart(RequestModel):
+    """A part of a reply that is sent back: what is not needed is ignored, so that a solution can be sent as it came."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class ExportLinks(_ReplyPart):
+    crank: Length
+    coupler: Length
+    rocker: Length
+    ground: Length
+
+
+class ExportCouplerPoint(_ReplyPart):
+    radius: Annotated[Number, Field(ge=0, le=1e100)]
+    angle: Angle
+
+
+class ExportMount(_ReplyPart):
+    ground_angle: Angle
+    pivot_a: Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+    coupler_point: ExportCouplerPoint
+
+
+class ExportSolution(_ReplyPart):
+    """One of the `solutions` of a reply, as it came."""
+
+    links: ExportLinks
+    branch: Annotated[Literal[-1, 1], Strict()]
+    start_angle: Angle
+    body_offset: Angle | None = None
+    mount: ExportMount | None = None
+
+
+class ExportRequest(RequestModel):
+    """A motion, one of its solutions, and the kind of file that is wanted."""
+
+    request: SynthesizeRequest = Field(description="The request of /v1/synthesize; angles are in its unit.")
+    solution: ExportSolution | None = Field(
+        None, description="One of the reply's solutions. Without it the request is solved."
+    )
+    rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(1, description="Which solution, if none is given.")
+    format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
+    length_unit: LengthUnit = Field("mm", description="The unit of the request's lengths, for DXF and MJCF.")
+
+
+def mounted(solution: Any, unit: float) -> MountedLinkage:
+    """The linkage of a solution, from a reply or from a request; ``unit`` is radians in one unit of angle."""
+    links, pose = solution.links, solution.mount
+    where: dict[str, Any] = {}
+    if pose is not None:
+        point = pose.coupler_point
+        where = {
+            "ground_angle": pose.ground_angle * unit,
+            "pivot_a": complex(*pose.pivot_a),
+            "coupler_point": (point.radius, point.angle * unit),
+        }
+    return MountedLinkage(
+        (links.crank, links.coupler, links.rocker, links.ground),
+        solution.branch,
+        solution.start_angle * unit,
+        (solution.body_offset or 0.0) * unit,
+        **where,
+    )
+
+
+def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> Any:
+    request = request.model_copy(update={"top": max(request.top, rank)})
+    found = answer_synthesize(request, resources).solutions
+    if len(found) < rank:
+        raise FieldError("/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits")
+    return found[rank - 1]
+
+
+def _target(request: SynthesizeRequest) -> Target:
+    return request.target(request.rotation, request.position, request.length_scale)
+
+
+def _render(name: str, request: SynthesizeRequest, solution: Any, unit_mm: float) -> bytes:
+    target, linkage = _target(request), mounted(solution, request.unit)
+    if name == "csv":
+        return to_csv(linkage, target, request.unit).encode()
+    if name == "svg":
+        return to_svg(linkage, target).encode()
+    return (to_dxf if name == "dxf" else to_mjcf)(linkage, target, unit_mm).encode()
+
+
+MEDIA_TYPES = {
+    "csv": "text/csv; charset=utf-8",
+    "svg": "image/svg+xml",
+    "dxf": "image/vnd.dxf",
+    "mjcf": "application/xml",
+}
+
+
+def _best(name: str) -> Callable[[SynthesizeRequest, Resources], bytes]:
+    def render(request: SynthesizeRequest, resources: Resources) -> bytes:
+        return _render(name, request, _ranked(request, 1, resources), 1.0)
+
+    return render
+
+
+SYNTHESIZE_EXPORTS = {name: Export(media_type, _best(name)) for name, media_type in MEDIA_TYPES.items()}
+"""Of /v1/synthesize: the best solution as a file."""
+
+
+def answer_export(body: ExportRequest, resources: Resources) -> tuple[bytes, str]:
+    """Content and media type of a file."""
+    request = body.request
+    solution = body.solution or _ranked(request, body.rank, resources)
+    if body.format == "json":
+        content = {
+            "request": request.model_dump(mode="json", exclude_defaults=True),
+            "solution": solution.model_dump(mode="json"),
+        }
+        return json.dumps(content, indent=1, allow_nan=False).encode(), "application/json"
+    content = _render(body.format, request, solution, MILLIMETRES[body.length_unit])
+    return content, MEDIA_TYPES[body.format]
+
+
+def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
+    """The route /v1/export."""
+    files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
+    bodies = {name: {"value": {"request": example, "format": name}} for name in ("dxf", "svg", "csv", "mjcf", "json")}
+
+    @app.post(
+        "/v1/export",
+        tags=["synthesize"],
+        summary="A linkage as a file: JSON, CSV, SVG, DXF or MJCF.",
+        response_class=Response,
+        response_model=None,
+        responses={**responses, 200: {"content": files}},
+        openapi_extra={"requestBody": {"content": {"application/json": {"examples": bodies}}}},
+    )
+    async def export(body: ExportRequest) -> Response:
+        content, media_type = await app.state.turnstile.run(answer_export, body, resources)
+        ending = "xml" if body.format == "mjcf" else body.format
+        return Response(
+            content,
+            media_type=media_type,
+            headers={"Content-Disposition": f'attachment; filename="linkage.{ending}"'},
+        )

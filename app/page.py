@@ -1,0 +1,154 @@
+"""The page at the service's root: static files from memory, with a policy that lets nothing else in.
+
+Every file is read once, when the routes are made, and found by its exact name: a request cannot reach the file system.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Any
+
+from fastapi import FastAPI, Request, Response
+
+from app.problems import NotFound
+from app.query import Query
+from app.scenes import scene_queries
+
+MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+}
+"""Endings of the files that are served; others (README, licences) are not."""
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+    "Vary": "Accept-Encoding",
+}
+"""``no-cache``: kept by the browser and asked for again with its ETag, so that modules never are of two versions."""
+SCENE_TITLES = {"lift": "Lift", "chain": "Chain slide", "knotter": "Knotter"}
+
+
+@dataclass(frozen=True)
+class StaticFile:
+    """A file of the page, plain and compressed."""
+
+    content: bytes
+    compressed: bytes
+    media_type: str
+    etag: str
+
+    @classmethod
+    def of(cls, name: str, content: bytes) -> StaticFile:
+        ending = name[name.rindex(".") :]
+        etag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
+        return cls(content, gzip.compress(content, mtime=0), MEDIA_TYPES[ending], etag)
+
+    def reply(self, request: Request) -> Response:
+        """The file, or 304 where the browser has it already."""
+        headers = {**HEADERS, "ETag": self.etag}
+        known = [tag.strip().removeprefix("W/") for tag in request.headers.get("if-none-match", "").split(",")]
+        if self.etag in known or known == ["*"]:
+            return Response(status_code=304, headers=headers)
+        content = self.content
+        if accepts_gzip(request.headers.get("accept-encoding", "")):
+            content = self.compressed
+            headers["Content-Encoding"] = "gzip"
+        return Response(content, media_type=self.media_type, headers=headers)
+
+
+def accepts_gzip(accept: str) -> bool:
+    """Whether an Accept-Encoding header lets gzip in (RFC 9110, 12.5.3)."""
+    for entry in accept.lower().split(","):
+        coding, *parameters = (part.strip() for part in entry.split(";"))
+        if coding in ("gzip", "*"):
+            return not any(p.startswith("q=0") and not p.strip("q=0.") for p in parameters)
+    return False
+
+
+def _walk(folder: Traversable, prefix: str = "") -> Iterator[tuple[str, bytes]]:
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        if entry.is_dir():
+            yield from _walk(entry, f"{prefix}{entry.name}/")
+        elif any(entry.name.endswith(ending) for ending in MEDIA_TYPES):
+            yield prefix + entry.name, entry.read_bytes()
+
+
+def static_files() -> dict[str, StaticFile]:
+    """The page's files by their name under ``static/``."""
+    return {name: StaticFile.of(name, content) for name, content in _walk(files("app").joinpath("static"))}
+
+
+def _scene(query: Query) -> str:
+    return query.command.split()[0]
+
+
+def scene_pages() -> dict[str, dict[str, Any]]:
+    """What a scene's page is made from: its queries with the schema of their requests and their examples."""
+    scenes: dict[str, dict[str, Any]] = {}
+    for query in scene_queries():
+        name = _scene(query)
+        scene = scenes.setdefault(
+            name, {"name": name, "title": SCENE_TITLES.get(name, name.capitalize()), "queries": []}
+        )
+        scene["queries"].append(
+            {
+                "path": query.path,
+                "command": query.command,
+                "summary": query.summary,
+                "schema": query.request.model_json_schema(),
+                "examples": dict(query.examples),
+                "exports": list(query.exports),
+            }
+        )
+    return scenes
+
+
+def install(app: FastAPI) -> None:
+    """The routes ``/``, ``/static/...``, one page a scene, and what those pages are made from."""
+    stored = static_files()
+    scenes = scene_pages()
+    methods = ["GET", "HEAD"]
+    hidden: dict[str, Any] = {"methods": methods, "include_in_schema": False}
+
+    @app.api_route("/", **hidden)
+    async def page(request: Request) -> Response:
+        return stored["index.html"].reply(request)
+
+    @app.api_route("/favicon.ico", **hidden)
+    async def icon(request: Request) -> Response:
+        return stored["icon.svg"].reply(request)
+
+    @app.api_route("/static/{name:path}", **hidden)
+    async def static(name: str, request: Request) -> Response:
+        if name not in stored or name.endswith(".html"):
+            raise NotFound("the page has no such file")
+        return stored[name].reply(request)
+
+    @app.api_route("/scenes", **hidden)
+    async def scene_list() -> list[dict[str, str]]:
+        return [{"name": scene["name"], "title": scene["title"]} for scene in scenes.values()]
+
+    @app.api_route("/scenes/{name}", **hidden)
+    async def scene_page(name: str, request: Request) -> Response:
+        if name not in scenes:
+            raise NotFound("there is no such scene")
+        return stored["scene.html"].reply(request)
+
+    @app.api_route("/scenes/{name}/queries", **hidden)
+    async def scene_details(name: str) -> dict[str, Any]:
+        if name not in scenes:
+            raise NotFound("there is no such scene")
+        return scenes[name]
