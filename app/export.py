@@ -50,7 +50,7 @@ class ExportSolution(_ReplyPart):
     """One of the `solutions` of a reply, as it came."""
 
     links: ExportLinks
-    branch: Annotated[Literal[-1, 1], Strict()]
+    branch: Literal[-1, 1]
     start_angle: Angle
     body_offset: Angle | None = None
     mount: ExportMount | None = None

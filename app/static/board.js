@@ -1,0 +1,308 @@
+// The canvas: poses that are dragged and turned, the pivot box, and the chosen linkage over them.
+
+import { LinkageShape, View, make, pathData, put, roundStep, text } from "./drawing.js";
+
+const ARM = 30;
+const HELP = {
+  move: "Drag a pose, or its ring to turn it. Keys: arrows move, [ and ] turn, Page Up and Down choose, Delete removes.",
+  add: "Click where the next pose shall be.",
+  box: "Drag a box in which both fixed pivots must lie; its corners move it.",
+};
+
+/** What the canvas does to the motion goes through `edit(change, kind)` and `settle()`; `choose(k)` selects a pose. */
+export class Board {
+  constructor(svg, help, actions) {
+    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, stale: false });
+    for (const layer of ["grid", "box", "curves", "targets", "linkage", "poses"]) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
+    this.shape = new LinkageShape(this.linkageLayer);
+    this.shape.show(null);
+    this.poses = [];
+    this.motion = null;
+    this.linkage = null;
+    this.setMode("move");
+    new ResizeObserver(() => this.resize()).observe(svg);
+    svg.addEventListener("pointerdown", (event) => this.press(event));
+    svg.addEventListener("keydown", (event) => this.key(event));
+    svg.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && !event.metaKey) return;
+      event.preventDefault();
+      const [px, py] = this.pixel(event);
+      this.view.zoom(Math.exp(-event.deltaY / 300), px, py);
+      this.draw();
+    }, { passive: false });
+    this.resize();
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.svg;
+    if (!width || !height) return;
+    const kept = this.view.width && this.fitted;
+    Object.assign(this.view, { width, height });
+    this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    if (kept && this.motion) this.fit();
+    else this.draw();
+  }
+
+  setMode(mode) {
+    this.mode = mode;
+    this.svg.dataset.mode = mode;
+    this.help.textContent = HELP[mode];
+  }
+
+  /** The motion that is shown, and the pose that is chosen. */
+  show(motion, chosen) {
+    this.motion = motion;
+    this.chosen = Math.max(0, Math.min(chosen, motion.poses.length - 1));
+    this.draw();
+  }
+
+  /** The linkage that is shown: null, or {linkage, used, turn, errors}. */
+  showLinkage(found) {
+    this.linkage = found;
+    this.draw();
+  }
+
+  showJoints(joints) {
+    this.joints = joints;
+    this.shape.show(this.linkage ? joints : null, this.view);
+  }
+
+  get hasPlaces() { return this.motion && this.motion.wanted !== "rotation"; }
+
+  fit() {
+    this.fitted = true;
+    const points = this.hasPlaces ? this.motion.poses.map((pose) => [pose.x, pose.y]) : [];
+    const box = this.motion?.limits.box;
+    if (box && this.hasPlaces) points.push([box[0], box[1]], [box[2], box[3]]);
+    if (this.linkage) for (const j of this.linkage.used) if (j) points.push(j.a, j.b, j.c, j.d, j.p);
+    if (this.hasPlaces && points.length && points.every(([x, y]) => x === points[0][0] && y === points[0][1])) points.push([points[0][0] + 50, points[0][1] + 50], [points[0][0] - 50, points[0][1] - 50]);
+    this.view.fit(points, this.view.width < 500 ? 38 : 52);
+    this.draw();
+  }
+
+  zoom(factor) {
+    this.view.zoom(factor);
+    this.draw();
+  }
+
+  draw() {
+    const { view } = this;
+    this.svg.dataset.view = `${view.cx} ${view.cy} ${view.scale}`;
+    this.drawGrid();
+    this.drawBox();
+    this.drawCurves();
+    this.drawPoses();
+    this.shape.show(this.linkage ? this.joints : null, view);
+    this.linkageLayer.classList.toggle("dimmed", this.stale);
+    this.curvesLayer.classList.toggle("dimmed", this.stale);
+  }
+
+  drawGrid() {
+    const { view, gridLayer } = this;
+    gridLayer.replaceChildren();
+    const step = roundStep(56 / view.scale);
+    const [left, high] = view.world(0, 0), [right, low] = view.world(view.width, view.height);
+    let minor = "", axis = "";
+    const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+    const name = (value) => (Math.abs(value) >= 1e6 || (value !== 0 && digits > 5) ? text(value, 4) : value.toFixed(Math.min(digits, 20)));
+    for (let k = Math.ceil(left / step); k <= right / step && gridLayer.childElementCount < 400; k++) {
+      const x = Math.round(view.x(k * step)) + 0.5;
+      if (k === 0) axis += `M${x} 0V${view.height}`;
+      else minor += `M${x} 0V${view.height}`;
+      if (x > 34 && x < view.width - 14) make("text", { class: "tick", x, y: view.height - 6, "text-anchor": "middle", "aria-hidden": "true" }, gridLayer).textContent = name(k * step);
+    }
+    for (let k = Math.ceil(low / step); k <= high / step && gridLayer.childElementCount < 800; k++) {
+      const y = Math.round(view.y(k * step)) + 0.5;
+      if (k === 0) axis += `M0 ${y}H${view.width}`;
+      else minor += `M0 ${y}H${view.width}`;
+      if (y > 14 && y < view.height - 22) make("text", { class: "tick", x: 5, y: y - 3, "aria-hidden": "true" }, gridLayer).textContent = name(k * step);
+    }
+    gridLayer.prepend(make("path", { class: "grid", d: minor }), make("path", { class: "axis", d: axis }));
+    this.step = step;
+  }
+
+  drawBox() {
+    const box = this.hasPlaces ? this.motion.limits.box : null;
+    this.boxLayer.replaceChildren();
+    if (!box) return;
+    const [x0, y0] = this.view.at([box[0], box[3]]), [x1, y1] = this.view.at([box[2], box[1]]);
+    make("rect", { class: "pivot-box", x: Math.min(x0, x1), y: Math.min(y0, y1), width: Math.abs(x1 - x0), height: Math.abs(y1 - y0) }, this.boxLayer);
+    const label = make("text", { class: "tick", x: Math.min(x0, x1) + 7, y: Math.min(y0, y1) + 16 }, this.boxLayer);
+    label.textContent = "pivots";
+    for (const [x, y, i, j] of [[x0, y0, 0, 3], [x1, y0, 2, 3], [x1, y1, 2, 1], [x0, y1, 0, 1]])
+      make("rect", { class: "box-handle", x: x - 5, y: y - 5, width: 10, height: 10, rx: 2, "data-corner": `${i} ${j}` }, this.boxLayer);
+  }
+
+  drawCurves() {
+    const { view, linkage } = this;
+    this.curvesLayer.replaceChildren();
+    this.targetsLayer.replaceChildren();
+    if (!linkage) return;
+    const way = (list) => pathData(list.map((j) => j && (j.p ?? j.c)), view);
+    if (linkage.turn) make("path", { class: "curve turn", d: way(linkage.turn) }, this.curvesLayer);
+    make("path", { class: "curve", d: way(linkage.used), "data-curve": "used" }, this.curvesLayer);
+    if (!linkage.errors || this.stale) return;
+    const longest = Math.max(...linkage.errors.map(([from, to]) => Math.hypot(to[0] - from[0], to[1] - from[1])));
+    const pixels = longest * view.scale;
+    if (!(pixels > 1e-7)) return;
+    const factor = pixels >= 3 ? 1 : 10 ** Math.min(9, Math.ceil(Math.log10(12 / pixels)));
+    for (const [from, to] of linkage.errors) {
+      const [x, y] = view.at(from);
+      const dx = (to[0] - from[0]) * view.scale * factor, dy = -(to[1] - from[1]) * view.scale * factor;
+      make("path", { class: "miss", d: `M${x} ${y}l${dx} ${dy}` }, this.targetsLayer);
+    }
+    make("text", { class: "miss-note", x: view.width - 10, y: 18, "text-anchor": "end" }, this.targetsLayer).textContent =
+      `errors drawn ${factor === 1 ? "to scale" : `${factor < 1e5 ? factor : factor.toExponential(0)} times larger`}`;
+  }
+
+  drawPoses() {
+    const poses = this.hasPlaces ? this.motion.poses : [];
+    while (this.poses.length > poses.length) this.poses.pop().group.remove();
+    while (this.poses.length < poses.length) this.poses.push(this.makePose(this.poses.length));
+    const last = poses.length - 1, turning = this.motion && this.motion.wanted === "both";
+    poses.forEach((pose, k) => {
+      const parts = this.poses[k], chosen = k === this.chosen;
+      const [x, y] = this.view.at([pose.x, pose.y]);
+      const turn = (pose.angle * Math.PI) / 180;
+      const arm = chosen ? ARM : 18;
+      const ax = arm * Math.cos(turn), ay = -arm * Math.sin(turn);
+      put(parts.group, {
+        transform: `translate(${x} ${y})`, class: chosen ? "pose chosen" : "pose", tabindex: chosen ? 0 : -1,
+        "aria-label": `Pose ${k + 1} of ${poses.length}: x ${text(pose.x, 4)}, y ${text(pose.y, 4)}${turning ? `, angle ${text(pose.angle, 4)} degrees` : ""}`,
+      });
+      put(parts.arm, { d: turning ? `M0 0L${ax} ${ay}` : "" });
+      put(parts.turner, { cx: ax, cy: ay, visibility: chosen && turning ? "inherit" : "hidden" });
+      put(parts.turnHit, { cx: ax, cy: ay, visibility: chosen && turning ? "inherit" : "hidden" });
+      const named = chosen || k === 0 || k === last;
+      parts.label.textContent = named ? String(k + 1) : "";
+      // beside the arm, on the side away from it
+      put(parts.label, { x: -11 * Math.cos(turn + 0.6), y: 11 * Math.sin(turn + 0.6) + 4 });
+    });
+  }
+
+  makePose(k) {
+    const group = make("g", { class: "pose", role: "button", "data-pose": k }, this.posesLayer);
+    const arm = make("path", { class: "arm" }, group);
+    make("circle", { class: "ring", r: 11 }, group);
+    make("circle", { class: "dot", r: 4.5 }, group);
+    make("circle", { class: "hit", r: 11 }, group);
+    const turnHit = make("circle", { class: "hit", r: 12, "data-turner": "" }, group);
+    const turner = make("circle", { class: "turner", r: 5, "data-turner": "" }, group);
+    const label = make("text", { "text-anchor": "middle", "aria-hidden": "true" }, group);
+    group.addEventListener("focus", () => { if (this.chosen !== k) this.actions.choose(k); });
+    return { group, arm, turner, turnHit, label };
+  }
+
+  pixel(event) {
+    const frame = this.svg.getBoundingClientRect();
+    return [event.clientX - frame.left - this.svg.clientLeft, event.clientY - frame.top - this.svg.clientTop];
+  }
+
+  /** World coordinates of a pointer, rounded to what a pixel can say. */
+  place(px, py) {
+    const unit = 10 ** Math.floor(Math.log10(1 / this.view.scale));
+    return this.view.world(px, py).map((value) => Number((Math.round(value / unit) * unit).toPrecision(12)));
+  }
+
+  press(event) {
+    if (event.button !== 0) return;
+    const [px, py] = this.pixel(event);
+    const target = event.target;
+    const corner = target.getAttribute("data-corner");
+    const held = target.closest(".pose");
+    if (this.mode === "add" && this.hasPlaces) {
+      event.preventDefault();
+      this.actions.add(this.place(px, py));
+      return;
+    }
+    if (held && this.mode === "move") {
+      const k = Number(held.dataset.pose);
+      const turning = target.hasAttribute("data-turner");
+      this.actions.choose(k);
+      held.focus({ preventScroll: true });
+      const pose = this.motion.poses[k];
+      const from = this.place(px, py), origin = [pose.x, pose.y];
+      this.follow(event, (qx, qy) => this.actions.edit((motion) => {
+        const moved = motion.poses[k];
+        if (!moved) return;
+        if (turning) {
+          const [x, y] = this.view.at([moved.x, moved.y]);
+          const angle = (Math.atan2(y - qy, qx - x) * 180) / Math.PI;
+          // the nearest of the same angle's turns: a rotation is continuous
+          moved.angle = Number((angle + 360 * Math.round((moved.angle - angle) / 360)).toFixed(1));
+        } else {
+          const to = this.place(qx, qy);
+          [moved.x, moved.y] = [0, 1].map((i) => Number((origin[i] + to[i] - from[i]).toPrecision(12)));
+        }
+      }, `drag ${k}`));
+      return;
+    }
+    if (corner && this.hasPlaces) {
+      const [i, j] = corner.split(" ").map(Number);
+      const box = this.motion.limits.box;
+      this.dragBox(event, [box[i === 0 ? 2 : 0], box[j === 1 ? 3 : 1]]);
+      return;
+    }
+    if (this.mode === "box" && this.hasPlaces) {
+      this.dragBox(event, this.place(px, py));
+      return;
+    }
+    if (event.pointerType === "touch") return;
+    const { cx, cy, scale } = this.view;
+    this.follow(event, (qx, qy) => {
+      Object.assign(this.view, { cx: cx - (qx - px) / scale, cy: cy + (qy - py) / scale });
+      this.fitted = false;
+      this.draw();
+    });
+  }
+
+  dragBox(event, [x, y]) {
+    this.follow(event, (qx, qy) => this.actions.edit((motion) => {
+      const [u, v] = this.place(qx, qy);
+      motion.limits.box = [Math.min(x, u), Math.min(y, v), Math.max(x, u), Math.max(y, v)];
+    }, "box"));
+  }
+
+  follow(event, move) {
+    event.preventDefault();
+    const { pointerId } = event;
+    this.svg.setPointerCapture(pointerId);
+    const moved = (at) => { if (at.pointerId === pointerId) move(...this.pixel(at)); };
+    const done = (at) => {
+      if (at.pointerId !== pointerId) return;
+      for (const name of ["pointerup", "pointercancel"]) this.svg.removeEventListener(name, done);
+      this.svg.removeEventListener("pointermove", moved);
+      this.actions.settle();
+    };
+    this.svg.addEventListener("pointermove", moved);
+    for (const name of ["pointerup", "pointercancel"]) this.svg.addEventListener(name, done);
+  }
+
+  key(event) {
+    const held = event.target.closest?.(".pose");
+    if (!held || event.ctrlKey || event.metaKey || event.altKey) return;
+    const k = Number(held.dataset.pose);
+    const go = (event.shiftKey ? 1 : 0.1) * this.step;
+    const turn = event.shiftKey ? 10 : 1;
+    const moves = {
+      ArrowLeft: [-go, 0, 0], ArrowRight: [go, 0, 0], ArrowDown: [0, -go, 0], ArrowUp: [0, go, 0],
+      "[": [0, 0, turn], "]": [0, 0, -turn], "{": [0, 0, turn], "}": [0, 0, -turn],
+    };
+    const move = moves[event.key];
+    if (move) {
+      this.actions.edit((motion) => {
+        const pose = motion.poses[k];
+        pose.x = Number((pose.x + move[0]).toPrecision(12));
+        pose.y = Number((pose.y + move[1]).toPrecision(12));
+        pose.angle = Number((pose.angle + move[2]).toPrecision(12));
+      }, `key ${k} ${event.key}`);
+    } else if (event.key === "Delete" || event.key === "Backspace") {
+      this.actions.remove(k);
+    } else if (event.key === "PageDown" || event.key === "PageUp") {
+      const next = Math.max(0, Math.min(this.motion.poses.length - 1, k + (event.key === "PageDown" ? 1 : -1)));
+      this.actions.choose(next);
+      this.poses[next].group.focus({ preventScroll: true });
+    } else return;
+    event.preventDefault();
+  }
+}

@@ -1,0 +1,69 @@
+// Curves, drawn by the vendored uPlot in the page's colours.
+
+/* global uPlot */
+
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+function axis(more = {}) {
+  return {
+    stroke: colour("muted"), font: "11px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
+    grid: { stroke: colour("line"), width: 1 }, ticks: { stroke: colour("line"), width: 1, size: 4 }, ...more,
+  };
+}
+
+const degrees = (u, values) => values.map((value) => `${Number(value.toFixed(6))}°`);
+const brief = (value) => (value === 0 ? "0" : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3 ? value.toExponential(0).replace("+", "") : String(Number(value.toPrecision(4))));
+
+/**
+ * A chart in `host`. `series` are {values, colour, points, width, dash}; `x` are shared abscissas.
+ * Returned: the uPlot, with `mark(x)` that moves its upright line.
+ */
+export function chart(host, { x, series, height = 130, degreesX = true, degreesY = false, logY = false, range = null, xName = "" }) {
+  host.replaceChildren();
+  const width = Math.max(200, host.clientWidth);
+  let marked = null;
+  const options = {
+    width, height, legend: { show: false },
+    cursor: { show: false },
+    padding: [8, 10, 0, 0],
+    scales: { x: { time: false }, y: logY ? { distr: 3 } : range ? { range } : {} },
+    axes: [
+      axis({ size: 26, space: 60, ...(degreesX ? { values: degrees } : {}) }),
+      axis({ size: 54, space: logY ? 22 : 28, values: degreesY ? degrees : (u, values) => values.map((v) => (v === null ? "" : brief(v))) }),
+    ],
+    series: [{}, ...series.map((one) => ({
+      stroke: colour(one.colour), width: one.width ?? 1.8, dash: one.dash, spanGaps: Boolean(one.points), paths: one.points ? () => null : one.steps ? uPlot.paths.stepped({ align: 1 }) : undefined,
+      points: { show: Boolean(one.points), size: one.size ?? 6, fill: colour(one.colour), stroke: colour(one.colour) },
+    }))],
+    hooks: {
+      draw: [(u) => {
+        if (marked === null) return;
+        const at = Math.round(u.valToPos(marked, "x", true)), { top, height: tall } = u.bbox;
+        u.ctx.save();
+        u.ctx.strokeStyle = colour("ink");
+        u.ctx.lineWidth = devicePixelRatio;
+        u.ctx.beginPath();
+        u.ctx.moveTo(at, top);
+        u.ctx.lineTo(at, top + tall);
+        u.ctx.stroke();
+        u.ctx.restore();
+      }],
+    },
+  };
+  const plot = new uPlot(options, [x, ...series.map((one) => one.values)], host);
+  plot.mark = (value) => { marked = value; plot.redraw(false, false); };
+  plot.root.querySelectorAll("canvas").forEach((canvas) => canvas.setAttribute("aria-hidden", "true"));
+  void xName;
+  return plot;
+}
+
+/** Calls `draw` again when the page changes between light and dark or an element of width zero gets one. */
+export function redrawOn(host, draw) {
+  let width = host.clientWidth;
+  new ResizeObserver(() => {
+    if (host.clientWidth === width) return;
+    width = host.clientWidth;
+    if (width) draw();
+  }).observe(host);
+  document.addEventListener("themechange", draw);
+}

@@ -1,0 +1,125 @@
+// SVG drawing in world coordinates, y up: views, linkages, curves.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+export function make(name, attributes = {}, parent = null) {
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  parent?.append(element);
+  return element;
+}
+
+export function put(element, attributes) {
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+}
+
+/** World to pixels and back. */
+export class View {
+  constructor(width, height) {
+    Object.assign(this, { width, height, cx: 0, cy: 0, scale: 1 });
+  }
+
+  x(value) { return (value - this.cx) * this.scale + this.width / 2; }
+
+  y(value) { return this.height / 2 - (value - this.cy) * this.scale; }
+
+  at([x, y]) { return [this.x(x), this.y(y)]; }
+
+  world(px, py) { return [(px - this.width / 2) / this.scale + this.cx, (this.height / 2 - py) / this.scale + this.cy]; }
+
+  /** Shows all points, with a border of `pad` pixels. */
+  fit(points, pad) {
+    const good = points.filter((p) => p && Number.isFinite(p[0]) && Number.isFinite(p[1]));
+    if (!good.length) good.push([-60, -40], [60, 40]);
+    const xs = good.map((p) => p[0]), ys = good.map((p) => p[1]);
+    const [left, right] = [xs.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b))];
+    const [low, high] = [ys.reduce((a, b) => Math.min(a, b)), ys.reduce((a, b) => Math.max(a, b))];
+    const least = 1e-9 * Math.max(Math.abs(left), Math.abs(right), Math.abs(low), Math.abs(high)) || 1;
+    this.cx = (left + right) / 2;
+    this.cy = (low + high) / 2;
+    this.scale = Math.min(Math.max(this.width - 2 * pad, 20) / Math.max(right - left, least), Math.max(this.height - 2 * pad, 20) / Math.max(high - low, least));
+  }
+
+  zoom(factor, px = this.width / 2, py = this.height / 2) {
+    const [x, y] = this.world(px, py);
+    this.scale *= factor;
+    this.cx = x - (px - this.width / 2) / this.scale;
+    this.cy = y + (py - this.height / 2) / this.scale;
+  }
+}
+
+const short = (value) => Math.round(value * 100) / 100;
+
+/** Path data through points; a null point lifts the pen. */
+export function pathData(points, view) {
+  let data = "", pen = "M";
+  for (const point of points) {
+    if (!point) { pen = "M"; continue; }
+    data += `${pen}${short(view.x(point[0]))} ${short(view.y(point[1]))}`;
+    pen = "L";
+  }
+  return data;
+}
+
+/** 1, 2 or 5 times a power of ten, at least `least`. */
+export function roundStep(least) {
+  const power = 10 ** Math.floor(Math.log10(least));
+  return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= least * 0.999999);
+}
+
+/** A number in as few characters as say it. */
+export function text(value, digits = 6) {
+  if (value === null || value === undefined) return "–";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  return size >= 1e7 || size < 1e-4 ? value.toExponential(Math.min(digits - 1, 2)) : String(Number(value.toPrecision(digits)));
+}
+
+/** The elements of one linkage; `detail` false leaves the pins small. */
+export class LinkageShape {
+  constructor(parent, detail = true) {
+    this.group = make("g", { "aria-hidden": "true", class: detail ? "large" : "small" }, parent);
+    this.ground = make("path", { class: "ground" }, this.group);
+    this.body = make("path", { class: "body" }, this.group);
+    this.crank = make("path", { class: "link crank" }, this.group);
+    this.rocker = make("path", { class: "link rocker" }, this.group);
+    const pin = detail ? 5 : 2.6;
+    const dots = { a: ["fixed", pin + 1.5], b: ["fixed", pin + 1.5], d: ["pin", pin], c: ["pin", pin], p: ["point", pin] };
+    this.joints = Object.fromEntries(Object.entries(dots).map(([name, [kind, r]]) => [name, make("circle", { class: kind, r, "data-joint": name }, this.group)]));
+    this.carried = make("path", { class: "carried" }, this.group);
+    this.detail = detail;
+  }
+
+  /** Draws the joints of `Linkage.at`; null hides it. */
+  show(joints, view) {
+    this.group.setAttribute("visibility", joints ? "visible" : "hidden");
+    if (!joints) return;
+    const { a, b, c, d, p } = joints;
+    put(this.ground, { d: pathData([a, b], view) });
+    put(this.body, { d: `${pathData(p ? [d, c, p] : [d, c], view)}Z` });
+    put(this.crank, { d: pathData([a, d], view) });
+    put(this.rocker, { d: pathData([b, c], view) });
+    for (const [name, place] of Object.entries({ a, b, c, d, p })) {
+      const dot = this.joints[name];
+      dot.setAttribute("visibility", place ? "inherit" : "hidden");
+      if (place) put(dot, { cx: view.x(place[0]), cy: view.y(place[1]) });
+    }
+    if (p && this.detail) {
+      const [x, y] = view.at(p), turn = joints.rotation;
+      put(this.carried, { d: `M${x} ${y}L${x + 26 * Math.cos(turn)} ${y - 26 * Math.sin(turn)}` });
+    }
+  }
+}
+
+/** A small still picture of a linkage with its path. */
+export function thumbnail(linkage, spanRadians, targets, width = 160, height = 112) {
+  const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" });
+  const view = new View(width, height);
+  const used = linkage.over(0, spanRadians, 60);
+  const start = used.find(Boolean);
+  if (!start) return svg;
+  view.fit([start.a, start.b, ...used.flatMap((j) => (j ? [j.d, j.c, j.p] : [])), ...targets], 12);
+  make("path", { class: "curve", d: pathData(used.map((j) => j && (j.p ?? j.c)), view) }, svg);
+  new LinkageShape(svg, false).show(start, view);
+  return svg;
+}
