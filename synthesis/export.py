@@ -156,6 +156,7 @@ def to_csv(linkage: MountedLinkage, target: Target, unit: float) -> str:
 
     Angles are divided by ``unit`` (radians in one unit of angle); an empty cell is a number that was not asked for.
     """
+    check_closes(linkage, target.span)
     joints = linkage.joints(target.crank)
     blank = [None] * target.samples
 

@@ -159,17 +159,23 @@ export class Board {
     const poses = this.hasPlaces ? this.motion.poses : [];
     while (this.poses.length > poses.length) this.poses.pop().group.remove();
     while (this.poses.length < poses.length) this.poses.push(this.makePose(this.poses.length));
+    let way = 0;
+    for (let k = 1; k < poses.length; k++) way += Math.hypot(poses[k].x - poses[k - 1].x, poses[k].y - poses[k - 1].y) * this.view.scale;
+    const crowded = poses.length > 4 && way / (poses.length - 1) < 16;
+    this.posesLayer.classList.toggle("crowded", crowded);
     const last = poses.length - 1, turning = this.motion && this.motion.wanted === "both";
     poses.forEach((pose, k) => {
       const parts = this.poses[k], chosen = k === this.chosen;
       const [x, y] = this.view.at([pose.x, pose.y]);
       const turn = (pose.angle * Math.PI) / 180;
-      const arm = chosen ? ARM : 18;
+      const arm = chosen ? ARM : crowded ? 13 : 18;
       const ax = arm * Math.cos(turn), ay = -arm * Math.sin(turn);
       put(parts.group, {
         transform: `translate(${x} ${y})`, class: chosen ? "pose chosen" : "pose", tabindex: chosen ? 0 : -1,
         "aria-label": `Pose ${k + 1} of ${poses.length}: x ${text(pose.x, 4)}, y ${text(pose.y, 4)}${turning ? `, angle ${text(pose.angle, 4)} degrees` : ""}`,
       });
+      put(parts.dot, { r: chosen ? 5 : crowded ? 2.6 : 4.5 });
+      put(parts.hit, { r: crowded && !chosen ? 7 : 11 });
       put(parts.arm, { d: turning ? `M0 0L${ax} ${ay}` : "" });
       put(parts.turner, { cx: ax, cy: ay, visibility: chosen && turning ? "inherit" : "hidden" });
       put(parts.turnHit, { cx: ax, cy: ay, visibility: chosen && turning ? "inherit" : "hidden" });
@@ -184,13 +190,13 @@ export class Board {
     const group = make("g", { class: "pose", role: "button", "data-pose": k }, this.posesLayer);
     const arm = make("path", { class: "arm" }, group);
     make("circle", { class: "ring", r: 11 }, group);
-    make("circle", { class: "dot", r: 4.5 }, group);
-    make("circle", { class: "hit", r: 11 }, group);
+    const dot = make("circle", { class: "dot", r: 4.5 }, group);
+    const hit = make("circle", { class: "hit", r: 11 }, group);
     const turnHit = make("circle", { class: "hit", r: 12, "data-turner": "" }, group);
     const turner = make("circle", { class: "turner", r: 5, "data-turner": "" }, group);
     const label = make("text", { "text-anchor": "middle", "aria-hidden": "true" }, group);
     group.addEventListener("focus", () => { if (this.chosen !== k) this.actions.choose(k); });
-    return { group, arm, turner, turnHit, label };
+    return { group, arm, dot, hit, turner, turnHit, label };
   }
 
   pixel(event) {

@@ -14,11 +14,13 @@ function axis(more = {}) {
 const degrees = (u, values) => values.map((value) => `${Number(value.toFixed(6))}°`);
 const brief = (value) => (value === 0 ? "0" : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3 ? value.toExponential(0).replace("+", "") : String(Number(value.toPrecision(4))));
 
+const decades = (u, splits) => splits.map((value) => (Math.abs(Math.log10(value) % 1) < 1e-9 ? value : null));
+
 /**
  * A chart in `host`. `series` are {values, colour, points, width, dash}; `x` are shared abscissas.
  * Returned: the uPlot, with `mark(x)` that moves its upright line.
  */
-export function chart(host, { x, series, height = 130, degreesX = true, degreesY = false, logY = false, range = null, xName = "" }) {
+export function chart(host, { x, series, height = 130, degreesX = true, degreesY = false, logY = false, range = null, splits = null, xName = "" }) {
   host.replaceChildren();
   const width = Math.max(200, host.clientWidth);
   let marked = null;
@@ -28,11 +30,11 @@ export function chart(host, { x, series, height = 130, degreesX = true, degreesY
     padding: [8, 10, 0, 0],
     scales: { x: { time: false }, y: logY ? { distr: 3 } : range ? { range } : {} },
     axes: [
-      axis({ size: 26, space: 60, ...(degreesX ? { values: degrees } : {}) }),
-      axis({ size: 54, space: logY ? 22 : 28, values: degreesY ? degrees : (u, values) => values.map((v) => (v === null ? "" : brief(v))) }),
+      axis({ size: 26, space: 60, values: degreesX ? degrees : (u, values) => values.map((v) => `${brief(v)}${xName}`) }),
+      axis({ size: 54, space: logY ? 22 : 26, ...(splits ? { splits: () => splits } : {}), ...(logY ? { grid: { ...axis().grid, filter: decades }, ticks: { ...axis().ticks, filter: decades } } : {}), values: degreesY ? degrees : (u, values) => values.map((v) => (v === null ? "" : brief(v))) }),
     ],
     series: [{}, ...series.map((one) => ({
-      stroke: colour(one.colour), width: one.width ?? 1.8, dash: one.dash, spanGaps: Boolean(one.points), paths: one.points ? () => null : one.steps ? uPlot.paths.stepped({ align: 1 }) : undefined,
+      pxAlign: 0, stroke: colour(one.colour), width: one.width ?? 1.8, dash: one.dash, spanGaps: Boolean(one.points), paths: one.points ? () => null : one.steps ? uPlot.paths.stepped({ align: 1 }) : undefined,
       points: { show: Boolean(one.points), size: one.size ?? 6, fill: colour(one.colour), stroke: colour(one.colour) },
     }))],
     hooks: {
@@ -40,6 +42,7 @@ export function chart(host, { x, series, height = 130, degreesX = true, degreesY
         if (marked === null) return;
         const at = Math.round(u.valToPos(marked, "x", true)), { top, height: tall } = u.bbox;
         u.ctx.save();
+        u.ctx.setLineDash([]);
         u.ctx.strokeStyle = colour("ink");
         u.ctx.lineWidth = devicePixelRatio;
         u.ctx.beginPath();
@@ -53,7 +56,6 @@ export function chart(host, { x, series, height = 130, degreesX = true, degreesY
   const plot = new uPlot(options, [x, ...series.map((one) => one.values)], host);
   plot.mark = (value) => { marked = value; plot.redraw(false, false); };
   plot.root.querySelectorAll("canvas").forEach((canvas) => canvas.setAttribute("aria-hidden", "true"));
-  void xName;
   return plot;
 }
 

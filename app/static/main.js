@@ -86,7 +86,7 @@ function showTable() {
     CELLS.forEach(([name], column) => {
       const input = row.cells[column + 1].firstChild;
       const value = name === "t" ? angles[k] : pose[name];
-      if (input !== document.activeElement) input.value = Number(value.toPrecision(name === "t" ? 8 : 12));
+      if (input !== document.activeElement) input.value = Number(value.toPrecision(6));
       if (name === "t") input.readOnly = motion.even || k === 0;
       else input.disabled = (motion.wanted === "rotation" && name !== "angle") || (motion.wanted === "position" && name === "angle");
     });
@@ -101,7 +101,12 @@ function makeRow(k) {
     input.type = "text";
     input.inputMode = "decimal";
     input.setAttribute("aria-label", `Pose ${k + 1}, ${label}`);
-    input.addEventListener("focus", () => choosePose(k));
+    input.addEventListener("focus", () => {
+      choosePose(k);
+      // all digits while the number is being edited
+      const motion = history.value;
+      input.value = name === "t" ? Number(travels(motion)[k].toPrecision(14)) : motion.poses[k][name];
+    });
     input.addEventListener("input", () => {
       const value = Number(input.value.replace(",", "."));
       const good = input.value.trim() !== "" && Number.isFinite(value);
@@ -358,8 +363,10 @@ function motionChangedQuietly() {
 
 // -- results -----------------------------------------------------------------------------------------------------------
 
-function rotationError(solution) {
-  return solution.errors.rotation_rms === null ? null : `${text(solution.errors.rotation_rms, 3)}°`;
+/** An error; what is only rounding, against the motion's size, is said to be. */
+function small(value, size, unit = "") {
+  if (value === null) return null;
+  return value < 1e-12 * size ? "rounding" : `${text(value, 3)}${unit}`;
 }
 
 function showResults() {
@@ -387,8 +394,8 @@ function showResults() {
     name.textContent = `${solution.rank}. ${FAMILIES[solution.family] ?? solution.family}`;
     const facts = document.createElement("dl");
     const rows = [
-      ["angle error", rotationError(solution)],
-      ["place error", solution.errors.position_rms === null ? null : text(solution.errors.position_rms, 3)],
+      ["angle error", small(solution.errors.rotation_rms, 57, "°")],
+      ["place error", small(solution.errors.position_rms, reply.report.length_scale ?? 1)],
       ["transmission", `${text(solution.transmission_angle_min, 3)}°`],
     ];
     for (const [term, value] of rows) {
@@ -454,7 +461,7 @@ function showTravel() {
   $("travel").value = `${degrees.toFixed(1)}°`;
   $("slider").setAttribute("aria-valuetext", `crank turned by ${degrees.toFixed(1)} degrees`);
   board.showJoints(joints);
-  for (const one of charts) one.mark(degrees);
+  for (const one of charts) one.mark(Math.abs(degrees));
 }
 
 function play() {
@@ -495,12 +502,13 @@ function drawCurves() {
   const last = wholeTurn() ? Math.sign(span) * 2 * Math.PI : span;
   const count = 240;
   const fine = Array.from({ length: count + 1 }, (_, k) => (last * k) / count);
-  const all = [...new Set([...fine, ...angles.filter((t) => Math.abs(t) <= Math.abs(last) * (1 + 1e-12))])].sort((a, b) => a - b);
+  const inside = angles.filter((t) => Math.abs(t) <= Math.abs(last) * (1 + 1e-12));
+  const all = [...new Set([...fine, ...inside])].sort((a, b) => Math.abs(a) - Math.abs(b));
   const joints = all.map((t) => linkage.at(t));
   const where = new Map(angles.map((t, k) => [t, k]));
   const atSamples = (value) => all.map((t) => (where.has(t) ? value(where.get(t)) : null));
   const over = (value) => joints.map((j) => (j ? value(j) : null));
-  const x = all.map((t) => t / RAD);
+  const x = all.map((t) => Math.abs(t) / RAD); // a clockwise crank is drawn from left to right, too
   const host = $("curves");
   host.replaceChildren();
   charts = [];
@@ -522,17 +530,17 @@ function drawCurves() {
   const rotation = over((j) => j.rotation / RAD);
   const rotationSeries = [{ values: rotation, colour: "body" }];
   if (motion.wanted !== "position") rotationSeries.push({ values: atSamples((k) => motion.poses[k].angle), colour: "pose", points: true });
-  add(motion.wanted === "position" ? "Rotation of the coupler, degrees" : "Rotation of the body, degrees (dots: wanted)", bounds(rotation), rotationSeries, { degreesY: true });
+  add(motion.wanted === "position" ? "Rotation of the coupler, degrees" : "Rotation of the body, degrees (dots: wanted)", bounds(rotation), rotationSeries, { degreesY: true, height: 160 });
   const off = watched.errors?.map(([from, to]) => Math.hypot(to[0] - from[0], to[1] - from[1]));
-  if (off) add("Position error at the poses", bounds(off), [{ values: atSamples((k) => off[k]), colour: "bad", points: true }, { values: over(() => 0), colour: "line" }], { height: 110 });
+  if (off) add("Position error at the poses", bounds(off), [{ values: atSamples((k) => off[k]), colour: "bad", points: true }, { values: over(() => 0), colour: "line" }], { height: 130 });
   else if (motion.wanted === "rotation") {
     const wrong = at.map((j, k) => (j ? motion.poses[k].angle - j.rotation / RAD : 0));
-    add("Rotation error at the poses, degrees", bounds(wrong), [{ values: atSamples((k) => wrong[k]), colour: "bad", points: true }], { height: 110 });
+    add("Rotation error at the poses, degrees", bounds(wrong), [{ values: atSamples((k) => wrong[k]), colour: "bad", points: true }], { height: 130 });
   }
   const transmission = over((j) => j.transmission / RAD);
   const least = motion.limits.transmission;
-  add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, bounds(transmission), [{ values: transmission, colour: "path" }, ...(least ? [{ values: x.map(() => least), colour: "box", dash: [6, 4], width: 1.2 }] : [])], { degreesY: true, range: [0, 90] });
-  for (const one of charts) one.mark(Math.sign(span) * Number($("slider").value));
+  add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, bounds(transmission), [{ values: transmission, colour: "path" }, ...(least ? [{ values: x.map(() => least), colour: "box", dash: [6, 4], width: 1.2 }] : [])], { height: 160, degreesY: true, range: [0, 90], splits: [0, 30, 60, 90] });
+  for (const one of charts) one.mark(Number($("slider").value));
 }
 
 function drawTrace() {
@@ -544,7 +552,7 @@ function drawTrace() {
   trace.push([Math.max(report.elapsed_ms.total, trace.at(-1)[0] * 1.001), trace.at(-1)[1]]);
   box.setAttribute("aria-label", `Best error after each round: ${report.trace.slice(-6).map(([ms, objective]) => `${text(objective, 2)} after ${text(ms, 3)} ms`).join(", ")}`);
   chart(box, {
-    x: trace.map(([ms]) => ms), height: 170, degreesX: false, logY: true,
+    x: trace.map(([ms]) => ms), height: innerWidth <= 900 ? 170 : Math.max(170, Math.min(box.clientHeight, 360)), degreesX: false, logY: true, xName: " ms",
     series: [{ values: trace.map(([, objective]) => objective), colour: "accent", steps: true, size: 5 }],
   });
 }
@@ -567,10 +575,10 @@ function numberRows(solution) {
     );
   }
   const { errors } = solution;
-  if (errors.rotation_max !== null) rows.push(["Largest angle error", `${text(errors.rotation_max, 4)}°`]);
-  if (errors.position_max !== null) rows.push(["Largest place error", text(errors.position_max, 4)]);
-  rows.push(["Transmission, used", `${text(solution.transmission_angle_min, 5)}°`]);
-  if (solution.transmission_angle_min_turn !== null) rows.push(["Transmission, turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
+  if (errors.rotation_max !== null) rows.push(["Angle error, largest", `${text(errors.rotation_max, 4)}°`]);
+  if (errors.position_max !== null) rows.push(["Place error, largest", text(errors.position_max, 4)]);
+  rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
+  if (solution.transmission_angle_min_turn !== null) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
   const { rounded } = solution;
   if (rounded?.closes) rows.push(["Rounded links", ["crank", "coupler", "rocker", "ground"].map((name) => text(rounded.links[name], 8)).join(", ")], ["Error when rounded", rounded.errors.position_rms === null ? `${text(rounded.errors.rotation_rms, 3)}°` : text(rounded.errors.position_rms, 3)]);
   else if (rounded) rows.push(["Rounded links", "do not close"]);
