@@ -36,10 +36,11 @@ export class Board {
   resize() {
     const { clientWidth: width, clientHeight: height } = this.svg;
     if (!width || !height) return;
-    const kept = this.view.width && this.fitted;
+    const wider = width !== this.view.width;
     Object.assign(this.view, { width, height });
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    if (kept && this.motion) this.fit();
+    // a height that follows the table beside it must not move what is being drawn
+    if (wider && this.fitted && this.motion) this.fit();
     else this.draw();
   }
 
@@ -70,6 +71,11 @@ export class Board {
   get hasPlaces() { return this.motion && this.motion.wanted !== "rotation"; }
 
   fit() {
+    const { clientWidth: width, clientHeight: height } = this.svg;
+    if (width && height) {
+      Object.assign(this.view, { width, height });
+      this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    }
     this.fitted = true;
     const points = this.hasPlaces ? this.motion.poses.map((pose) => [pose.x, pose.y]) : [];
     const box = this.motion?.limits.box;
@@ -218,6 +224,7 @@ export class Board {
     const held = target.closest(".pose");
     if (this.mode === "add" && this.hasPlaces) {
       event.preventDefault();
+      this.fitted = false;
       this.actions.add(this.place(px, py));
       return;
     }

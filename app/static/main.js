@@ -347,11 +347,14 @@ async function solveNow() {
       first = false;
       if (!last) say(`Best so far after ${Math.round(performance.now() - begin)} ms; still searching…`);
     }, control.signal);
-    if (running === control) sayStatus(found.reply);
+    if (running === control && found) sayStatus(found.reply);
   } catch (error) {
     if (error.name !== "AbortError") say(error.message, true);
   } finally {
-    if (running === control) stopSearch();
+    if (running === control) {
+      running = null; // it has ended: nothing to abort
+      stopSearch();
+    }
     motionChangedQuietly();
   }
 }
@@ -654,12 +657,13 @@ async function start() {
     examples = await (await fetch("/static/examples.json")).json();
   } catch { say("The examples cannot be loaded.", true); }
   for (const { name, title } of examples) $("example").append(new Option(title, name));
-  let linked = false;
-  try { linked = await openLink(); } catch (error) { say(error.message, true); }
+  let linked = false, damaged = null;
+  try { linked = await openLink(); } catch (error) { damaged = error.message; }
   if (!linked && examples.length && !history.value.poses.length) loadExample(examples[0].name);
   history.past = [];
   motionChanged();
   board.fit();
+  if (damaged) say(damaged, true);
   document.body.dataset.ready = "true";
   if (linked) solveNow();
 }
