@@ -562,19 +562,20 @@ function drawTrace() {
 
 // -- numbers and files -------------------------------------------------------------------------------------------------
 
-function numberRows(solution) {
+/** Names and values of a solution, with so many digits. */
+function numberRows(solution, digits) {
   const { links, mount } = solution;
   const rows = [
-    ["Crank", text(links.crank, 10)], ["Coupler", text(links.coupler, 10)], ["Rocker", text(links.rocker, 10)], ["Ground", text(links.ground, 10)],
-    ["Branch", solution.branch > 0 ? "+1" : "−1"], ["Start angle", `${text(solution.start_angle, 10)}°`],
+    ["Crank", text(links.crank, digits)], ["Coupler", text(links.coupler, digits)], ["Rocker", text(links.rocker, digits)], ["Ground", text(links.ground, digits)],
+    ["Branch", solution.branch > 0 ? "+1" : "−1"], ["Start angle", `${text(solution.start_angle, digits)}°`],
   ];
-  if (solution.body_offset !== null) rows.push(["Body offset", `${text(solution.body_offset, 10)}°`]);
+  if (solution.body_offset !== null) rows.push(["Body offset", `${text(solution.body_offset, digits)}°`]);
   if (mount) {
     rows.push(
-      ["Pivot A", `${text(mount.pivot_a[0], 10)}, ${text(mount.pivot_a[1], 10)}`],
-      ["Pivot B", `${text(mount.pivot_b[0], 10)}, ${text(mount.pivot_b[1], 10)}`],
-      ["Ground angle", `${text(mount.ground_angle, 10)}°`],
-      ["Coupler point", `${text(mount.coupler_point.radius, 10)} at ${text(mount.coupler_point.angle, 10)}°`],
+      ["Pivot A", `${text(mount.pivot_a[0], digits)}, ${text(mount.pivot_a[1], digits)}`],
+      ["Pivot B", `${text(mount.pivot_b[0], digits)}, ${text(mount.pivot_b[1], digits)}`],
+      ["Ground angle", `${text(mount.ground_angle, digits)}°`],
+      ["Coupler point", `${text(mount.coupler_point.radius, digits)} at ${text(mount.coupler_point.angle, digits)}°`],
     );
   }
   const { errors } = solution;
@@ -590,7 +591,7 @@ function numberRows(solution) {
 
 function showNumbers() {
   const table = document.createElement("table");
-  for (const [name, value] of numberRows(watched.solution)) {
+  for (const [name, value] of numberRows(watched.solution, 8)) {
     const row = table.insertRow();
     const head = document.createElement("th");
     head.scope = "row";
@@ -636,7 +637,7 @@ function bindWatch() {
   $("slider").addEventListener("input", () => { pause(); showTravel(); });
   $("range").addEventListener("change", () => { setRange(); drawCurves(); });
   $("play").addEventListener("click", () => (timer === null ? play() : pause()));
-  $("copy").addEventListener("click", () => copy(numberRows(watched.solution).map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
+  $("copy").addEventListener("click", () => copy(numberRows(watched.solution, 17).map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
   for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => save(button.dataset.format));
   $("link").addEventListener("click", makeLink);
   $("print").addEventListener("click", () => print());
