@@ -12,6 +12,7 @@ import resource
 import signal
 import subprocess
 import sys
+import termios
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future
@@ -33,6 +34,7 @@ RULE = AtlasRule(TypeRule(200, 2), 16)
 """Three shards."""
 OPTIONS = ["--perimeter", "200", "--smallest", "2", "--samples", "16"]
 SLOW = ["--perimeter", "400", "--samples", "64", "--jobs", "2"]
+BRIEF = ["--perimeter", "300", "--samples", "32", "--jobs", "2"]
 
 
 class Here(Executor):
@@ -277,6 +279,7 @@ def test_wrong_usage_exits_2(arguments, text, command, capsys, tmp_path, monkeyp
 
 def test_a_terminal_gets_a_progress_bar(out) -> None:
     ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 100))
     build = start("--out", out, *OPTIONS, "--jobs", 1, stderr=theirs)
     os.close(theirs)
     drawn = b""
@@ -332,7 +335,7 @@ def test_200_kills_end_in_the_identical_file(tmp_path) -> None:
     reference = tmp_path / "reference" / "atlas.h5"
     reference.parent.mkdir()
     began = time.monotonic()
-    assert start("--out", reference, *SLOW).wait(120) == EXIT_OK
+    assert start("--out", reference, *BRIEF).wait(120) == EXIT_OK
     whole = time.monotonic() - began
     wanted = reference.read_bytes()
     out = tmp_path / "atlas.h5"
@@ -340,7 +343,7 @@ def test_200_kills_end_in_the_identical_file(tmp_path) -> None:
     rng = random.Random(1)
     kills = finished = 0
     while kills < 200:
-        build = start("--out", out, *SLOW, env=os.environ | dict([mark.split("=", 1)]))
+        build = start("--out", out, *BRIEF, env=os.environ | dict([mark.split("=", 1)]))
         try:
             build.wait(rng.uniform(0.1, 1.2) * whole)
         except subprocess.TimeoutExpired:
@@ -353,6 +356,6 @@ def test_200_kills_end_in_the_identical_file(tmp_path) -> None:
             finished += 1
             assert out.exists() and left_in(tmp_path) == ["atlas.h5", "reference"]
             out.unlink()
-    assert start("--out", out, *SLOW).wait(120) == EXIT_OK
+    assert start("--out", out, *BRIEF).wait(120) == EXIT_OK
     assert out.read_bytes() == wanted and left_in(tmp_path) == ["atlas.h5", "reference"]
     assert finished > 0
