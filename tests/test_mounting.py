@@ -133,3 +133,12 @@ def test_worked_example_is_recovered(default_scan, scale, offset) -> None:
     assert best.errors.objective < digits
     objectives = [solution.errors.objective for solution in solutions]
     assert objectives == sorted(objectives) and len({s.row for s in solutions}) == 3
+
+
+def test_an_exact_answer_over_a_short_span_is_found(default_scan) -> None:
+    # Missed once: the bound of the position error was above the error itself where {1, e^{it}} takes most of e^{i theta2}.
+    crank = np.deg2rad(30 + np.linspace(0, 20, 16))
+    theta2 = coupler_angle(LENGTHS, 1, crank)
+    target = make_target(theta2, np.exp(1j * crank) + (1 + 0.7j) * np.exp(1j * theta2), crank_angle=crank)
+    found, _ = default_scan.best(target, 1)
+    assert (found.row[0] + 1, found.start[0], found.branch[0]) == (45_185, 30, 1) and found.error[0] < 1e-12
