@@ -80,6 +80,8 @@ def make_target(
         Naming the field and the sample.
     """
     named = {"rotation": rotation, "position": position, "crank_angle": crank_angle}
+    if position is not None:
+        named["position"] = np.asarray(position, dtype=complex)
     given = {name: np.asarray(values) for name, values in named.items() if values is not None}
     if rotation is None and position is None:
         raise FieldError("", "give `rotation`, `position` or both")
@@ -109,6 +111,8 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
     if (crank_span is None) == (crank_angle is None):
         raise FieldError("/crank_span", "give either `crank_span` or `crank_angle`")
     if crank_angle is None:
+        if not np.isfinite(crank_span):
+            raise FieldError("/crank_span", "wanted a finite number")
         field, crank = "/crank_span", np.linspace(0.0, float(crank_span), samples)
     else:
         field, crank = "/crank_angle", crank_angle.astype(float) - float(crank_angle[0])
@@ -126,7 +130,7 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
 
 
 def _length_scale(position: NDArray[np.complex128], length_scale: float | None) -> float:
-    largest = float(np.max(np.abs(position.view(float))))
+    largest = float(max(np.max(np.abs(position.real)), np.max(np.abs(position.imag))))
     if largest > 1e100 or (length_scale is not None and not 1e-100 <= length_scale <= 1e100):
         raise FieldError(
             "/position" if largest > 1e100 else "/length_scale", "wanted lengths between 1e-100 and 1e100"
