@@ -1,8 +1,8 @@
 """The lift's link angles and loop equations: an independent check of the closed form, and how well posed a pose is.
 
 The five angles are those of the source: theta1 O->B, theta2 B->A, theta3 C->A, theta4 B->C, theta5 D->C, measured
-counter-clockwise from +x. Numbers in parentheses are its equations; `synthesis.lift` names it and the points. All
-arrays broadcast; the last axis of angles holds theta1 to theta5.
+counter-clockwise from +x. Numbers in parentheses are its equations; it is named in `synthesis.lift_pose`, which also
+explains the points. All arrays broadcast; the last axis of angles holds theta1 to theta5.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.lift import Design, Motion, Pose, Stroke, pose_at_turn, triangle_angle
+from synthesis.lift import Motion, Stroke
+from synthesis.lift_pose import Design, Pose, pose_at_turn, triangle_angle
 
 ANGLE_COUNT = 5
 CONDITION_NODES = 33
