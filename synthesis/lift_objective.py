@@ -27,8 +27,9 @@ PROJECT_NODES = 257
 """Values of gamma on which the roots of a projection are isolated."""
 HALVINGS = 60
 """Halvings of an interval of gamma: to the last bit."""
-OPEN_END = 1e-9
-"""Share of the range of gamma that is kept away from its open ends, the flat triangles (34)."""
+OPEN_END = 1e-5
+"""Share of the range of gamma that is kept away from its open ends, the flat triangles (34): in flatter ones the
+lengths no longer carry the angle."""
 BLOCK = 1 << 19
 """Poses that are evaluated at a time: bounds the memory."""
 

@@ -22,6 +22,7 @@ from synthesis.lift_objective import (
     OPEN_END,
     Evaluator,
     Kind,
+    Objective,
     Task,
     base_distance,
     design_from_angle,
@@ -35,10 +36,14 @@ ANGLE_NODES = 129
 """Values of gamma on which the admissible intervals are isolated."""
 FIRST_LOOK, CLOSER_LOOK = 17, 9
 """Points across an interval at first, and at each closer look (which narrows it by a factor of four)."""
+CLOSER_REACH = 8
+"""Nodes to either side that a closer look keeps when it asks what must give way."""
 INNER_LOOKS, OUTER_LOOKS = 12, 12
 """Closer looks over gamma and over l2."""
 CANDIDATES = 3
 """Local optima over l2 that are followed to the end."""
+STRICT = 1e-9
+"""Share of the top height by which l3 stays below l5, a strict inequality (36)."""
 ACTIVE = 1e-7
 """A constraint is active when its slack is below this share of the top height."""
 SEARCH_LIMIT = 1e3
@@ -71,8 +76,8 @@ def optimize(task: Task) -> Optimum:
     Raises
     ------
     FieldError
-        Where no design is admissible: ``constraint`` and ``amount`` are of the one that fails most in the design
-        that comes closest; ``violated`` lists all of them.
+        Where no design is admissible: ``constraint`` names the inequality that must give way (a bound, or
+        ``stopping``: the cylinder comes to rest) and ``amount`` by how much at least; all others can then hold.
 
     Laws: the objective is not above that of any admissible design; it scales with the square of the speed, and the
     design does not change with it; scaling all lengths scales the design.
@@ -139,6 +144,9 @@ def _optimize_at_unit_speed(task: Task) -> Optimum:
     arms = np.union1d(even, low + np.geomspace(min(1e-3 * task.high, 0.5 * span), span, ARM_NODES))
     arms[-1] = high
     values, gammas = _best_angles(arms, evaluator)
+    if not np.any(np.isfinite(values)):
+        arms = np.union1d(arms, _roomiest_arm(task))
+        values, gammas = _best_angles(arms, evaluator)
     padded = np.concatenate([[np.inf], values, [np.inf]])
     valleys = np.nonzero(np.isfinite(values) & (values <= padded[:-2]) & (values <= padded[2:]))[0]
     valleys = valleys[np.argsort(values[valleys], kind="stable")][:CANDIDATES]
@@ -155,13 +163,13 @@ def _optimize_at_unit_speed(task: Task) -> Optimum:
     at_bottom = 1.0 if drive.speed > 0 else _final_speed(travel, drive)
     return Optimum(
         design=design,
-        objective=value,
+        objective=float(value),
         active=tuple(name for name, slack in slacks.items() if slack <= ACTIVE * task.high),
         slacks=slacks,
         equations=equation_residuals(design, drive.length, task.low, task.high),
         duration=float(travel_time(travel, drive.speed, drive.acceleration)),
         # the start is collinear, so that B moves along the line OA
-        velocity_bottom=float(drive.speed) * at_bottom * (drive.length + design.l2) / task.low,
+        velocity_bottom=float(drive.speed * at_bottom * (drive.length + design.l2) / task.low),
         mean_velocity=float(mean),
         dead_point_length=float(pose_at_turn(design, turn_dead).length),
         evaluations=evaluator.evaluations,
@@ -181,6 +189,7 @@ def _slacks(design: Design, task: Task) -> dict[str, np.ndarray]:
     """Slack of each inequality as a length, negative where it fails."""
     bound = task.upper_bound
     slacks = {
+        "triangle": np.minimum(design.l4 - np.abs(design.l2 - design.l3), design.l2 + design.l3 - design.l4),
         "l3<l5": design.l5 - design.l3,
         "l3<=l2": design.l2 - design.l3,
         "l4<=l2": design.l2 - design.l4,
@@ -232,8 +241,8 @@ def _room(arms: np.ndarray, gammas: np.ndarray, task: Task) -> np.ndarray:
     """The least slack of the inequalities that depend on gamma; those of l2 alone are kept by its range."""
     design = design_from_angle(arms, gammas, task.cylinder.length, task.low, task.high)
     slacks = _slacks(design, task)
-    del slacks["l2<=upper_bound"], slacks["b<=upper_bound"]
-    slacks["l3<l5"] = slacks["l3<l5"] - OPEN_END * task.high
+    del slacks["l2<=upper_bound"], slacks["b<=upper_bound"], slacks["triangle"]  # the last by the range of gamma
+    slacks["l3<l5"] = slacks["l3<l5"] - STRICT * task.high
     return np.minimum.reduce(list(slacks.values()))
 
 
@@ -308,43 +317,85 @@ def _narrow(
         tried, angles = _best_angles(looks, evaluator)
         index = int(np.argmin(tried))
         best = min(best, (float(tried[index]), float(looks[index]), float(angles[index])))
-        index = int(np.argmin(np.abs(looks - best[1])))
-        left, right = looks[max(index - 1, 0)], looks[min(index + 1, looks.size - 1)]
+        step = (right - left) / (CLOSER_LOOK - 1)
+        left, right = max(best[1] - step, left), min(best[1] + step, right)
     return best
 
 
-def _infeasible(task: Task) -> FieldError:
-    """The error that names the constraint which the closest design fails most."""
-    length = task.cylinder.length
-    start = max(task.low - length, 0.0)
-    reach = 4 * (task.upper_bound + task.high + length)
-    arms = np.array([start + OPEN_END * reach, start + reach])
-    fractions = np.array([OPEN_END, 1 - OPEN_END])
-    worst: dict[str, float] = {}
+def _roomiest_arm(task: Task) -> float:
+    """The l2 at which the inequalities leave most room: where to look when no node of the grid is admissible."""
+    low, high = _arm_range(task)
+    shares = (OPEN_END, 1 - OPEN_END)
+    arms = (low + OPEN_END * (high - low), high)
     for _ in range(INNER_LOOKS):
-        tall = np.linspace(arms[0], arms[1], ANGLE_NODES)[:, None]
-        wide = np.linspace(fractions[0], fractions[1], ANGLE_NODES)
-        design = design_from_angle(tall, wide * _angle_limit(tall, task), length, task.low, task.high)
-        slacks = _slacks(design, task)
-        least = np.minimum.reduce(list(slacks.values()))
-        row, column = np.unravel_index(int(np.argmax(least)), least.shape)
-        worst = {name: -float(slack[row, column]) for name, slack in slacks.items() if slack[row, column] <= 0}
-        arms = np.clip([tall[max(row - 2, 0), 0], tall[min(row + 2, ANGLE_NODES - 1), 0]], arms[0], arms[1])
-        fractions = np.array([wide[max(column - 2, 0)], wide[min(column + 2, ANGLE_NODES - 1)]])
-    if worst:
-        name = max(worst, key=lambda key: worst[key])
-        field = "/cylinder/acceleration" if name == "stopping" else "/upper_bound" if "bound" in name else "/stroke"
-        text = ", ".join(f"{key} by {amount:.6g}" for key, amount in worst.items())
-        return FieldError(
-            field,
-            f"no design reaches this stroke: even the one that comes closest fails {text}",
-            constraint=name,
-            amount=worst[name],
-            violated=worst,
-        )
+        tall, wide = np.linspace(*arms, ANGLE_NODES), np.linspace(*shares, ANGLE_NODES)
+        room = _room(tall[:, None], wide * _angle_limit(tall, task)[:, None], task)
+        row, column = np.unravel_index(int(np.argmax(room)), room.shape)
+        arms, shares = _around(tall, int(row)), _around(wide, int(column))
+    return float(tall[row])
+
+
+def _around(nodes: np.ndarray, at: int) -> tuple[float, float]:
+    """The neighbourhood of a node for a closer look; wide, for the best point may sit in the tip of a wedge."""
+    return float(nodes[max(at - CLOSER_REACH, 0)]), float(nodes[min(at + CLOSER_REACH, nodes.size - 1)])
+
+
+def _infeasible(task: Task) -> FieldError:
+    """The error that names what must give way, and by how much at least."""
+    drive = task.cylinder
+    steady = replace(task, cylinder=Cylinder(drive.length, drive.speed))
+    wide = SEARCH_LIMIT * (task.high + drive.length)
+    bounds = ("l2<=upper_bound", "l5<=upper_bound", "b<=upper_bound")
+    for relaxed, yielding in (
+        (steady, ("stopping",)),
+        (replace(task, upper_bound=wide), bounds),
+        (replace(steady, upper_bound=wide), ("stopping", *bounds)),
+    ):
+        worst = _least_violation(task, relaxed, yielding)
+        if worst is None or worst[1] <= 0:
+            continue
+        name, amount = worst
+        if name == "stopping":
+            text = f"the cylinder comes to rest at least {amount:.9g} before the end of every admissible design"
+            return FieldError("/cylinder/acceleration", text, constraint=name, amount=amount)
+        text = f"no design reaches this stroke within {task.upper_bound:.9g}: {name} fails by at least {amount:.9g}"
+        return FieldError("/upper_bound", text, constraint=name, amount=amount)
     return FieldError(
         "/stroke",
         "no design reaches this stroke without passing a dead point of the cylinder",
         constraint="dead_point",
         amount=0.0,
     )
+
+
+def _least_violation(task: Task, relaxed: Task, yielding: Sequence[str]) -> tuple[str, float] | None:
+    """The least by which `yielding` inequalities of a task fail in designs of the relaxed task, and the worst one."""
+    length = task.cylinder.length
+    # whether a design passes a dead point does not depend on the drive
+    drive = Cylinder(length, task.cylinder.speed)
+    works = Evaluator(replace(relaxed, cylinder=drive, objective=Objective("discrete")))
+    low, high = _arm_range(relaxed)
+    if not high > low:
+        return None
+    shares = (OPEN_END ** (1 / 4), 1.0)
+    found = None
+    for _ in range(INNER_LOOKS):
+        nodes = np.linspace(*shares, ANGLE_NODES)
+        arms = low + (high - low) * nodes**4  # short arms are where it matters
+        row, left, right = _intervals(arms, relaxed)
+        gammas = np.linspace(left, right, FIRST_LOOK, axis=1)
+        design = design_from_angle(arms[row][:, None], gammas, length, task.low, task.high)
+        slacks = _slacks(design, task)
+        given = [name for name in yielding if name in slacks]
+        if not given or not row.size:
+            return found
+        violation = np.maximum.reduce([np.broadcast_to(-slacks[name], gammas.shape) for name in given])
+        violation = np.where(np.isfinite(works(design, gammas)), violation, np.inf)
+        at, column = np.unravel_index(int(np.argmin(violation)), violation.shape)
+        if not np.isfinite(violation[at, column]):
+            return found
+        worst = max(given, key=lambda name: -float(np.broadcast_to(slacks[name], gammas.shape)[at, column]))
+        if found is None or violation[at, column] < found[1]:
+            found = worst, float(violation[at, column])
+        shares = _around(nodes, int(row[at]))
+    return found
