@@ -164,7 +164,7 @@ def _optimize_at_unit_speed(task: Task) -> Optimum:
     return Optimum(
         design=design,
         objective=float(value),
-        active=tuple(name for name, slack in slacks.items() if slack <= ACTIVE * task.high),
+        active=_active(slacks, gamma, design.l2, task),
         slacks=slacks,
         equations=equation_residuals(design, drive.length, task.low, task.high),
         duration=float(travel_time(travel, drive.speed, drive.acceleration)),
@@ -174,6 +174,17 @@ def _optimize_at_unit_speed(task: Task) -> Optimum:
         dead_point_length=float(pose_at_turn(design, turn_dead).length),
         evaluations=evaluator.evaluations,
     )
+
+
+def _active(slacks: dict[str, float], gamma: float, arm: float, task: Task) -> tuple[str, ...]:
+    """Names of the inequalities that hold the optimum; the open ends of gamma are met to `OPEN_END`."""
+    names = [name for name, slack in slacks.items() if slack <= ACTIVE * task.high and name != "triangle"]
+    share = gamma / float(_angle_limit(np.float64(arm), task))
+    if share <= 2 * OPEN_END:
+        names.insert(0, "triangle")
+    if share >= 1 - 2 * OPEN_END:
+        names.insert(0, "start_turn<pi")
+    return tuple(names)
 
 
 def _plain(design: Design) -> Design:

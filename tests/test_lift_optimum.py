@@ -310,6 +310,11 @@ def test_few_heights_cannot_hide_a_dead_point_between_them() -> None:
         assert np.all(moved.velocity >= 0) and np.all(np.diff(moved.pose.height) > 0)
 
 
+def test_an_optimum_at_a_flat_triangle_says_so() -> None:
+    optimum = optimize(Task(Cylinder(184.0, 42.0), 194.0, 356.0, Objective("normalized"), 393.0))
+    assert optimum.active == ("triangle", "l3<=l2") and optimum.design.l4 < 0.1
+
+
 def test_batch_is_one_by_one() -> None:
     tasks = [
         task(cylinder=Cylinder(220.0, 100.0)),
