@@ -30,7 +30,7 @@ HALVINGS = 60
 OPEN_END = 1e-5
 """Share of the range of gamma that is kept away from its open ends, the flat triangles (34): in flatter ones the
 lengths no longer carry the angle."""
-BLOCK = 1 << 19
+BLOCK = 1 << 17
 """Poses that are evaluated at a time: bounds the memory."""
 
 

@@ -38,8 +38,10 @@ FIRST_LOOK, CLOSER_LOOK = 17, 9
 """Points across an interval at first, and at each closer look (which narrows it by a factor of four)."""
 CLOSER_REACH = 8
 """Nodes to either side that a closer look keeps when it asks what must give way."""
-INNER_LOOKS, OUTER_LOOKS = 12, 12
+INNER_LOOKS, OUTER_LOOKS = 9, 12
 """Closer looks over gamma and over l2."""
+GLOBAL_LOOKS = 4
+"""Closer looks over gamma while the valleys over l2 are only being told apart."""
 CANDIDATES = 3
 """Local optima over l2 that are followed to the end."""
 STRICT = 1e-9
@@ -143,10 +145,10 @@ def _optimize_at_unit_speed(task: Task) -> Optimum:
     even = low + span * np.linspace(OPEN_END, 1.0, ARM_NODES)
     arms = np.union1d(even, low + np.geomspace(min(1e-3 * task.high, 0.5 * span), span, ARM_NODES))
     arms[-1] = high
-    values, gammas = _best_angles(arms, evaluator)
+    values, gammas = _best_angles(arms, evaluator, GLOBAL_LOOKS)
     if not np.any(np.isfinite(values)):
         arms = np.union1d(arms, _roomiest_arm(task))
-        values, gammas = _best_angles(arms, evaluator)
+        values, gammas = _best_angles(arms, evaluator, GLOBAL_LOOKS)
     padded = np.concatenate([[np.inf], values, [np.inf]])
     valleys = np.nonzero(np.isfinite(values) & (values <= padded[:-2]) & (values <= padded[2:]))[0]
     valleys = valleys[np.argsort(values[valleys], kind="stable")][:CANDIDATES]
@@ -294,7 +296,7 @@ def _edge(arms: np.ndarray, outside: np.ndarray, inside: np.ndarray, task: Task)
     return inside
 
 
-def _best_angles(arms: np.ndarray, evaluator: Evaluator) -> tuple[np.ndarray, np.ndarray]:
+def _best_angles(arms: np.ndarray, evaluator: Evaluator, closer: int) -> tuple[np.ndarray, np.ndarray]:
     """The least objective over the admissible gammas, and that gamma, for each l2; infinite where there is none."""
     task = evaluator.task
     values, gammas = np.full(arms.shape, np.inf), np.zeros(arms.shape)
@@ -302,7 +304,7 @@ def _best_angles(arms: np.ndarray, evaluator: Evaluator) -> tuple[np.ndarray, np
     if not row.size:
         return values, gammas
     pick = np.arange(row.size)
-    for look in range(1 + INNER_LOOKS):
+    for look in range(1 + closer):
         count = FIRST_LOOK if look == 0 else CLOSER_LOOK
         looks = np.linspace(left, right, count, axis=1)
         tried = evaluator(
@@ -325,7 +327,7 @@ def _narrow(
     left, right = arms[max(at - 1, 0)], arms[min(at + 1, arms.size - 1)]
     for _ in range(OUTER_LOOKS):
         looks = np.union1d(np.linspace(left, right, CLOSER_LOOK), best[1])
-        tried, angles = _best_angles(looks, evaluator)
+        tried, angles = _best_angles(looks, evaluator, INNER_LOOKS)
         index = int(np.argmin(tried))
         best = min(best, (float(tried[index]), float(looks[index]), float(angles[index])))
         step = (right - left) / (CLOSER_LOOK - 1)
@@ -338,7 +340,7 @@ def _roomiest_arm(task: Task) -> float:
     low, high = _arm_range(task)
     shares = (OPEN_END, 1 - OPEN_END)
     arms = (low + OPEN_END * (high - low), high)
-    for _ in range(INNER_LOOKS):
+    for _ in range(OUTER_LOOKS):
         tall, wide = np.linspace(*arms, ANGLE_NODES), np.linspace(*shares, ANGLE_NODES)
         room = _room(tall[:, None], wide * _angle_limit(tall, task)[:, None], task)
         row, column = np.unravel_index(int(np.argmax(room)), room.shape)
@@ -390,7 +392,7 @@ def _least_violation(task: Task, relaxed: Task, yielding: Sequence[str]) -> tupl
         return None
     shares = (OPEN_END ** (1 / 4), 1.0)
     found = None
-    for _ in range(INNER_LOOKS):
+    for _ in range(OUTER_LOOKS):
         nodes = np.linspace(*shares, ANGLE_NODES)
         arms = low + (high - low) * nodes**4  # short arms are where it matters
         row, left, right = _intervals(arms, relaxed)

@@ -25,6 +25,10 @@ import numpy as np
 EPSILON = float(np.finfo(float).eps)
 MAX_ITERATIONS = 80
 """Newton steps at most; a bracket of a turn is halved to one unit in the last place well before that."""
+GUESS_NODES = 513
+"""Nodes of the table of first guesses; two Newton steps remain."""
+SMALL_STEP = 1e-9
+"""A Newton step this small, in units of the distance to the nearer end of the bracket, is the last one needed."""
 SEARCH_NODES = 128
 """Nodes of each of the two grids in a quarter turn on which the dead points are isolated."""
 SEARCH_BLOCK = 256
@@ -173,6 +177,20 @@ def _pose(design: Design, form: Shape, turn: np.ndarray, sin_turn: np.ndarray, c
     return Pose(turn, sin_turn, cos_turn, root, s, s_1, s_2, x, y, x_1, y_1, x_2, y_2, length, length_1, length_2)
 
 
+def _length_and_rate(design: Design, form: Shape, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """l1 and dl1/dT alone, as in `_pose`: what the Newton iteration needs of a pose."""
+    sin_turn, cos_turn = np.sin(turn), np.cos(turn)
+    level = design.l3 * cos_turn
+    root = np.sqrt(form.k_squared + level * level)
+    both = root + np.abs(level)
+    s = np.where(level >= 0, both, form.k_squared / both)
+    down = design.l2 * (cos_turn * form.cos_gamma + sin_turn * form.sin_gamma)
+    across = design.l2 * (sin_turn * form.cos_gamma - cos_turn * form.sin_gamma)
+    x, y = across - design.b, s - down
+    length = np.hypot(x, y)
+    return length, (x * down + y * (across - design.l3 * sin_turn * s / root)) / length
+
+
 def _half_square_rates(design: Design, turn: Any) -> tuple[np.ndarray, np.ndarray]:
     """First and second derivative of l1^2 / 2 by the turn: their zeros are the dead points, also where l1 is 0."""
     pose = pose_at_turn(design, turn)
@@ -201,6 +219,8 @@ def _rising_root(
         newton = x - step
         following = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
         near = (np.abs(value) <= noise) | (np.abs(following - x) <= 2 * EPSILON * np.abs(x)) | np.isnan(value)
+        # the next error is about step^2 / distance to where the slope vanishes, which is not within the bracket
+        near |= np.abs(step) <= SMALL_STEP * np.minimum(x - first, last - x)
         # what has settled stays: a batch gives to the last bit what its members give one by one
         x = np.where(settled | (value == 0), x, following)
         settled = settled | near
@@ -281,7 +301,7 @@ def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) ->
 
     A scalar Newton iteration in the turn, bracketed by the top and the dead point (`turn_dead`, found when not
     given). Near the dead point l1 is quadratic in the turn, hence the turn is smooth in w = sqrt(l1 - l1_dead): the
-    cubic in w with the right ends and end slopes is the first guess, and two to four steps remain.
+    first guess is the cubic in w with the right ends and end slopes, or a table over w when there are many lengths.
 
     Laws: ``pose_at_turn(design, result).length`` is `length`; the result falls as `length` grows.
     """
@@ -290,17 +310,24 @@ def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) ->
     length = np.asarray(length, dtype=float)
     inside = (length >= bottom.length) & (length <= top.length)
     length, turn_dead = np.broadcast_arrays(np.where(inside, length, np.nan), turn_dead)
-    width = np.sqrt(top.length - bottom.length)
-    w = np.sqrt(np.where(inside, length - bottom.length, np.nan)) / width
-    slope_low = -width * np.sqrt(2 / np.where(bottom.length_2 > 0, bottom.length_2, np.inf))
-    slope_high = 2 * width * width / top.length_1
-    rest = 1 - w
-    guess = rest * rest * ((1 + 2 * w) * turn_dead + w * slope_low) - w * w * rest * slope_high
+    square = top.length - bottom.length
+    w = np.sqrt(np.where(inside, length - bottom.length, np.nan) / square)
+    if turn_dead.size > GUESS_NODES and all(np.ndim(value) == 0 for value in design.as_tuple()):
+        # many lengths of one design: a table of the branch, dense towards the dead point, costs less than the steps
+        nodes = turn_dead.flat[0] * (1 - np.linspace(0.0, 1.0, GUESS_NODES) ** 2)
+        lengths = np.maximum.accumulate(pose_at_turn(design, nodes).length)
+        guess = np.interp(w, np.sqrt((lengths - lengths[0]) / (lengths[-1] - lengths[0])), nodes)
+    else:
+        slope_low = -np.sqrt(2 * square / np.where(bottom.length_2 > 0, bottom.length_2, np.inf))
+        slope_top = 2 * square / top.length_1
+        u = 1 - w
+        guess = u * u * ((1 + 2 * w) * turn_dead + w * slope_low) - w * w * u * slope_top
+    guess = np.where(np.isfinite(guess) | ~inside, guess, 0.5 * turn_dead)
     form = shape(design)
 
     def shortage(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        pose = _pose(design, form, turn, np.sin(turn), np.cos(turn))
-        return length - pose.length, -pose.length_1
+        found, rate = _length_and_rate(design, form, turn)
+        return length - found, -rate
 
     noise = 2 * EPSILON * (length + design.b + design.l2)
     return _rising_root(shortage, 0 * turn_dead, turn_dead, guess, noise)[()]

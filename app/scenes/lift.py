@@ -627,7 +627,11 @@ QUERIES = (
         table=batch_table,
         examples={
             "cylinders": {
-                "cylinders": [{"length": length, "speed": 100.0} for length in (200.0, 220.0, 240.0)],
+                "cylinders": [
+                    {"length": 200.0, "speed": 100.0},
+                    {"length": 220.0, "speed": 100.0},
+                    {"length": 220.0, "speed": 70.0},
+                ],
                 "stroke": [200.0, 510.0],
                 "objective": {"kind": "discrete", "n": 310},
             },
