@@ -440,23 +440,23 @@ def draw_lift(axes: object, design: Design, turn: float, color: str, alpha: floa
 def picture_model() -> None:
     """The mechanism with its names, and the poses along the rise before and after."""
     plt = _style()
-    figure, panels = plt.subplots(1, 2, figsize=(11.2, 5.6), width_ratios=(1.25, 1))
+    figure, panels = plt.subplots(1, 2, figsize=(11.6, 5.4))
     limits = motion(INITIAL, CYLINDER, [0.0]).stroke
     axes = panels[0]
-    turn = float(turn_at_length(INITIAL, 420.0))
+    turn = float(turn_at_length(INITIAL, 262.0))
     at = draw_lift(axes, INITIAL, turn, BLUE)
     axes.plot([-480, -480], [-40, 590], color=GREY, lw=1.2, ls=(0, (6, 4)), zorder=1)
     axes.annotate("slide  x = −b", (-480, 575), xytext=(8, 0), textcoords="offset points", color=INK)
-    for name, (dx, dy) in {"O": (10, -16), "D": (-16, -16), "A": (-20, 0), "B": (6, 8), "C": (10, -12)}.items():
+    for name, (dx, dy) in {"O": (10, -16), "D": (-16, -16), "A": (-24, -14), "B": (10, 2), "C": (10, 4)}.items():
         axes.annotate(name, at[name], xytext=(dx, dy), textcoords="offset points", fontsize=13, weight="bold")
-    for text, first, second, offset in (
-        ("l2", "A", "B", (6, 7)),
-        ("l3", "A", "C", (8, 4)),
-        ("l4", "B", "C", (0, -16)),
-        ("l5", "D", "C", (12, -4)),
-        ("l1(t)  cylinder", "O", "B", (12, 10)),
+    for text, first, second, share, offset in (
+        ("l2", "A", "B", 0.78, (-18, -10)),
+        ("l3", "A", "C", 0.5, (-4, 8)),
+        ("l4", "B", "C", 0.5, (9, 4)),
+        ("l5", "D", "C", 0.28, (8, -8)),
+        ("cylinder l1(t)", "O", "B", 0.5, (-20, 18)),
     ):
-        middle = 0.5 * (np.array(at[first]) + np.array(at[second]))
+        middle = (1 - share) * np.array(at[first]) + share * np.array(at[second])
         axes.annotate(text, middle, xytext=offset, textcoords="offset points", fontsize=11, style="italic")
     axes.annotate("", (-560, 0), xytext=(-560, at["A"][1]), arrowprops={"arrowstyle": "<->", "color": INK, "lw": 1})
     axes.annotate(
@@ -471,9 +471,8 @@ def picture_model() -> None:
         axes.plot([x - 26, x + 26], [-14, -14], color=INK, lw=2)
     axes.set_title("One angle, the turn T, gives every pose", loc="left", weight="bold")
     for axes, (design, color) in zip(panels[1:], ((INITIAL, BLUE),)):
-        turns = np.linspace(float(limits.turn_bottom), 0.0, 5)
-        for k, value in enumerate(turns):
-            draw_lift(axes, design, value, color, alpha=0.25 + 0.75 * k / 4 if k < 4 else 1.0, full=k in (0, 4))
+        for share, alpha in ((1.0, 0.35), (0.55, 0.6), (0.0, 1.0)):
+            draw_lift(axes, design, share * float(limits.turn_bottom), color, alpha=alpha)
         path = pose_at_turn(design, np.linspace(0, float(limits.turn_bottom), 200))
         axes.plot(path.x, path.y, color=ORANGE, lw=1.6, ls="--", zorder=4, label="path of B")
         axes.plot(
@@ -486,9 +485,9 @@ def picture_model() -> None:
         axes.set_aspect("equal")
         axes.grid(False)
         axes.axis("off")
-    panels[0].set_xlim(-620, 90)
+    panels[0].set_xlim(-780, 90)
     panels[0].set_ylim(-110, 600)
-    panels[1].set_xlim(-800, 90)
+    panels[1].set_xlim(-780, 90)
     panels[1].set_ylim(-110, 600)
     figure.savefig(ROOT / "docs/img/lift_model.png")
     plt.close(figure)
@@ -498,10 +497,10 @@ def picture_motion(optimum: Design) -> None:
     """Height, velocity and acceleration over time: before, published, optimum."""
     plt = _style()
     figure, panels = plt.subplots(3, 1, figsize=(8.6, 9.0), sharex=True)
-    for name, design, color, dash in (
-        ("before", INITIAL, GREY, "-"),
-        ("published", OPTIMUM, BLUE, "-"),
-        ("optimum (discrete, n = 310)", optimum, ORANGE, "--"),
+    for name, design, color, dash, shift in (
+        ("before", INITIAL, GREY, "-", 0),
+        ("published", OPTIMUM, BLUE, "-", -14),
+        ("optimum (discrete, n = 310)", optimum, ORANGE, "--", 14),
     ):
         duration = float(motion(design, CYLINDER, [0.0]).stroke.duration)
         times = duration * np.linspace(0, 1, 4001) ** 2
@@ -510,7 +509,12 @@ def picture_motion(optimum: Design) -> None:
             axes.plot(times, values, color=color, ls=dash, lw=2.2, label=name)
         panels[0].plot(duration, 510, "o", color=color, ms=6)
         panels[0].annotate(
-            f"{duration:.2f} s", (duration, 510), xytext=(0, 8), textcoords="offset points", ha="center", color=color
+            f"{duration:.2f} s",
+            (duration, 510),
+            xytext=(shift, 8),
+            textcoords="offset points",
+            ha="center",
+            color=color,
         )
     panels[0].set_ylabel("height s  (mm)")
     panels[0].set_ylim(180, 560)
@@ -529,7 +533,7 @@ def picture_motion(optimum: Design) -> None:
     panels[2].set_ylim(-70, 15)
     panels[2].set_xlabel("time  (s)")
     panels[2].annotate(
-        "the first instant is off the scale: −7.2·10³ before, −5.6·10⁴ mm/s² published",
+        "the first instant is off the scale: −7.2·10³, −5.6·10⁴ and −9.1·10⁴ mm/s²",
         (0.12, -68),
         xytext=(1.0, -60),
         arrowprops={"arrowstyle": "->", "color": INK, "lw": 0.8},
@@ -560,9 +564,14 @@ def picture_integration(rows: list[dict], closed: list[dict]) -> None:
             )
             for row in rows:
                 if row["design"] == name and row["method"] == method and row["height_error"] is None:
-                    axes.plot(row["seconds"], 3e2, marker="x", color=color, ms=9, mew=2.2, clip_on=False)
+                    level = 3e2 if method == "RK4" else 3e1
+                    axes.plot(row["seconds"], level, marker="x", color=color, ms=9, mew=2.2)
                     axes.annotate(
-                        "diverges", (row["seconds"], 3e2), xytext=(8, -4), textcoords="offset points", fontsize=8
+                        f"{method}, {row['setting']}: diverges",
+                        (row["seconds"], level),
+                        xytext=(8, -4),
+                        textcoords="offset points",
+                        fontsize=8.5,
                     )
         own = next(row for row in closed if row["design"] == name)
         axes.plot(
@@ -578,8 +587,8 @@ def picture_integration(rows: list[dict], closed: list[dict]) -> None:
         axes.set_title(f"{name} design", loc="left", weight="bold")
         axes.set_xlabel("run time  (s)")
     panels[0].set_ylabel("largest error of the height  (mm)")
-    panels[0].set_ylim(1e-14, 1e3)
-    panels[0].legend(loc="lower left", fontsize=9)
+    panels[0].set_ylim(1e-14, 3e3)
+    panels[1].legend(loc="lower right", fontsize=9)
     figure.tight_layout()
     figure.savefig(ROOT / "docs/img/lift_integration.png")
     plt.close(figure)
@@ -589,7 +598,7 @@ def picture_objective() -> None:
     """The objectives along l4 = l2: why n decides, why the continuous one has no optimum, and why one has."""
     plt = _style()
     figure, panels = plt.subplots(1, 2, figsize=(11.2, 4.6))
-    arms = np.geomspace(150, 2000, 300)
+    arms = np.geomspace(150, 2000, 1500)
     designs = project(arms, arms, 220.0, 200.0, 510.0)
     axes = panels[0]
     shades = ("#bfdbfe", "#60a5fa", BLUE, "#1e3a5f")
@@ -600,12 +609,13 @@ def picture_objective() -> None:
     values = Evaluator(Task(CYLINDER, 200.0, 510.0, Objective("continuous"), 1e4))(designs)
     axes.plot(arms, values, color=ORANGE, lw=2.2, ls="--", label="continuous")
     axes.axvline(351.9, color=INK, lw=0.8, ls=":")
-    axes.annotate("published", (351.9, 1150), xytext=(4, 0), textcoords="offset points", fontsize=9)
+    axes.annotate("published", (351.9, 1530), xytext=(4, 0), textcoords="offset points", fontsize=9)
     axes.set_xscale("log")
-    axes.set_ylim(0, 1200)
+    axes.set_ylim(0, 1600)
+    axes.set_xlim(50, 2200)
     axes.set_ylabel("f  (mm²/s²)")
     axes.set_title("f rewards slowness; its optimum moves with n", loc="left", weight="bold")
-    axes.legend(loc="upper right", fontsize=9)
+    axes.legend(loc="upper left", fontsize=9, frameon=True, framealpha=1.0, edgecolor="none")
     axes = panels[1]
     values = Evaluator(Task(CYLINDER, 200.0, 510.0, Objective("normalized"), 1e4))(designs)
     axes.plot(arms, values, color=GREEN, lw=2.4)
@@ -622,7 +632,7 @@ def picture_objective() -> None:
 
     for axes in panels:
         axes.set_xlabel("l2 = l4  (mm)")
-        axes.set_xticks([150, 200, 300, 500, 1000, 2000])
+        axes.set_xticks([200, 300, 500, 1000, 2000])
         axes.xaxis.set_major_formatter(ScalarFormatter())
         axes.xaxis.set_minor_formatter(NullFormatter())
     figure.tight_layout()
@@ -646,7 +656,7 @@ def picture_designs(optimum: Design) -> None:
         axes.set_title(f"{name}: {float(limits.duration):.2f} s", loc="left", weight="bold")
         axes.set_aspect("equal")
         axes.set_xlim(-970, 90)
-        axes.set_ylim(-50, 590)
+        axes.set_ylim(-110, 590)
         axes.axis("off")
     figure.tight_layout()
     figure.savefig(ROOT / "docs/img/lift_designs.png")
