@@ -27,6 +27,8 @@ from synthesis.lift_pose import (
     turn_at_length,
 )
 
+MAX_PROPORTION = 1e6
+"""Longest to shortest length of one lift; in more extreme ones rounding moves the joints visibly."""
 TIME_ROOM = 1e-12
 """Relative room for a time that is meant to be the very end but was rounded on its way."""
 
@@ -164,15 +166,25 @@ def checked_stroke(design: Design, cylinder: Cylinder) -> Stroke:
     Raises
     ------
     FieldError
-        ``constraint`` is one of ``triangle`` (34), ``l3<l5`` (36), ``top_lever`` (the cylinder must shorten to come
-        to the top), ``dead_point`` (length at or below the dead point's: no such pose, or none that lifts),
-        ``cylinder_length`` (no pose: longer than at the top), ``speed`` (zero) or ``stopping`` (the cylinder comes
-        to rest before the end). ``amount`` >= 0 is by how much, in the lengths' unit.
+        ``constraint`` is one of ``proportion`` (no digits left), ``triangle`` (34), ``l3<l5`` (36), ``top_lever``
+        (the cylinder must shorten to come to the top), ``dead_point`` (length at or below the dead point's: no such
+        pose, or none that lifts), ``cylinder_length`` (no pose: longer than at the top), ``speed`` (zero) or
+        ``stopping`` (the cylinder comes to rest before the end). ``amount`` >= 0 is by how much, as a length.
     """
     l2, l3, l4, l5, _ = (float(value) for value in design.as_tuple())
     sides = {"l2": l2, "l3": l3, "l4": l4}
     longest = max(sides, key=lambda name: sides[name])
     others = [name for name in sides if name != longest]
+    lengths = {**design.as_dict(), "cylinder.length": float(cylinder.length)}
+    large, small = max(lengths, key=lambda name: lengths[name]), min(lengths, key=lambda name: lengths[name])
+    if not lengths[large] <= MAX_PROPORTION * lengths[small]:
+        raise FieldError(
+            "/cylinder/length" if "cylinder.length" in (large, small) else f"/design/{large}",
+            f"{large} = {lengths[large]:.6g} is more than {MAX_PROPORTION:g} times {small} = {lengths[small]:.6g}: "
+            "too few digits are left to say where the joints are",
+            constraint="proportion",
+            amount=lengths[large] - MAX_PROPORTION * lengths[small],
+        )
     if np.isnan(triangle_angle(l2, l3, l4)[2]):
         excess = (sides[longest] - sides[others[0]]) - sides[others[1]]
         raise FieldError(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from synthesis.lift import Motion, Stroke
-from synthesis.lift_pose import Design, Pose, pose_at_turn, triangle_angle
+from synthesis.lift_pose import EPSILON, Design, Pose, pose_at_turn, triangle_angle
 
 ANGLE_COUNT = 5
 CONDITION_NODES = 33
@@ -29,14 +29,15 @@ def link_angles(design: Design, pose: Pose) -> np.ndarray:
     Continuous along a motion, so that they may pass pi instead of jumping to -pi.
     Law: they close the loops (7)-(12), see `loop_residuals`.
     """
-    angle_c = triangle_angle(design.l3, design.l4, design.l2)[2]
-    gamma = triangle_angle(design.l2, design.l3, design.l4)[2]
+    cos_gamma, sin_gamma, gamma = triangle_angle(design.l2, design.l3, design.l4)
+    # from BA to BC, by the same gamma as the pose: a needle of a triangle has no second angle to spare digits for
+    at_b = np.arctan2(design.l3 * sin_gamma, design.l3 * cos_gamma - design.l2)
     half = 0.5 * np.pi
     angles = (
         np.pi - np.arctan2(pose.y, -pose.x),
         pose.turn + half - gamma,
         pose.turn + half,
-        pose.turn - half + angle_c,
+        pose.turn - half - gamma + at_b,
         np.arctan2(pose.root, design.l3 * pose.sin_turn),
     )
     return np.stack(np.broadcast_arrays(*angles), axis=-1)
@@ -156,7 +157,8 @@ def condition(design: Design, turn: Any) -> np.ndarray:
     """2-norm condition number of the Jacobian with all lengths in units of the top height l3 + l5; one design.
 
     How much a relative error of the loops grows in the rates. It goes to infinity as 1 / distance at the dead point,
-    and stays small at the top. Law: it does not change when all lengths are scaled.
+    and stays small at the top. It is given up to 1 / epsilon = 4.5e15; beyond, no digit is left anyway.
+    Law: it does not change when all lengths are scaled.
     """
     turn = np.asarray(turn, dtype=float)
     top = design.l3 + design.l5
@@ -166,7 +168,7 @@ def condition(design: Design, turn: Any) -> np.ndarray:
     for start in range(0, flat.size, CONDITION_BLOCK):
         pose = pose_at_turn(scaled, flat[start : start + CONDITION_BLOCK])
         values = np.linalg.svd(jacobian(scaled, link_angles(scaled, pose), pose.length), compute_uv=False)
-        found[start : start + CONDITION_BLOCK] = values[:, 0] / values[:, -1]
+        found[start : start + CONDITION_BLOCK] = values[:, 0] / np.maximum(values[:, -1], EPSILON * values[:, 0])
     return found.reshape(turn.shape)[()]
 
 
@@ -186,7 +188,7 @@ def velocity_by_instant_centre(design: Design, cylinder_length_speed: Any, heigh
 
     A second way to the velocity that shares nothing with the derivatives of `pose_at_turn`. It cannot see the sign
     (sin eta >= 0), so it is blind to a dead point that has been passed. Angles come from half-angle forms, not from
-    the printed arccos; at the top, where the printed form is 0/0, the limit 0 is returned.
+    the printed arccos; at the top, where the printed form is 0/0, the limit 0 is returned. NaN where it is singular.
     """
     l2, l3, _, l5, b = design.as_tuple()
     s = np.asarray(height, dtype=float)
@@ -201,7 +203,9 @@ def velocity_by_instant_centre(design: Design, cylinder_length_speed: Any, heigh
     # B from A: delta is measured from AG, which is horizontal
     x, y = b - l2 * np.cos(delta), s - l2 * np.sin(delta)
     eta = _angle_or_flat(d2, np.hypot(x, y), np.hypot(b - d1, s))
-    return np.where(at_top, 0.0, d1 / d2 * cylinder_length_speed / np.sin(eta))[()]
+    speed = d1 / d2 * cylinder_length_speed
+    found = np.divide(speed, np.sin(eta), out=np.full(np.broadcast(speed, eta).shape, np.nan), where=eta > 0)
+    return np.where(at_top, 0.0, found)[()]
 
 
 def _angle_or_flat(side: Any, other: Any, opposite: Any) -> np.ndarray:

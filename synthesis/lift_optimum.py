@@ -36,8 +36,9 @@ ANGLE_NODES = 129
 """Values of gamma on which the admissible intervals are isolated."""
 FIRST_LOOK, CLOSER_LOOK = 17, 9
 """Points across an interval at first, and at each closer look (which narrows it by a factor of four)."""
-CLOSER_REACH = 8
-"""Nodes to either side that a closer look keeps when it asks what must give way."""
+CAUSE_NODES, CAUSE_LOOKS, CLOSER_REACH = 65, 9, 6
+"""Values of l2 when nothing is admissible and what must give way is looked for, the looks, and the nodes to either
+side of the best one that a closer look keeps."""
 INNER_LOOKS, OUTER_LOOKS = 9, 12
 """Closer looks over gamma and over l2."""
 GLOBAL_LOOKS = 4
@@ -340,7 +341,7 @@ def _roomiest_arm(task: Task) -> float:
     low, high = _arm_range(task)
     shares = (OPEN_END, 1 - OPEN_END)
     arms = (low + OPEN_END * (high - low), high)
-    for _ in range(OUTER_LOOKS):
+    for _ in range(CAUSE_LOOKS):
         tall, wide = np.linspace(*arms, ANGLE_NODES), np.linspace(*shares, ANGLE_NODES)
         room = _room(tall[:, None], wide * _angle_limit(tall, task)[:, None], task)
         row, column = np.unravel_index(int(np.argmax(room)), room.shape)
@@ -375,7 +376,7 @@ def _infeasible(task: Task) -> FieldError:
         return FieldError("/upper_bound", text, constraint=name, amount=amount)
     return FieldError(
         "/stroke",
-        "no design reaches this stroke without passing a dead point of the cylinder",
+        "no design reaches this stroke without passing a dead point of the cylinder, or starting on one",
         constraint="dead_point",
         amount=0.0,
     )
@@ -386,14 +387,14 @@ def _least_violation(task: Task, relaxed: Task, yielding: Sequence[str]) -> tupl
     length = task.cylinder.length
     # whether a design passes a dead point does not depend on the drive
     drive = Cylinder(length, task.cylinder.speed)
-    works = Evaluator(replace(relaxed, cylinder=drive, objective=Objective("discrete")))
+    works = Evaluator(replace(relaxed, cylinder=drive, objective=Objective("continuous")))
     low, high = _arm_range(relaxed)
     if not high > low:
         return None
     shares = (OPEN_END ** (1 / 4), 1.0)
     found = None
-    for _ in range(OUTER_LOOKS):
-        nodes = np.linspace(*shares, ANGLE_NODES)
+    for _ in range(CAUSE_LOOKS):
+        nodes = np.linspace(*shares, CAUSE_NODES)
         arms = low + (high - low) * nodes**4  # short arms are where it matters
         row, left, right = _intervals(arms, relaxed)
         gammas = np.linspace(left, right, FIRST_LOOK, axis=1)

@@ -311,6 +311,7 @@ def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) ->
     inside = (length >= bottom.length) & (length <= top.length)
     length, turn_dead = np.broadcast_arrays(np.where(inside, length, np.nan), turn_dead)
     square = top.length - bottom.length
+    square = np.where(square > 0, square, np.nan)  # no branch where rounding leaves no length between its ends
     w = np.sqrt(np.where(inside, length - bottom.length, np.nan) / square)
     if turn_dead.size > GUESS_NODES and all(np.ndim(value) == 0 for value in design.as_tuple()):
         # many lengths of one design: a table of the branch, dense towards the dead point, costs less than the steps

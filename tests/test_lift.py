@@ -481,6 +481,20 @@ def test_l3_close_to_l5_keeps_a_correct_working_branch(gap) -> None:
     assert np.all(pose.length_1 < 0) and np.all(np.isfinite(pose.height))
 
 
+def test_needles_and_vanishing_branches_are_numbers_or_refusals() -> None:
+    needle = Design(524835413.06299704, 3.888035458016452e-07, 524835413.0629967, 33595184722.833504, 4.8e-07)
+    assert np.isfinite(lift_loops.condition(needle, [0.1, 1.0])).all()
+    # the dead point and the top have the same length to rounding
+    point = Design(
+        7.993996895969692e-12, 2.8746930110551094e-10, 2.931748220137535e-10, 350105804.142949, 0.024167373669790323
+    )
+    assert np.isnan(turn_at_length(point, 350105804.142949))
+    thin = Design(1000.0, 0.01, 1000.0, 0.0101, 900.0)
+    limits = checked_stroke(thin, Cylinder(float(pose_at_turn(thin, 0.5 * dead_point(thin)).length), 1.0))
+    moved = motion(thin, Cylinder(float(pose_at_turn(thin, limits.turn_bottom).length), 1.0))
+    assert lift_loops.largest_residual(moved) < 1e-9
+
+
 def test_towards_the_dead_point_the_condition_grows_as_one_over_the_distance() -> None:
     turn_dead = float(dead_point(INITIAL))
     distance = np.array([1e-2, 1e-4, 1e-6])
@@ -518,6 +532,7 @@ REFUSALS = {
     "cylinder_length": (INITIAL, Cylinder(800.0, 100.0), 7.97727),
     "speed": (INITIAL, Cylinder(220.0, 0.0, 5.0), 0.0),
     "stopping": (INITIAL, Cylinder(220.0, 100.0, -10.0), 72.02273),
+    "proportion": (Design(300.0, 180.0, 240.0, 330.0, 1e9), CYLINDER, 8.2e8),
     "top_lever": (Design(300.0, 180.0, 479.9, 330.0, 480.0), CYLINDER, 458.0758),
 }
 
@@ -528,7 +543,7 @@ def test_refusals_name_the_constraint_and_the_amount(constraint) -> None:
     with pytest.raises(FieldError) as caught:
         motion(design, cylinder)
     assert caught.value.details["constraint"] == constraint
-    assert caught.value.details["amount"] == pytest.approx(amount, abs=0.01)
+    assert caught.value.details["amount"] == pytest.approx(amount, abs=0.01, rel=1e-9)
 
 
 @pytest.mark.parametrize(("time", "amount"), [(5.73, 0.009773), (-1.0, 1.0), (1e300, 1e300)])

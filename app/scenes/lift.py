@@ -153,7 +153,7 @@ class MotionReply(ReplyModel):
     points: Points | None = None
     conditions: list[float] | None = None
     residual: float | None = None
-    instant_centre: list[float] | None = None
+    instant_centre: list[float | None] | None = None
     assemblies: list[Assembly] | None = None
 
 
@@ -355,7 +355,8 @@ def _extras(request: MotionRequest, moved: Motion) -> dict[str, Any]:
     if "residual" in wanted:
         extras["residual"] = lift_loops.largest_residual(moved)
     if "instant_centre" in wanted:
-        extras["instant_centre"] = lift_loops.velocity_by_instant_centre(design, speed, pose.height).tolist()
+        speeds = lift_loops.velocity_by_instant_centre(design, speed, pose.height).tolist()
+        extras["instant_centre"] = [value if math.isfinite(value) else None for value in speeds]
     if "assemblies" in wanted:
         turns = lift_pose.turns_at_length(design, request.cylinder.length)
         heights = lift_pose.pose_at_turn(design, turns).height
