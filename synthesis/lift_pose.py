@@ -307,11 +307,11 @@ def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) ->
     """
     turn_dead = dead_point(design) if turn_dead is None else np.asarray(turn_dead, dtype=float)
     bottom, top = pose_at_turn(design, turn_dead), pose_at_turn(design, 0.0)
-    length = np.asarray(length, dtype=float)
-    inside = (length >= bottom.length) & (length <= top.length)
+    length, square = np.asarray(length, dtype=float), top.length - bottom.length
+    # no branch where rounding leaves nothing between its ends
+    inside = (length >= bottom.length) & (length <= top.length) & (square > 0)
     length, turn_dead = np.broadcast_arrays(np.where(inside, length, np.nan), turn_dead)
-    square = top.length - bottom.length
-    square = np.where(square > 0, square, np.nan)  # no branch where rounding leaves no length between its ends
+    square = np.where(square > 0, square, np.nan)
     w = np.sqrt(np.where(inside, length - bottom.length, np.nan) / square)
     if turn_dead.size > GUESS_NODES and all(np.ndim(value) == 0 for value in design.as_tuple()):
         # many lengths of one design: a table of the branch, dense towards the dead point, costs less than the steps
