@@ -21,8 +21,6 @@ Kind = Literal["discrete", "continuous", "normalized"]
 
 GAUSS_NODES = 200
 """Nodes of the height average of the continuous objectives, graded towards the start."""
-CHECK_NODES = 48
-"""Turns between the heights of the discrete objective at which a passed dead point is looked for."""
 PROJECT_NODES = 257
 """Values of gamma on which the roots of a projection are isolated."""
 HALVINGS = 60
@@ -160,14 +158,13 @@ class Evaluator:
             steps = np.arange(0 if objective.include_start else 1, objective.n + 1) / objective.n
             self._heights = task.low + steps * (task.high - task.low)
             self._weights = np.ones(steps.size)
-            self._fractions = 1 - (np.arange(CHECK_NODES) / CHECK_NODES) ** 2
         else:
             z, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
             z, weights = 0.5 * (z + 1), 0.5 * weights
             self._fractions, self._weights = 1 - z**3, 3 * z * z * weights
 
     def __call__(self, design: Design, gamma: Any | None = None) -> np.ndarray:
-        """The objective of each design, shape of its fields; infinite where the platform would pass a dead point.
+        """The objective of each design, shape of its fields; infinite where a dead point shows between its heights.
 
         `gamma` is the triangle's angle at A where it is known better than from the three sides.
         """
@@ -189,10 +186,6 @@ class Evaluator:
     def _moments(self, design: Design, gamma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         task = self.task
         form = Shape(np.cos(gamma), np.sin(gamma), gamma, (design.l5 - design.l3) * (design.l5 + design.l3))
-        down, up = _half_turn(design, task.low)
-        theta = 2 * np.arctan2(np.sqrt(down), np.sqrt(up))
-        turn = theta * self._fractions
-        between = np.sin(turn), np.cos(turn)
         if task.objective.kind == "discrete":
             s = self._heights
             down, up = _half_turn(design, s)
@@ -200,13 +193,14 @@ class Evaluator:
             sin_turn, cos_turn = 2 * np.sqrt(down * up) / product, (up - down) / product
             v, _ = speeds_at_turn(design, form, task.cylinder, sin_turn, cos_turn)
             weights = self._weights
-            seen, _ = speeds_at_turn(design, form, task.cylinder, *between)
         else:
-            v, s_1 = speeds_at_turn(design, form, task.cylinder, *between)
+            down, up = _half_turn(design, task.low)
+            theta = 2 * np.arctan2(np.sqrt(down), np.sqrt(up))
+            turn = theta * self._fractions
+            v, s_1 = speeds_at_turn(design, form, task.cylinder, np.sin(turn), np.cos(turn))
             weights = -self._weights * theta * s_1
-            seen = v
         lever = design.b * form.cos_gamma + task.high * form.sin_gamma  # `synthesis.lift.top_lever`
-        works = np.all((v >= 0) & np.isfinite(v), axis=1) & np.all(seen >= 0, axis=1) & (lever[:, 0] > 0)
+        works = np.all((v >= 0) & np.isfinite(v), axis=1) & (lever[:, 0] > 0)
         v = np.where(works[:, None], v, 1.0)
         total = np.where(works[:, None], np.sum(weights, axis=-1, keepdims=True), 1.0)
         mean = np.sum(weights * v, axis=1, keepdims=True) / total

@@ -229,6 +229,19 @@ def _rising_root(
     return np.clip(x, first, last)
 
 
+def _sign_changes(function: Callable[[np.ndarray], tuple[np.ndarray, Any]], nodes: np.ndarray) -> np.ndarray:
+    """Where a function changes its sign between neighbouring nodes; halving where it gives no slope (None)."""
+    values = function(nodes)[0]
+    at = np.nonzero((values[:-1] < 0) != (values[1:] < 0))[0]
+    sign = np.where(values[at] < 0, 1.0, -1.0)
+
+    def rising(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        value, slope = function(x)
+        return sign * value, np.full(x.shape, np.nan) if slope is None else sign * slope
+
+    return _rising_root(rising, nodes[at], nodes[at + 1], 0.5 * (nodes[at] + nodes[at + 1]), 0.0)
+
+
 def _search_nodes(design: Design) -> np.ndarray:
     """Turns from 0 to 2 pi, shape (..., nodes), dense where C passes the level of A or of D's opposite side.
 
@@ -341,15 +354,9 @@ def turns_at_length(design: Design, length: float) -> np.ndarray:
     one of them: the only one with its turn below `dead_point`.
     """
     nodes = _search_nodes(Design(*(np.asarray(value, dtype=float) for value in design.as_tuple())))
-    rate, _ = _half_square_rates(design, nodes)
-    at = np.nonzero((rate[:-1] < 0) != (rate[1:] < 0))[0]
-    sign = np.where(rate[at] < 0, 1.0, -1.0)
-
-    def signed_rate(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        first, second = _half_square_rates(design, turn)
-        return sign * first, sign * second
-
-    extremes = _rising_root(signed_rate, nodes[at], nodes[at + 1], 0.5 * (nodes[at] + nodes[at + 1]), 0.0)
+    # the turns of extreme rate among the nodes leave no two dead points between neighbours
+    nodes = np.union1d(nodes, _sign_changes(lambda turn: (_half_square_rates(design, turn)[1], None), nodes))
+    extremes = _sign_changes(lambda turn: _half_square_rates(design, turn), nodes)
     edges = np.concatenate([[0.0], extremes, [2 * np.pi]])
     ends = pose_at_turn(design, edges).length
     low, high = edges[:-1], edges[1:]

@@ -513,6 +513,33 @@ def test_start_a_hair_above_the_dead_point() -> None:
     assert v1 / v2 == pytest.approx(10.0, rel=0.01)  # 1 / sqrt of the distance in length
 
 
+def test_two_dead_points_that_nearly_meet_are_both_seen() -> None:
+    # a short stretch of shortening in the middle of the rise, narrower than any grid: the rate peaks just above 0
+    around = np.linspace(2.115, 2.119, 400001)
+
+    def peak(b: float) -> tuple[float, Design]:
+        design = Design(0.4772511136002662, 0.8745288434146505, 1.1972131209796901, 1.0, b)
+        return float(np.max(pose_at_turn(design, around).length_1)), design
+
+    low, high = 0.12, 0.135  # the peak falls as b grows
+    for _ in range(48):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if peak(middle)[0] > 1e-10 else (low, middle)
+    touching, clear = peak(low)[1], peak(high * (1 + 1e-8))[1]
+    assert peak(low)[0] > 0 > peak(high * (1 + 1e-8))[0]
+    assert float(dead_point(touching)) == pytest.approx(2.117, abs=1e-3)
+    assert float(dead_point(clear)) > 2.12
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9])
+def test_heights_below_c_keep_their_digits(gap) -> None:
+    design, turn = Design(300.0, 200.0 * (1 - gap), 240.0, 200.0, 480.0), 2.5
+    with mpmath.workdps(40):
+        l3, l5, t = (mpmath.mpf(value) for value in (design.l3, design.l5, turn))
+        exact = mpmath.sqrt(l5**2 - (l3 * mpmath.sin(t)) ** 2) + l3 * mpmath.cos(t)
+        assert abs(float(pose_at_turn(design, turn).height / exact - 1)) < 1e-14
+
+
 def test_heights_off_the_slide_are_nan_and_not_wrong() -> None:
     heights = pose_at_height(INITIAL, [149.0, 150.0, 510.0, 510.1, -1.0, np.nan]).length
     assert np.isnan(heights[[0, 3, 4, 5]]).all() and np.isfinite(heights[[1, 2]]).all()
