@@ -21,7 +21,6 @@ from synthesis.lift_objective import (
     HALVINGS,
     OPEN_END,
     Evaluator,
-    Kind,
     Objective,
     Task,
     base_distance,
@@ -47,9 +46,9 @@ CANDIDATES = 3
 """Local optima over l2 that are followed to the end."""
 STRICT = 1e-9
 """Share of the top height by which l3 stays below l5, a strict inequality (36)."""
-ACTIVE = 1e-7
-"""A constraint is active when its slack is below this share of the top height."""
-SEARCH_LIMIT = 1e3
+ACTIVE = 5e-7
+"""A constraint is active when its slack is below this share of the top height, or of the bound that it is about."""
+SEARCH_LIMIT = 100.0
 """Longest length that is searched, in units of the top height and the cylinder: in longer arms the last digit of a
 length decides where the dead point is."""
 
@@ -86,7 +85,8 @@ def optimize(task: Task) -> Optimum:
     design does not change with it; scaling all lengths scales the design.
     """
     check_task(task)
-    return _at_speed(_optimize_at_unit_speed(_unit_task(task)), abs(task.cylinder.speed), task.objective.kind)
+    unit = _unit_task(task)
+    return _answer(_optimize_at_unit_speed(unit), unit, task)
 
 
 def optimize_batch(tasks: Sequence[Task]) -> list[Optimum | FieldError]:
@@ -111,7 +111,7 @@ def optimize_batch(tasks: Sequence[Task]) -> list[Optimum | FieldError]:
                 known[unit] = error
         found = known[unit]
         if isinstance(found, Optimum):
-            found = _at_speed(found, abs(task.cylinder.speed), task.objective.kind)
+            found = _answer(found, unit, task)
         results.append(found)
     return results
 
@@ -125,14 +125,21 @@ def _unit_task(task: Task) -> Task:
     return Task(unit, float(task.low), float(task.high), task.objective, float(bound))
 
 
-def _at_speed(unit: Optimum, speed: float, kind: Kind) -> Optimum:
-    """An optimum found at unit speed, at another speed: the platform's speed is linear in the cylinder's."""
+def _answer(found: Optimum, unit: Task, task: Task) -> Optimum:
+    """An optimum found at unit speed, at the task's: the platform's speed is linear in the cylinder's.
+
+    Where the search's own limit took the place of a larger bound, the inequalities are named after it.
+    """
+    speed = abs(float(task.cylinder.speed))
+    bound = "search_limit" if unit.upper_bound < task.upper_bound else "upper_bound"
     return replace(
-        unit,
-        objective=unit.objective * (1.0 if kind == "normalized" else speed * speed),
-        duration=unit.duration / speed,
-        velocity_bottom=unit.velocity_bottom * speed,
-        mean_velocity=unit.mean_velocity * speed,
+        found,
+        objective=found.objective * (1.0 if task.objective.kind == "normalized" else speed * speed),
+        active=tuple(name.replace("upper_bound", bound) for name in found.active),
+        slacks={name.replace("upper_bound", bound): slack for name, slack in found.slacks.items()},
+        duration=found.duration / speed,
+        velocity_bottom=found.velocity_bottom * speed,
+        mean_velocity=found.mean_velocity * speed,
     )
 
 
@@ -181,7 +188,8 @@ def _optimize_at_unit_speed(task: Task) -> Optimum:
 
 def _active(slacks: dict[str, float], gamma: float, arm: float, task: Task) -> tuple[str, ...]:
     """Names of the inequalities that hold the optimum; the open ends of gamma are met to `OPEN_END`."""
-    names = [name for name, slack in slacks.items() if slack <= ACTIVE * task.high and name != "triangle"]
+    scales = {name: task.upper_bound if "bound" in name else task.high for name in slacks}
+    names = [name for name, slack in slacks.items() if slack <= ACTIVE * scales[name] and name != "triangle"]
     share = gamma / float(_angle_limit(np.float64(arm), task))
     if share <= 2 * OPEN_END:
         names.insert(0, "triangle")

@@ -290,6 +290,9 @@ def test_normalized_has_an_interior_optimum_and_continuous_has_not() -> None:
 
 def test_a_bound_without_end_is_searched_to_a_named_limit() -> None:
     assert optimize(task("discrete", 1e12)).objective == pytest.approx(334.8844, abs=1e-3)
+    runaway = optimize(task("continuous", 1e12))
+    assert "b<=search_limit" in runaway.active and runaway.slacks["b<=search_limit"] < 0.1
+    assert runaway.objective < 0.03
 
 
 def test_the_optimum_is_a_lift_that_moves() -> None:
