@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from synthesis.chain_closure import Chain, NotClosing, critical_parameter
-from synthesis.chain_slot import Slot, Stretched, find_slot
+from synthesis.chain_slot import NoSlot, Slot, Stretched, find_slot
 from synthesis.chain_track import ChordError, Segment, Track, arc, stadium
 from synthesis.errors import FieldError
 
@@ -159,6 +159,8 @@ def critical_stadium(pitch: float, links: int, radius: float) -> Track:
     FieldError
         The chain is shorter than the two half circles.
     """
+    if not pitch < 2 * radius * (1 - 1e-9):
+        raise link_on_arc("/stadium/radius", pitch, radius)
     longest = links * pitch
     least = 1e-6 * pitch
     try:
@@ -166,6 +168,16 @@ def critical_stadium(pitch: float, links: int, radius: float) -> Track:
     except NotClosing as error:
         raise not_closing(links, error.nearest_links, error.missing, "on any straight of this stadium") from None
     return stadium(radius, straight)
+
+
+def link_on_arc(field: str, pitch: float, radius: float) -> FieldError:
+    """The error of an arc whose diameter is no longer than a link."""
+    return FieldError(
+        field,
+        f"a link does not fit on an arc of radius {radius:.6g}; more than {pitch / 2:.6g} is wanted",
+        constraint="link_on_arc",
+        amount=pitch / 2 - radius,
+    )
 
 
 def not_closing(links: int, nearest: int, missing: float, where: str) -> FieldError:
@@ -212,12 +224,7 @@ def crescent_slot(
     named = {"upper_radius": upper_radius, "wheel_radius": wheel_radius, "lower_radius": lower_radius}
     for name, radius in named.items():
         if radius is not None and not pitch < 2 * radius * (1 - 1e-9):
-            raise FieldError(
-                f"/{name}",
-                f"a link of {pitch:.6g} does not fit on an arc of radius {radius:.6g}; more than {pitch / 2:.6g} is wanted",
-                constraint="link_on_arc",
-                amount=pitch / 2 - radius,
-            )
+            raise link_on_arc(f"/{name}", pitch, radius)
         if radius is not None and radius > RADIUS_RATIO * pitch:
             raise FieldError(
                 f"/{name}",
@@ -245,13 +252,21 @@ def crescent_slot(
     track = crescent.track
     middle = float(track.joints[UPPER_ARC] + 0.5 * track.length[UPPER_ARC])
     phase = None if start is None else start * wheel_radius
-    return crescent, track_slot(track, pitch, links, middle, start=phase)
+    return crescent, track_slot(track, pitch, links, middle, start=phase, place_field="/upper_radius")
 
 
 def track_slot(
-    track: Track, pitch: float, links: int, middle: float, side: int | None = None, start: float | None = None
+    track: Track,
+    pitch: float,
+    links: int,
+    middle: float,
+    side: int | None = None,
+    start: float | None = None,
+    place_field: str = "/free_segment",
 ) -> Slot:
     """The slot of a chain on any track, nearest to the arc length ``middle``; see `chain_slot.find_slot`.
+
+    ``place_field`` is the request's field that decides where the slot lies.
 
     Raises
     ------
@@ -262,6 +277,8 @@ def track_slot(
         return find_slot(Chain(track, pitch, links), middle, side, start)
     except Stretched as error:
         raise not_closing(links, error.nearest_links, error.missing, "on this track") from None
+    except NoSlot as error:
+        raise FieldError(place_field, str(error), constraint="no_slot") from None
     except ChordError as error:
         raise FieldError("/pitch", str(error), constraint=error.fault.name.lower(), amount=error.position) from None
 

@@ -160,7 +160,7 @@ def _from_base(slot: Slot, phase: Floats, values: Floats, start: float, slope: f
     place = place._replace(
         segment=np.full(len(phase), segment), along=along, lap=np.zeros(len(phase), dtype=np.int64)
     )
-    return slot.chain.track.beside(place, slot.side * values[:, 1])
+    return slot.chain.track.beside(place, slot.outward * values[:, 1])
 
 
 def _needs_one_segment(slot: Slot) -> None:

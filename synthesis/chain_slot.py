@@ -18,6 +18,8 @@ from synthesis.chain_track import ChordError, ChordFault, Floats, Motion, Place
 
 MIDDLE = 1e-6
 """Distance from the wanted middle of the slot, in pitches, within which a pin counts as not past it."""
+STRAIGHT = 1e-9
+"""Bulge of the track over two links, in pitches, below which it counts as straight."""
 SINGULAR = 1e-9
 """Sine of the angle between the free pin's links below which its motion is not determined."""
 
@@ -47,6 +49,18 @@ class Stretched(ValueError):
         self.missing = missing
 
 
+class NoSlot(ValueError):
+    """The track bends one way where the free pin starts and the other way where it ends.
+
+    On its way it would have to pass the straight line between its neighbours, which its slack does not allow.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the track bends to both sides within one link of the free pin: no slot can lead it from one to the other"
+        )
+
+
 @dataclass(frozen=True)
 class Slot:
     """The locus of a chain's free pin over one period.
@@ -61,7 +75,7 @@ class Slot:
     free : int
         Number k of the free pin; P1 drives, P2..P(k-1) follow ahead of it, P(k+1)..PN behind it.
     side : int
-        1 where the slot lies to the left of the track, -1 to the right.
+        1 where the free pin lies to the left of the chord from P(k-1) to P(k+1), -1 to the right.
     start : float
         Phase of the window's start; its end is one period on.
     """
@@ -198,13 +212,21 @@ class Slot:
             slip = np.maximum(-here, here - track.length[segment])
             worse = np.abs(offset) + np.maximum(slip, 0.0) >= np.abs(depth)
             along, depth = np.where(worse, along, here + shift), np.where(worse, depth, offset)
-        return along, self.side * depth
+        return along, self.outward * depth
 
     def depth(self, phase: Floats) -> Floats:
         """Distance of the slot from the bare track, on the slot's side: r - R1 on the crescent."""
         return self.foot(self.path(phase))[1]
 
     # What belongs to the whole slot
+
+    @cached_property
+    def outward(self) -> int:
+        """1 where the slot lies to the left of the bare track, -1 to the right, where it is furthest from it."""
+        points = self.path(np.linspace(self.start, self.end, 65))
+        offsets = [self.chain.track.feet(segment, points)[1] for segment, _ in self.base]
+        nearest = np.array(offsets)[np.argmin(np.abs(offsets), axis=0), np.arange(len(points))]
+        return 1 if nearest[np.argmax(np.abs(nearest))] >= 0 else -1
 
     @cached_property
     def base(self) -> tuple[tuple[int, float], ...]:
@@ -304,7 +326,7 @@ def find_slot(chain: Chain, middle: float, side: int | None = None, start: float
     middle : float
         Arc length of the place, from the driver's start.
     side : {1, -1}, optional
-        Side of a slot on a straight run (default: left); on an arc the slot is always outside.
+        Side of a slot on a straight run (default: left); elsewhere it is the side to which the track bends out.
     start : float, optional
         Another phase for the window's start; its ends then have a step.
 
@@ -312,6 +334,10 @@ def find_slot(chain: Chain, middle: float, side: int | None = None, start: float
     ------
     Stretched
         The chain misses length at some phase, or has a whole link too many at every phase.
+    NoSlot
+        No slot can be there.
+    ChordError
+        A link does not fit on the track, or the chain does not run smoothly.
     """
     track, pitch, links = chain.track, chain.pitch, chain.links
     least = chain.least_overrun()
@@ -320,24 +346,47 @@ def find_slot(chain: Chain, middle: float, side: int | None = None, start: float
         raise Stretched(closing_links(track, pitch), -least.value)
     if links > 1 and Chain(track, pitch, links - 1).least_overrun().value >= -allowed:
         raise Stretched(closing_links(track, pitch), -least.value)
-    curvature = float(track.curvature[int(track.place(middle).segment[0])])
-    if curvature:
-        side = 1 if curvature < 0 else -1
     chosen = least.phase if start is None else float(start % chain.period)
-    slot = Slot(chain, _free_pin(chain, chosen, middle), side or 1, chosen)
+    slot = _slot_at(chain, chosen, middle, side or 1)
+    _check_running(slot)
     if start is not None:
         return slot
     phase = _polished(slot, lowest(slot.slack, 0.0, chain.period, chain.cells).phase) % chain.period
     if chain.period - phase < 1e-9 * chain.period:
         phase = 0.0
-    return Slot(chain, _free_pin(chain, phase, middle), side or 1, phase)
+    return _slot_at(chain, phase, middle, side or 1)
 
 
-def _free_pin(chain: Chain, phase: float, middle: float) -> int:
+def _check_running(slot: Slot) -> None:
+    """Raise `ChordError` where a neighbour of the free pin jumps or does not move on with the chain.
+
+    The first place one pitch ahead always exists on a closed track that is large enough; that it also moves smoothly
+    is a property of the track's bends.
+    """
+    chain, track = slot.chain, slot.chain.track
+    phases = np.linspace(slot.start, slot.end, chain.cells + 1)
+    before, before_motion, after, after_motion = slot.neighbours(phases)
+    for place, motion in ((before, before_motion), (after, after_motion)):
+        moved = np.diff(track.position(place))
+        wrong = np.flatnonzero((motion.rate[:-1] <= 0) | (moved <= 0) | (moved > 0.5 * chain.pitch))
+        if len(wrong):
+            raise ChordError(ChordFault.REVERSAL, float(track.position(place)[wrong[0]] % track.total))
+
+
+def _slot_at(chain: Chain, phase: float, middle: float, side: int) -> Slot:
+    """The slot of the pin that comes to ``middle`` next; ``side`` decides only where the track does not bend."""
+    track, pitch, links = chain.track, chain.pitch, chain.links
     first, _ = chain.drive(np.array([phase]))
-    places, _ = chain.track.advance(_repeated(first, chain.links), chain.pitch, np.arange(chain.links))
-    passed = chain.track.position(places) - middle < MIDDLE * chain.pitch
-    return int(np.clip(np.count_nonzero(passed), 2, chain.links - 1))
+    places, _ = track.advance(_repeated(first, links + 1), pitch, np.arange(links + 1))
+    passed = track.position(places) - middle < MIDDLE * pitch
+    free = int(np.clip(np.count_nonzero(passed), 2, links - 1))
+    # Where the free pin comes from and where it goes to: at both places the bare track bulges over two links.
+    links_out = np.diff(track.points(Place(*(part[free - 2 : free + 2] for part in places))), axis=0) / pitch
+    bulge = links_out[1:, 0] * links_out[:-1, 1] - links_out[1:, 1] * links_out[:-1, 0]
+    sides = np.sign(bulge[np.abs(bulge) > STRAIGHT])
+    if len(sides) == 2 and sides[0] != sides[1]:
+        raise NoSlot
+    return Slot(chain, free, int(sides[0]) if len(sides) else side, phase)
 
 
 def _polished(slot: Slot, phase: float) -> float:

@@ -29,6 +29,7 @@ class ChordFault(StrEnum):
     """Why a link does not fit; the value is the sentence that the user reads."""
 
     NO_POINT = "no point of the track ahead is one pitch away"
+    REVERSAL = "the pitch is too long for the track's bends: a pin would jump or run back while the chain moves on"
     AMBIGUOUS = "a link stands square to the track, so that the pitch does not determine the pin's place"
 
 
