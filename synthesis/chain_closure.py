@@ -17,7 +17,7 @@ from synthesis.chain_track import ChordError, ChordFault, Floats, Motion, Place,
 PHASE_CELLS = 192
 """Cells a period is searched in for the extremes of a function of the phase; more for tracks of many segments."""
 CELLS_PER_SEGMENT = 24
-ZOOM = 16
+ZOOM = 32
 """Parts a cell is split into, again and again, to find an extreme."""
 STRETCH_TOLERANCE = 1e-6
 """Missing length, as a fraction of the pitch, up to which a chain counts as not stretched."""
@@ -30,10 +30,13 @@ class Extreme(NamedTuple):
     value: float
 
 
-def lowest(function: Callable[[Floats], Floats], start: float, end: float, cells: int, passes: int = 5) -> Extreme:
+def lowest(
+    function: Callable[[Floats], Floats], start: float, end: float, cells: int, passes: int = 4, tie: float = 0.0
+) -> Extreme:
     """The smallest value of a continuous function of one variable, to rounding where it is smooth.
 
-    Every local minimum of a grid is zoomed into at once. The value's error falls with the square of the cell.
+    Every local minimum of a grid is zoomed into at once. The value's error falls with the square of the cell. Of
+    minima within ``tie`` of the smallest the first is taken.
     """
     x = np.linspace(start, end, cells + 1)
     y = function(x)
@@ -42,20 +45,21 @@ def lowest(function: Callable[[Floats], Floats], start: float, end: float, cells
     # A level function is one valley, not as many as the grid has points.
     valleys = valleys[np.argsort(y[valleys], kind="stable")][:32]
     low, high = x[np.maximum(valleys - 1, 0)], x[np.minimum(valleys + 1, cells)]
-    best = Extreme(float(x[valleys[0]]), float(y[valleys[0]]))
+    least, where = y[valleys].copy(), x[valleys].copy()
     for _ in range(passes):
         grid = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, ZOOM + 1)
         values = function(grid.ravel()).reshape(grid.shape)
         at = np.argmin(values, axis=1)
         rows = np.arange(len(at))
-        winner = int(np.argmin(values[rows, at]))
-        if values[winner, at[winner]] < best.value:
-            best = Extreme(float(grid[winner, at[winner]]), float(values[winner, at[winner]]))
+        better = values[rows, at] < least
+        least, where = np.where(better, values[rows, at], least), np.where(better, grid[rows, at], where)
         low, high = grid[rows, np.maximum(at - 1, 0)], grid[rows, np.minimum(at + 1, ZOOM)]
-    return best
+    equal = np.flatnonzero(least <= least.min() + tie)
+    first = equal[np.argmin(where[equal])]
+    return Extreme(float(where[first]), float(least[first]))
 
 
-def highest(function: Callable[[Floats], Floats], start: float, end: float, cells: int, passes: int = 5) -> Extreme:
+def highest(function: Callable[[Floats], Floats], start: float, end: float, cells: int, passes: int = 4) -> Extreme:
     """The largest value of a continuous function of one variable: the mirror image of `lowest`."""
     found = lowest(lambda x: -function(x), start, end, cells, passes)
     return Extreme(found.phase, -found.value)

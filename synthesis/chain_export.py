@@ -130,7 +130,6 @@ def to_svg(slot: Slot, samples: int, roller_radius: float | None) -> str:
 def to_dxf(slot: Slot, samples: int, roller_radius: float | None) -> str:
     """Track as arcs and lines, slot and roller walls as splines, pins as points, each on its own layer."""
     import ezdxf
-    from ezdxf.math import Bezier4P, bezier_to_bspline
 
     track = slot.chain.track
     document = ezdxf.new("R2010", setup=False)
@@ -147,8 +146,12 @@ def to_dxf(slot: Slot, samples: int, roller_radius: float | None) -> str:
         offsets |= {"ROLLER_LEFT": roller_radius, "ROLLER_RIGHT": -roller_radius}
     for layer, offset in offsets.items():
         pieces = bezier(slot, phases, offset)
-        spline = bezier_to_bspline([Bezier4P([(float(x), float(y)) for x, y in piece]) for piece in pieces])
-        space.add_spline(dxfattribs={"layer": layer}).apply_construction_tool(spline)
+        points = np.concatenate([pieces[:1, 0], pieces[:, 1:].reshape(-1, 2)])
+        spline = space.add_spline(degree=3, dxfattribs={"layer": layer})
+        spline.control_points = [(float(x), float(y), 0.0) for x, y in points]
+        # Every inner knot three times: the B-spline's pieces are the Bezier pieces.
+        knots = np.arange(len(pieces) + 1.0)
+        spline.knots = [0.0, *np.repeat(knots, 3).tolist(), knots[-1].item()]
     for x, y in slot.pins(np.array([slot.start]))[0]:
         space.add_point((float(x), float(y)), dxfattribs={"layer": "PINS"})
     stream = io.StringIO()

@@ -18,10 +18,13 @@ from synthesis.chain_track import ChordError, ChordFault, Floats, Motion, Place
 
 MIDDLE = 1e-6
 """Distance from the wanted middle of the slot, in pitches, within which a pin counts as not past it."""
+TIE = 1e-10
+"""Difference of slack, in pitches, up to which two phases count as equally slack."""
 STRAIGHT = 1e-9
 """Bulge of the track over two links, in pitches, below which it counts as straight."""
-SINGULAR = 1e-9
-"""Sine of the angle between the free pin's links below which its motion is not determined."""
+SINGULAR = 1e-6
+"""Sine of the angle between the free pin's links below which its motion is not determined. On a straight run it is
+the root of the slack, and that is known to rounding."""
 
 
 class Crossing(NamedTuple):
@@ -351,7 +354,9 @@ def find_slot(chain: Chain, middle: float, side: int | None = None, start: float
     _check_running(slot)
     if start is not None:
         return slot
-    phase = _polished(slot, lowest(slot.slack, 0.0, chain.period, chain.cells).phase) % chain.period
+    # A crescent may be critical at two states, each the other's mirror image: then the first is taken.
+    found = lowest(slot.slack, 0.0, chain.period, chain.cells, tie=TIE * pitch)
+    phase = _polished(slot, found.phase) % chain.period
     if chain.period - phase < 1e-9 * chain.period:
         phase = 0.0
     return _slot_at(chain, phase, middle, side or 1)
@@ -452,7 +457,7 @@ def report(slot: Slot, phases: Floats) -> Report:
         end_step=float(np.abs(slot.depth(np.array([slot.start, slot.end]))).max()),
         radius_min=smallest_radius(slot),
         single_valued=bool(np.all(along < 0)),
-        condition=_condition(slot, grid),
+        condition=_condition(slot, np.concatenate([[slot.start], grid, [slot.end]])),
         clearance=float(min(others, default=np.inf)),
         chord_error=chord_error(slot, phases),
         free_speed=(float(speed.min()), float(speed.max())),
@@ -474,7 +479,7 @@ def smallest_radius(slot: Slot) -> float:
         known = np.isfinite(bent) & (bent > 0)
         return np.where(known, 1 / np.where(known, bent, 1.0), np.inf)
 
-    return min(lowest(radius, a, b, 32, 4).value for a, b in _smooth_pieces(slot))
+    return min(lowest(radius, a, b, 32, 3).value for a, b in _smooth_pieces(slot))
 
 
 def chord_error(slot: Slot, phases: Floats) -> float:
@@ -508,7 +513,7 @@ def _held_chord_error(slot: Slot, phase: float, cells: int) -> float:
         chords = [np.hypot(*(held - end).T) for end in ends]
         return np.abs(slot.chain.pitch - np.stack(chords)).max(axis=0)
 
-    return highest(shortfall, slot.start, slot.end, cells, 4).value
+    return highest(shortfall, slot.start, slot.end, cells, 3).value
 
 
 def wheel_conflict(slot: Slot, wheel: int) -> Extreme:
