@@ -29,7 +29,11 @@ from synthesis.chain_slot import Slot, chord_error, report, wheel_conflict
 from synthesis.chain_track import Segment, Track, arc, line, stadium
 
 ROOT = Path(__file__).parents[1]
-DOC, IMAGES, RESULTS = ROOT / "docs" / "chain.md", ROOT / "docs" / "img", ROOT / "benchmarks" / "results" / "chain.json"
+DOC, IMAGES, RESULTS = (
+    ROOT / "docs" / "chain.md",
+    ROOT / "docs" / "img",
+    ROOT / "benchmarks" / "results" / "chain.json",
+)
 L, N, R1 = 131.0, 16, 181.78
 PHASES = 9001
 
@@ -231,7 +235,7 @@ def measure_far_origin() -> list[list[str]]:
     for away in (0.0, 1e3, 1e6, 1e9):
         far = Track([segment._replace(x=segment.x + away, y=segment.y + away) for segment in near.segments])
         ours, theirs = np.abs(walk(far) - exact).max(), np.abs(search(away) - exact).max()
-        rows.append([f"{away:.0e}", f"{theirs:.1e}", f"{ours:.1e}", f"{np.spacing(away):.1e}"])
+        rows.append([f"{away:g}", f"{theirs:.1e}", f"{ours:.1e}", f"{np.spacing(away):.1e}" if away else "-"])
     return rows
 
 
@@ -275,16 +279,13 @@ def draw_chain(ax, slot: Slot, phase: float, numbers: bool = False, size: float 
     k = slot.free - 1
     ax.plot(*pins[k], "o", ms=size + 1, mfc=SLOT, mec=SLOT, zorder=5)
     if numbers:
-        middle = pins.mean(axis=0)
         for index, pin in enumerate(pins):
-            away = pin - np.array([0, middle[1] + 60])
-            away = away / np.hypot(*away)
-            if index == k or (abs(pin[0]) < 200 and pin[1] > -200):
-                away = np.array([0.0, 1.0])
+            upper = abs(pin[0]) < 1.05 * R1 and pin[1] > -200 and pin[1] < 60
+            away = -pin if upper else pin - np.array([0.0, -60.0])
             ax.annotate(
                 f"P{index + 1}",
                 pin,
-                xytext=15 * away,
+                xytext=16 * away / np.hypot(*away),
                 textcoords="offset points",
                 ha="center",
                 va="center",
@@ -302,7 +303,7 @@ def clean(ax) -> None:
 
 
 def picture_track(crescent: chain.Crescent, slot: Slot) -> None:
-    fig, (ax, zoom) = plt.subplots(2, 1, figsize=(9.2, 8.6), height_ratios=[2.1, 1])
+    fig, (ax, zoom) = plt.subplots(2, 1, figsize=(9.2, 9.4), height_ratios=[1.45, 1], layout="constrained")
     draw_track(ax, slot.chain.track, color=TRACK, lw=5, alpha=0.45, solid_capstyle="round")
     draw_chain(ax, slot, slot.start + 0.5235 * slot.chain.period, numbers=True)
     path = slot.path(np.linspace(slot.start, slot.end, 400))
@@ -314,13 +315,13 @@ def picture_track(crescent: chain.Crescent, slot: Slot) -> None:
         ax.annotate(name, (x, y), xytext=(7, 5), textcoords="offset points", fontsize=8.5, color=INK)
     dimensions = (
         ((0, 0), -35, R1, f"R1 = {R1:.2f}"),
-        ((0, b), -118, crescent.lower_radius, f"R2 = {crescent.lower_radius:.3f}"),
-        ((c, 0), 35, crescent.wheel_radius, f"R0 = {crescent.wheel_radius:.3f}"),
+        ((0, b), -107, crescent.lower_radius, f"R2 = {crescent.lower_radius:.3f}"),
+        ((-c, 0), 128, crescent.wheel_radius, f"R0 = {crescent.wheel_radius:.3f}"),
     )
     for (x, y), angle, radius, label in dimensions:
         end = (x + radius * math.cos(math.radians(angle)), y + radius * math.sin(math.radians(angle)))
         ax.annotate("", end, (x, y), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 0.8})
-        share = 0.46 if radius < 300 else 0.36
+        share = 0.5 if radius > R1 - 1 else 0.62
         ax.text(
             x + share * (end[0] - x),
             y + share * (end[1] - y),
@@ -332,8 +333,8 @@ def picture_track(crescent: chain.Crescent, slot: Slot) -> None:
             bbox={"fc": "white", "ec": "none", "pad": 1.2},
         )
     ax.set_aspect("equal")
-    ax.set_xlim(-410, 410)
-    ax.set_ylim(-330, 130)
+    ax.set_xlim(-405, 405)
+    ax.set_ylim(-325, 115)
     ax.axis("off")
     ax.set_title("Track (grey), chain of 16 links and compensation slot (red), mm", fontsize=11, color=INK)
 
@@ -344,14 +345,16 @@ def picture_track(crescent: chain.Crescent, slot: Slot) -> None:
     normals = slot.normals(np.linspace(slot.start, slot.end, 400))
     for sign in (1, -1):
         wall = path + sign * roller * normals
-        zoom.plot(wall[:, 0], wall[:, 1], color=WALL, lw=1, ls="--", label="walls for a 20 mm roller" if sign > 0 else None)
+        zoom.plot(
+            wall[:, 0], wall[:, 1], color=WALL, lw=1, ls="--", label="walls for a 20 mm roller" if sign > 0 else None
+        )
     crossings = slot.path(np.array([crossing.phase for crossing in slot.crossings]))
     zoom.plot(crossings[:, 0], crossings[:, 1], "D", ms=4.5, color=INK, label="a pin passes a joint: curvature jumps")
     bottom = path[np.argmin(path[:, 1])]
     zoom.annotate(
         "depth 4.203",
         (bottom[0], bottom[1]),
-        xytext=(0, 17),
+        xytext=(0, 32),
         textcoords="offset points",
         ha="center",
         fontsize=8.5,
@@ -359,10 +362,9 @@ def picture_track(crescent: chain.Crescent, slot: Slot) -> None:
     )
     clean(zoom)
     zoom.set_aspect("equal")
-    zoom.set_xlim(-115, 115)
-    zoom.set_ylim(-212, -140)
-    zoom.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
-    fig.tight_layout()
+    zoom.set_xlim(-92, 92)
+    zoom.set_ylim(-212, -142)
+    zoom.legend(fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2, frameon=False)
     fig.savefig(IMAGES / "chain_track.png", dpi=150)
     plt.close(fig)
 
@@ -407,9 +409,9 @@ def picture_fits(rows: list[dict]) -> None:
     for kind, colour in COLOURS.items():
         mine = [row for row in rows if row["kind"] == kind]
         normal = [row["normal"] for row in mine]
-        for ax, key in zip(axes, ("unknowns", "fit_ms")):
+        for ax, key in zip(axes, ("unknowns", "evaluate_us")):
             ax.plot([row[key] for row in mine], normal, "o-", ms=4.5, lw=1.3, color=colour, label=LABELS[kind])
-    for ax, label in zip(axes, ("stored numbers", "time to fit, ms")):
+    for ax, label in zip(axes, ("stored numbers", "run time for 1000 points, microseconds")):
         clean(ax)
         ax.set_xscale("log")
         ax.set_yscale("log")
@@ -444,15 +446,20 @@ def picture_tracks() -> list[list[str]]:
         ("crescent, 24 links of 25.4", 25.4, 24, 70.0, None),
         ("crescent, wheels of six pins", 60.0, 23, 120.0, 60.0),
     ):
-        crescent, slot = chain.crescent_slot(pitch, links, upper, wheel)
+        _, slot = chain.crescent_slot(pitch, links, upper, wheel)
         made.append((label, slot))
     track = chain.critical_stadium(50.0, 16, 60.0)
     made.append(
-        ("stadium, straight from the closure", chain.track_slot(track, 50.0, 16, track.joints[2] + track.length[2] / 2))
+        (
+            "stadium, straight from the closure",
+            chain.track_slot(track, 50.0, 16, track.joints[2] + track.length[2] / 2),
+        )
     )
     side = brentq(lambda side: Chain(rounded_triangle(side, 70.0), 40.0, 30).least_overrun().value, 180, 330)
     track = rounded_triangle(side, 70.0)
-    made.append(("rounded triangle, 30 links", chain.track_slot(track, 40.0, 30, track.joints[3] + track.length[3] / 2)))
+    made.append(
+        ("rounded triangle, 30 links", chain.track_slot(track, 40.0, 30, track.joints[3] + track.length[3] / 2))
+    )
     fig, axes = plt.subplots(2, 2, figsize=(10, 7.2))
     rows = []
     for ax, (label, slot) in zip(axes.ravel(), made):
@@ -461,7 +468,7 @@ def picture_tracks() -> list[list[str]]:
         draw_chain(ax, slot, 0.5 * (slot.start + slot.end), size=3.6)
         path = slot.path(np.linspace(slot.start, slot.end, 300))
         ax.plot(path[:, 0], path[:, 1], color=SLOT, lw=2.2, zorder=6)
-        ax.set_aspect("equal")
+        ax.set_aspect("equal", adjustable="datalim")
         ax.axis("off")
         ax.margins(0.06)
         ax.set_title(f"{label}\nslot {facts.depth_max.value:.3f} deep", fontsize=9.5, color=INK)
@@ -554,7 +561,16 @@ def main() -> None:
     text = DOC.read_text()
     text = fill(text, "published", table(["quantity", "published", "ours"], published["rows"]))
     text = fill(text, "speed", table(["task", "ours", "bracketing search", "ratio"], speed["rows"]))
-    header = ["representation", "order", "numbers", "normal, mm", "chord, mm", "condition", "fit, ms", "1000 points, us"]
+    header = [
+        "representation",
+        "order",
+        "numbers",
+        "normal, mm",
+        "chord, mm",
+        "condition",
+        "fit, ms",
+        "1000 points, us",
+    ]
     text = fill(text, "fits", table(header, fit_rows))
     text = fill(text, "radii", table(["radius, mm", "arccos form, mm", "ours, mm"], radii))
     header = ["origin away by, mm", "search in drawing coordinates, mm", "ours, mm", "spacing of numbers there, mm"]
