@@ -341,7 +341,7 @@ class Track:
         points = self._points(place.segment, place.along)
         segment, along, lap = place.segment.copy(), place.along.copy(), place.lap.copy()
         todo = np.arange(len(segment))
-        for hop in range(self.count):
+        for _ in range(self.count):
             j = segment[todo] + 1
             lap[todo] += j == self.count
             segment[todo] = j = j % self.count
@@ -360,8 +360,7 @@ class Track:
             flat = up / np.where(curved | (down == 0), 1.0, down)
             t = np.where(curved, t, np.where(down > 0, flat, np.inf))
             t = np.where(c >= 0, 0.0, np.where(radicand < 0, np.inf, t))
-            reach = self.length[j] if hop < self.count - 1 else np.minimum(self.length[j], place.along[todo])
-            hit = t <= reach
+            hit = t <= self.length[j]
             along[todo] = np.where(hit, t, along[todo])
             todo = todo[~hit]
             if not len(todo):

@@ -123,6 +123,17 @@ def test_a_circle_is_a_track() -> None:
     assert facts.clearance == math.inf
 
 
+def test_a_place_in_the_gap_between_two_segments() -> None:
+    """A gap within the tolerance: the pitch is reached between the end of one arc and the start of the next."""
+    gap = 3e-7
+    track = Track([arc(0, 0, 1.0, 0, math.pi), arc(0, -gap, 1.0, math.pi, math.pi)])
+    s = math.pi - math.pi / 3 + 0.5 * gap * math.sin(math.pi / 3)
+    pin = track.points(track.place(s))[0]
+    assert math.dist(pin, (-1, 0)) < 1.0 < math.dist(pin, (-1, -gap))
+    place = track.step(track.place(s), 1.0)
+    assert (place.segment[0], place.along[0]) == (1, 0.0)
+
+
 def test_a_link_that_reaches_nowhere() -> None:
     track = stadium(1.0, 2.0)
     with pytest.raises(ChordError) as caught:
