@@ -18,6 +18,8 @@ from synthesis.chain_track import ChordError, ChordFault, Floats, Motion, Place
 
 MIDDLE = 1e-6
 """Distance from the wanted middle of the slot, in pitches, within which a pin counts as not past it."""
+TIGHTEST = 4
+"""Pieces of a slot that are searched closely for its smallest curvature radius."""
 TIE = 1e-10
 """Difference of slack, in pitches, up to which two phases count as equally slack."""
 STRAIGHT = 1e-9
@@ -479,7 +481,11 @@ def smallest_radius(slot: Slot) -> float:
         known = np.isfinite(bent) & (bent > 0)
         return np.where(known, 1 / np.where(known, bent, 1.0), np.inf)
 
-    return min(lowest(radius, a, b, 32, 3).value for a, b in _smooth_pieces(slot))
+    pieces = _smooth_pieces(slot)
+    coarse = radius(np.concatenate([np.linspace(a, b, 33) for a, b in pieces])).reshape(len(pieces), 33).min(axis=1)
+    # Only the pieces that may hold the smallest one are searched closely: a track may have hundreds.
+    tightest = np.argsort(coarse, kind="stable")[:TIGHTEST]
+    return min(lowest(radius, *pieces[index], 32, 3).value for index in tightest)
 
 
 def chord_error(slot: Slot, phases: Floats) -> float:

@@ -269,7 +269,7 @@ LINE = {"kind": "line", "start": [0, 0], "end": [1, 0]}
         ({"stadium": {"radius": 60}, "links": 3}, "#/links"),
         ({"segments": []}, "#/segments"),
         ({"segments": [LINE]}, "#/segments/0"),
-        ({"segments": [LINE] * 101}, "#/segments"),
+        ({"segments": [LINE] * 51}, "#/segments"),
         ({"segments": [{**LINE, "end": [0, 0]}]}, "#/segments/0"),
         ({"segments": [{**LINE, "end": [1]}]}, "#/segments/0"),
         (

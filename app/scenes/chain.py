@@ -20,7 +20,7 @@ MAX_SAMPLES = 10_001
 """Phases of one reply or export."""
 MAX_PINS = 1_000_000
 """Samples times links of one request: every pin of every sample is placed to check its chords."""
-MAX_SEGMENTS = 100
+MAX_SEGMENTS = 50
 """Segments of one track."""
 CHECK_PHASES = 9001
 """Phases at which a fit's errors are measured."""
