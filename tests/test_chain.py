@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from synthesis import chain
 from synthesis.chain_closure import Chain, closing_links, highest, lowest
-from synthesis.chain_slot import chord_error, find_slot, report, wheel_conflict
+from synthesis.chain_report import chord_error, report, wheel_conflict
+from synthesis.chain_slot import find_slot
 from synthesis.errors import FieldError
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "chain.json").read_text())

@@ -13,7 +13,7 @@ import pytest
 
 from synthesis import chain
 from synthesis.chain_export import bezier, nodes, roller_walls, to_csv, to_dxf, to_svg
-from synthesis.chain_slot import report, smallest_radius
+from synthesis.chain_report import report, smallest_radius
 from synthesis.errors import FieldError
 
 ROLLER = 25.0

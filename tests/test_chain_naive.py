@@ -10,7 +10,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from synthesis import chain
 from synthesis.chain_closure import Chain, closing_links
-from synthesis.chain_slot import report, wheel_conflict
+from synthesis.chain_report import report, wheel_conflict
 from synthesis.chain_track import Segment, Track, arc, line
 
 

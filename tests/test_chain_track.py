@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from synthesis.chain import driving_segment, level_crescent, tightest_room
 from synthesis.chain_closure import Chain, closing_links
-from synthesis.chain_slot import find_slot, report
+from synthesis.chain_report import report
+from synthesis.chain_slot import find_slot
 from synthesis.chain_track import ChordError, ChordFault, Motion, Segment, Track, TrackError, arc, line, stadium
 from synthesis.errors import FieldError
 

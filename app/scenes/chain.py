@@ -318,7 +318,7 @@ def _fit(slot: Slot, request: SlotOptions, scale: float) -> FitReply | None:
 def _common(slot: Slot, request: SlotOptions, scale: float) -> tuple[Any, dict[str, Any]]:
     """The report on a slot, and the reply's fields that do not depend on the kind of track."""
     from synthesis.chain_closure import STRETCH_TOLERANCE
-    from synthesis.chain_slot import report
+    from synthesis.chain_report import report
 
     facts = report(slot, _phases(slot, request.samples))
     slack = facts.slack_min > STRETCH_TOLERANCE * request.pitch
@@ -368,7 +368,7 @@ def _crescent(request: ChainSlotRequest) -> Any:
 def answer_slot(request: ChainSlotRequest, resources: Any) -> ChainSlotReply:
     """The crescent's closure and slot."""
     from synthesis.chain import RIGHT_WHEEL
-    from synthesis.chain_slot import wheel_conflict
+    from synthesis.chain_report import wheel_conflict
 
     crescent, slot = _crescent(request)
     angle = _angle(request)
@@ -530,7 +530,7 @@ def _slot_of(request: Any) -> tuple[Slot, str, float]:
 
 def _walls(slot: Slot, request: Any) -> Any:
     from synthesis.chain_export import roller_walls
-    from synthesis.chain_slot import smallest_radius
+    from synthesis.chain_report import smallest_radius
 
     if request.roller_radius is None:
         return None
