@@ -12,7 +12,7 @@ LINE = np.array([0.0, 1, 3, 4])
 
 
 @pytest.mark.parametrize(
-    "make", [lambda p: p.astype(int), lambda p: np.repeat(p, 2)[::2], list, lambda p: p.astype("c8")]
+    "make", [lambda p: p.real.astype(int), lambda p: np.repeat(p, 2)[::2], list, lambda p: p.astype("c8")]
 )
 def test_positions_of_any_kind_of_array_are_the_same(make) -> None:
     plain = make_target(position=LINE + 0j, crank_span=1.0)
