@@ -101,7 +101,7 @@ def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
         return AtlasTypeReply(
             number=number,
             lengths=stored.lengths[row].tolist(),
-            family=family(stored.lengths[row])[()].value,
+            family=str(family(stored.lengths[row])),
             samples=stored.rule.samples,
             winding=int(stored.winding[row]),
             normalisation="mean",
