@@ -13,6 +13,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
@@ -94,8 +95,10 @@ def _parts_folder(out: Path) -> Iterator[Path]:
             raise BuildLocked(f"another build of {out} is running") from None
         os.close(handle)
     try:
-        for stale in out.parent.glob(f".{out.name}.*.tmp"):
-            stale.unlink(missing_ok=True)
+        temporary = re.compile(re.escape(f".{out.name}.") + r"\d+\.tmp")  # and not another file's: atlas.h5.new's
+        for stale in out.parent.iterdir():
+            if temporary.fullmatch(stale.name):
+                stale.unlink(missing_ok=True)
         yield folder
     finally:
         os.close(handle)
