@@ -1,0 +1,47 @@
+"""Atlases that many tests share: the default one, built once a session, and a small one."""
+
+from __future__ import annotations
+
+import fcntl
+from pathlib import Path
+
+import pytest
+
+from data_build.batch import build_atlas
+from data_build.executors import local_executor
+from synthesis.atlas_file import Atlas, AtlasRule, encode_atlas, generator_versions
+from synthesis.atlas_rows import compute_rows
+from synthesis.dimension_types import OrderRule, TypeRule, enumerate_types
+
+
+def make_atlas(rule: AtlasRule) -> Atlas:
+    """An atlas in memory, without the batch."""
+    lengths = enumerate_types(rule.types)
+    rows = compute_rows(lengths, rule.samples)
+    return Atlas(rule, lengths.astype("<u2"), generator=generator_versions(), **rows._asdict())
+
+
+@pytest.fixture(scope="session")
+def atlas_path(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """The file of the default atlas; the first of the xdist workers builds it, the others wait."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = folder if worker_id == "master" else folder.parent
+    path = folder / "default_atlas.h5"
+    with (folder / "default_atlas.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.exists():
+            with local_executor(1) as executor:
+                build_atlas(AtlasRule(), path, executor)
+    return path
+
+
+@pytest.fixture(scope="session")
+def small_atlas() -> Atlas:
+    """Crank-rockers and double-cranks of perimeter 60, 32 samples."""
+    return make_atlas(AtlasRule(TypeRule(60, 2, OrderRule.FULL_CRANK), 32))
+
+
+@pytest.fixture(scope="session")
+def small_bytes(small_atlas: Atlas) -> bytes:
+    """The file of `small_atlas`."""
+    return encode_atlas(small_atlas)
