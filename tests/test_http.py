@@ -304,7 +304,8 @@ def test_tolerance_decides_the_status(client) -> None:
     assert (loose["status"], loose["report"]["stopped_by"]) == ("reached", "tolerance")
     strict = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", tolerance=0, top=1)
     assert (strict["status"], strict["report"]["stopped_by"]) == ("closest", "converged")
-    none = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", limits={"link_max": 1e-3})
+    impossible = {"crank_span": 10, "effort": "atlas", "limits": {"link_max": 1e-3}}
+    none = ask(client, "/v1/synthesize", rotation=ROTATION[:3], **impossible)
     assert (none["status"], none["solutions"]) == ("infeasible", [])
     refined = ask(client, "/v1/synthesize", **EXAMPLE, tolerance=1e-3, top=1)
     assert refined["status"] == "reached" and refined["solutions"][0]["errors"]["objective"] < 1e-3
@@ -318,7 +319,9 @@ def test_a_budget_ends_the_search_and_the_trace_falls(client) -> None:
     assert report["elapsed_ms"]["total"] < 150 + 5_000, "one round beyond the budget at most"
     assert set(report["elapsed_ms"]) >= {"screen", "refine", "total"}
     times, objectives = zip(*report["trace"], strict=True)
-    assert list(times) == sorted(times) and list(objectives) == sorted(objectives, reverse=True)
+    assert list(times) == sorted(times)
+    # the last entry is recomputed from the reply's numbers: it may differ by rounding
+    assert all(later <= earlier * (1 + 1e-9) for earlier, later in zip(objectives, objectives[1:]))
     assert objectives[-1] == pytest.approx(reply["solutions"][0]["errors"]["objective"], rel=1e-6)
 
 
