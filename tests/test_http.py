@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -321,7 +322,7 @@ def test_a_budget_ends_the_search_and_the_trace_falls(client) -> None:
     times, objectives = zip(*report["trace"], strict=True)
     assert list(times) == sorted(times)
     # the last entry is recomputed from the reply's numbers: it may differ by rounding
-    assert all(later <= earlier * (1 + 1e-9) for earlier, later in zip(objectives, objectives[1:]))
+    assert all(later <= earlier * (1 + 1e-9) for earlier, later in pairwise(objectives))
     assert objectives[-1] == pytest.approx(reply["solutions"][0]["errors"]["objective"], rel=1e-6)
 
 
