@@ -12,6 +12,9 @@ from synthesis.fourbar import TURN, coupler_angle
 
 BLOCK = 256
 """Linkages worked on at a time: their samples fit a core's cache, which is twice as fast as all at once."""
+BETWEEN = 1.5
+"""Error anywhere over error at the samples and midway: sqrt(2) for a trigonometric polynomial of these harmonics (Ehlich and
+Zeller, 1964: 1 / cos(pi n / M) for degree n at M points), and a little for what the samples do not resolve."""
 
 
 class AtlasRows(NamedTuple):
@@ -60,14 +63,19 @@ def _compute_block(lengths: NDArray[np.float64], samples: int) -> AtlasRows:
     average, details = haar.features(curve)
     stored = details.astype("<f4")
     read_back = haar.curve_from_features(average, stored)
-    between = interpolate_midway(read_back)
-    error = np.maximum(np.abs(read_back - curve), np.abs(between - periodic(crank + step / 2))).max(axis=-1)
-    return AtlasRows(average, stored, winding, np.nextafter(error.astype("<f4"), np.float32(np.inf)))
+    at, midway = interpolate(read_back)
+    error = np.maximum(np.abs(at - curve), np.abs(midway - periodic(crank + step / 2))).max(axis=-1)
+    return AtlasRows(average, stored, winding, np.nextafter((BETWEEN * error).astype("<f4"), np.float32(np.inf)))
 
 
-def interpolate_midway(curve: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Band-limited interpolation of periodic samples, midway between each and its next, shape as ``curve``."""
+def interpolate(curve: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Band-limited interpolation of periodic samples, at each and midway to its next, both shaped as ``curve``.
+
+    It is the trigonometric polynomial of all harmonics below the highest, whose phase the samples do not tell; so it does
+    not pass through them.
+    """
     samples = curve.shape[-1]
     spectrum = np.fft.rfft(curve, axis=-1)
-    spectrum[..., -1] = 0  # the highest harmonic's phase is not known from the samples
-    return np.fft.irfft(spectrum * np.exp(1j * np.pi / samples * np.arange(samples // 2 + 1)), samples, axis=-1)
+    spectrum[..., -1] = 0
+    shift = np.exp(1j * np.pi / samples * np.arange(samples // 2 + 1))
+    return np.fft.irfft(spectrum, samples, axis=-1), np.fft.irfft(spectrum * shift, samples, axis=-1)

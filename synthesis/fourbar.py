@@ -72,7 +72,8 @@ def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
         above zero is Grashof's condition. A zero is a change point.
     """
     l1, l2, l3, l4 = np.moveaxis(np.asarray(lengths, dtype=float), -1, 0)
-    return _pair_difference(l2, l4, l1, l3), _pair_difference(l3, l4, l1, l2), _pair_difference(l2, l3, l1, l4)
+    with np.errstate(over="ignore", invalid="ignore"):  # NaN for lengths that are not finite, or overflow when added
+        return _pair_difference(l2, l4, l1, l3), _pair_difference(l3, l4, l1, l2), _pair_difference(l2, l3, l1, l4)
 
 
 def family(lengths: ArrayLike) -> NDArray[np.object_]:
@@ -88,7 +89,7 @@ def family(lengths: ArrayLike) -> NDArray[np.object_]:
         Law: the same for ``k * lengths`` with any power of two k, and for exchanged coupler and rocker except that
         double-rocker and rocker-crank change places.
     """
-    a, b, c = grashof_excesses(lengths)
+    a, b, c = grashof_excesses(_scaled(lengths)[0])
     names = np.full(np.shape(a), Family.TRIPLE_ROCKER, dtype=object)
     names[...] = np.where((a > 0) & (b > 0) & (c > 0), Family.CRANK_ROCKER, names)
     names[...] = np.where((a < 0) & (b < 0) & (c > 0), Family.DOUBLE_CRANK, names)
@@ -212,7 +213,8 @@ class Closure:
             [np.cos(t1 - t3), np.cos(t2 - t3), -np.ones_like(t3), -np.cos(t3), -l1 * np.sin(t1 - t3)], axis=-1
         )
         gradient = numerators / lever[..., None]
-        gradient[..., :4] = np.ldexp(gradient[..., :4], -self.exponent[..., None, None])
+        with np.errstate(over="ignore"):  # infinite per unit of length where the lengths are all but zero
+            gradient[..., :4] = np.ldexp(gradient[..., :4], -self.exponent[..., None, None])
         return gradient
 
 
@@ -243,6 +245,9 @@ def close_loop(lengths: ArrayLike, crank_angle: ArrayLike) -> Closure:
     x = (c * scaled[..., 0, :].sum(-1))[..., None] + product * cosine2
     y = (a * b)[..., None] + product * sine2
     r = np.sqrt((l4 - l1) ** 2 + product * sine2)
+    # X0 < 0: both terms of X may dwarf it; then its own factors lose less.
+    longest = scaled[..., 1] + scaled[..., 2]
+    x = np.where((c[..., None] < 0) & (product * cosine2 > longest**2), (longest - r) * (longest + r), x)
     closed = (x >= 0) & (y >= 0) & (r > 0)
     x, y = np.where(closed, x, np.nan), np.where(closed, y, np.nan)
     shape = closed.shape

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,13 @@ class Limits:
         """FieldError for limits that have no meaning for this target."""
         if target.position is None and self.pivot_box is not None:
             raise FieldError("/limits/pivot_box", "needs `position`: without it nothing is mounted")
+
+    def mirrored(self) -> Limits:
+        """The same limits for a target mirrored in the x axis."""
+        if self.pivot_box is None:
+            return self
+        xmin, ymin, xmax, ymax = self.pivot_box
+        return replace(self, pivot_box=(xmin, -ymax, xmax, -ymin))
 
     @property
     def only_family(self) -> bool:

@@ -14,7 +14,7 @@ decomposition, never from normal equations: in small spans the Jacobian's condit
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from synthesis.charts import Chart, Shape
 from synthesis.fourbar import TURN, close_loop
 from synthesis.limits import Limits
-from synthesis.mounting import DEGENERATE, fit_positions, fixed_parts
+from synthesis.mounting import DEGENERATE, Mount, fit_positions, fixed_parts, wrap
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,7 @@ class Evaluation(NamedTuple):
     cost: Floats
     """(n,): J squared; infinite where a candidate is no answer."""
     stack: Floats
-    """(n, 5, rows): four derivatives of the residual, then the residual, whose squares add up to J squared."""
+    """(n, unknowns + 1, rows): the residual's derivatives, then the residual, whose squares add up to J squared."""
 
 
 class Problem:
@@ -67,7 +67,7 @@ class Problem:
         self.weight = 1 / np.sqrt(samples)
         self.rotation_rows = samples if target.rotation is not None else 0
         rows = self.rotation_rows + (2 * samples if target.position is not None else 0)
-        self.rows = max(rows, 5)  # a triangle of 5 needs as many rows
+        self.rows = rows
         if target.rotation is not None:
             self.rotation = target.rotation - target.rotation.mean()
         if target.position is not None:
@@ -187,7 +187,11 @@ class Problem:
 
 
 class LimitedProblem:
-    """A problem with a penalty for leaving limits: rows ``penalty * max(0, margin - slack)`` beside the residual.
+    """A problem within limits: pose and shape together are unknown, because the best pose of a shape may break a limit.
+
+    Unknowns are the four of `Problem` and, with positions, six more, lengths over l and positions from their mean: A (two),
+    ln k (k scales the chart's lengths), theta4, and the coefficient of e^{i theta2} (two). The offset stays projected out.
+    Leaving a limit costs rows ``penalty * max(0, margin - slack)`` beside the residual.
 
     Parameters
     ----------
@@ -202,42 +206,115 @@ class LimitedProblem:
     _STEP = 1e-6
 
     def __init__(self, target: Target, chart: Chart, sheet: int, limits: Limits, penalty: float) -> None:
-        self.plain = Problem(target, chart, sheet)
-        self.limits, self.penalty = limits, penalty
+        self.plain = Problem(replace(target, position=None, rotation=_or_zero(target)), chart, sheet)
+        self.target, self.limits, self.penalty = target, limits, penalty
+        self.unknowns = 4
+        if target.position is not None:
+            self.unknowns = 10
+            self.mean = target.position.mean()
+            self.scaled = (target.position - self.mean) / target.length_scale
 
-    def slacks(self, unknowns: Floats, branch: Floats) -> Floats:
+    def lift(self, unknowns: Floats, branch: Floats) -> Floats:
+        """Unknowns of this problem (n, 10) for those of `Problem` (n, 4): the best pose; unchanged without positions."""
+        if self.target.position is None:
+            return unknowns
+        lengths = self.plain.chart.shape(unknowns[:, :3]).lengths
+        angle = close_loop(lengths, unknowns[:, 3:] + self.target.crank).coupler_angle(branch)
+        fit = fit_positions(self.target, angle)
+        scale = self.target.length_scale
+        pivot, coupler = (fit.pivot - self.mean) / scale, fit.coupler_vector / scale
+        crank = np.maximum(np.abs(fit.crank_vector) / scale, 1e-3)
+        ground_angle = np.angle(fit.crank_vector) - unknowns[:, 3]
+        pose = [pivot.real, pivot.imag, np.log(crank / lengths[:, 0]), ground_angle, coupler.real, coupler.imag]
+        return np.hstack([unknowns, np.stack(pose, axis=1)])
+
+    def links(self, unknowns: Floats) -> Floats:
+        """Actual lengths, (n, 4)."""
+        lengths = self.plain.chart.shape(unknowns[:, :3]).lengths
+        if self.target.position is None:
+            return lengths / lengths[:, 3:]
+        return lengths * (self.target.length_scale * np.exp(np.clip(unknowns[:, 6:7], -60, 60)))
+
+    def pivots(self, unknowns: Floats) -> tuple[Complexes | None, Complexes | None]:
+        """Fixed pivots A and B, (n,) each."""
+        if self.target.position is None:
+            return None, None
+        pivot = self.mean + self.target.length_scale * (unknowns[:, 4] + 1j * unknowns[:, 5])
+        return pivot, pivot + self.links(unknowns)[:, 3] * np.exp(1j * unknowns[:, 7])
+
+    def poses(self, unknowns: Floats) -> list[Mount] | None:
+        """Poses of candidates, for `solution.finish_solutions`."""
+        if self.target.position is None:
+            return None
+        pivot_a, pivot_b = self.pivots(unknowns)
+        coupler = self.target.length_scale * (unknowns[:, 8] + 1j * unknowns[:, 9])
+        return [
+            Mount(1.0, wrap(row[7]), complex(a), complex(b), abs(c), wrap(float(np.angle(c)) - row[7]))
+            for row, a, b, c in zip(unknowns, pivot_a, pivot_b, coupler)
+        ]
+
+    def slacks(self, unknowns: Floats) -> Floats:
         """Slacks of all limits, see `Limits.slacks`, (n, columns)."""
-        target = self.plain.target
-        lengths, start = self.plain.chart.shape(unknowns[:, :3]).lengths, unknowns[:, 3]
-        if target.position is None:
-            return self.limits.slacks(target, lengths / lengths[:, 3:], start, None, None)
-        angle = close_loop(lengths, start[:, None] + target.crank).coupler_angle(branch)
-        fit = fit_positions(target, angle)
-        size = np.maximum(np.abs(fit.crank_vector), np.finfo(float).tiny)
-        scale = size / lengths[:, 0]
-        ground = scale * lengths[:, 3] * fit.crank_vector / size * np.exp(-1j * start)
-        return self.limits.slacks(target, lengths * scale[:, None], start, fit.pivot, fit.pivot + ground)
+        return self.limits.slacks(self.target, self.links(unknowns), unknowns[:, 3], *self.pivots(unknowns))
 
-    def evaluate(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> Evaluation:
-        """As `Problem.evaluate`, the penalty included."""
-        plain = self.plain.evaluate(unknowns, branch, derivatives)
-        slacks = self.slacks(unknowns, branch)
-        violation = np.maximum(self.MARGIN - slacks, 0.0)
-        usable = np.isfinite(plain.cost) & np.all(np.isfinite(slacks), axis=1)
-        violation = np.where(usable[:, None], violation, 0.0)
-        cost = np.where(usable, plain.cost + self.penalty**2 * np.sum(violation**2, axis=1), np.inf)
-        if not derivatives:
-            return Evaluation(cost, plain.stack)
-        # central differences: the limits' derivatives steer the search, its answer is checked on the limits themselves
-        rows = np.zeros((len(unknowns), 5, violation.shape[1]))
-        rows[:, 4] = violation
-        for k in range(4):
-            step = np.zeros(4)
-            step[k] = self._STEP
-            change = self.slacks(unknowns + step, branch) - self.slacks(unknowns - step, branch)
-            rows[:, k] = np.where(violation > 0, -change / (2 * self._STEP), 0.0)
-        rows = np.nan_to_num(rows, posinf=0.0, neginf=0.0)
-        return Evaluation(cost, np.concatenate([plain.stack, self.penalty * rows], axis=2))
+    def evaluate(self, unknowns: Floats, branch: Floats) -> Evaluation:
+        """Residuals and derivatives, the penalty included."""
+        plain = self.plain.evaluate(unknowns[:, :4], branch)
+        parts = []
+        cost = np.where(np.isfinite(plain.cost), 0.0, np.inf)
+        if self.target.rotation is not None:
+            cost = cost + plain.cost
+            part = np.zeros((len(unknowns), self.unknowns + 1, plain.stack.shape[2]))
+            part[:, :4], part[:, -1] = plain.stack[:, :4], plain.stack[:, 4]
+            parts.append(part)
+        if self.target.position is not None:
+            parts.append(self._position(unknowns, branch))
+            cost = cost + np.sum(parts[-1][:, -1] ** 2, axis=1)
+        parts.append(self._violation(unknowns))
+        cost = cost + np.sum(parts[-1][:, -1] ** 2, axis=1)
+        return Evaluation(np.where(np.isnan(cost), np.inf, cost), np.nan_to_num(np.concatenate(parts, axis=2)))
+
+    def _position(self, unknowns: Floats, branch: Floats) -> Floats:
+        shape = self.plain.chart.shape(unknowns[:, :3])
+        closure = close_loop(shape.lengths, unknowns[:, 3:4] + self.target.crank)
+        angle = closure.coupler_angle(branch)
+        slope = np.zeros((len(unknowns), 4, self.target.samples))
+        by_length = closure.coupler_angle_gradient(branch)
+        slope[:, :3] = np.einsum("nmi,nik->nkm", by_length[..., :4], shape.jacobian)
+        slope[:, 3] = by_length[..., 4]
+        a, log_scale, ground_angle = unknowns[:, 4] + 1j * unknowns[:, 5], unknowns[:, 6], unknowns[:, 7]
+        coupler = unknowns[:, 8] + 1j * unknowns[:, 9]
+        crank_vector = shape.lengths[:, 0] * np.exp(np.clip(log_scale, -60, 60) + 1j * ground_angle)
+        crank = crank_vector[:, None] * np.exp(1j * (unknowns[:, 3:4] + self.target.crank))
+        arm = np.exp(1j * angle)
+        columns = np.empty((len(unknowns), 11, self.target.samples), dtype=complex)
+        columns[:, :4] = -1j * (coupler[:, None] * arm)[:, None, :] * slope
+        columns[:, :3] -= crank[:, None, :] * (shape.jacobian[:, 0] / shape.lengths[:, :1])[:, :, None]
+        columns[:, 3] -= 1j * crank
+        columns[:, 4], columns[:, 5] = -1.0, -1j
+        columns[:, 6], columns[:, 7] = -crank, -1j * crank
+        columns[:, 8], columns[:, 9] = -arm, -1j * arm
+        columns[:, 10] = self.scaled - a[:, None] - crank - coupler[:, None] * arm
+        columns /= np.sqrt(self.target.samples)
+        return np.concatenate([columns.real, columns.imag], axis=2)
+
+    def _violation(self, unknowns: Floats) -> Floats:
+        count, size = unknowns.shape
+        violation = np.maximum(self.MARGIN - self.slacks(unknowns), 0.0)
+        rows = np.zeros((count, size + 1, violation.shape[1]))
+        rows[:, -1] = violation
+        if violation.any():
+            # central differences: the limits' derivatives steer the search, its answer is checked on the limits themselves
+            steps = self._STEP * np.concatenate([np.eye(size), -np.eye(size)])
+            moved = self.slacks((unknowns[:, None, :] + steps).reshape(-1, size)).reshape(count, 2, size, -1)
+            change = (moved[:, 1] - moved[:, 0]) / (2 * self._STEP)
+            rows[:, :-1] = np.where(violation[:, None, :] > 0, change, 0.0)
+        return self.penalty * rows
+
+
+def _or_zero(target: Target) -> Floats:
+    """The rotation, or zeros where there is none: what closes is asked for in either case."""
+    return np.zeros(target.samples) if target.rotation is None else target.rotation
 
 
 @dataclass
@@ -263,7 +340,8 @@ def refine(
     Parameters
     ----------
     problem : Problem or LimitedProblem
-    unknowns : ndarray, shape (n, 4)
+    unknowns : ndarray, shape (n, m)
+        Four for a `Problem`, up to ten for a `LimitedProblem`.
     branch : ndarray of +-1, shape (n,)
     iterations : int
         At most this many steps.
@@ -278,15 +356,16 @@ def refine(
         Law: no candidate is worse than its seed.
     """
     unknowns = unknowns.copy()
+    size = unknowns.shape[1]
     cost, stack = problem.evaluate(unknowns, branch)
     damping = np.full(len(unknowns), 1e-3)
     growth = np.full(len(unknowns), 2.0)
-    triangle = np.linalg.qr(stack.transpose(0, 2, 1), mode="r")
+    triangle = _triangle(stack)
     active = np.flatnonzero(np.isfinite(cost))
     steps = 0
     while steps < iterations and active.size and cost.min() > tolerance**2 and not expired():
         steps += 1
-        upper, right = triangle[active, :4, :4], triangle[active, :4, 4]
+        upper, right = triangle[active, :size, :size], triangle[active, :size, size]
         step = -_damped_solution(upper, right, damping[active])
         # no more than a bit over one in any unknown at a time: the charts are logarithmic
         longest = np.max(np.abs(step), axis=1)
@@ -300,7 +379,7 @@ def refine(
         better = decrease > 0
         took, refused = active[better], active[~better]
         unknowns[took], cost[took] = trial[better], new.cost[better]
-        triangle[took] = np.linalg.qr(new.stack[better].transpose(0, 2, 1), mode="r")
+        triangle[took] = _triangle(new.stack[better])
         # Nielsen's rule (Madsen, Nielsen, Tingleff, Methods for non-linear least squares problems, 3.2)
         gain = np.clip(decrease[better] / np.maximum(predicted[better], 1e-300), 0, 1)
         damping[took] = np.maximum(damping[took] * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), 1e-20)
@@ -315,10 +394,19 @@ def refine(
 
 def _damped_solution(upper: Floats, right: Floats, damping: Floats) -> Floats:
     """Least-squares solutions of ``upper @ step = right`` with Marquardt's damping, by the QR decomposition of both."""
+    size = upper.shape[1]
     norms = np.maximum(np.sqrt(np.einsum("nij,nij->nj", upper, upper)), 1e-12)
-    system = np.zeros((len(upper), 8, 5))
-    system[:, :4, :4], system[:, :4, 4] = upper, right
-    diagonal = np.arange(4)
-    system[:, 4 + diagonal, diagonal] = np.sqrt(damping)[:, None] * norms
+    system = np.zeros((len(upper), 2 * size, size + 1))
+    system[:, :size, :size], system[:, :size, size] = upper, right
+    diagonal = np.arange(size)
+    system[:, size + diagonal, diagonal] = np.sqrt(damping)[:, None] * norms
     small = np.linalg.qr(system, mode="r")
-    return np.linalg.solve(small[:, :4, :4], small[:, :4, 4:])[:, :, 0]
+    return np.linalg.solve(small[:, :size, :size], small[:, :size, size:])[:, :, 0]
+
+
+def _triangle(stack: Floats) -> Floats:
+    """R of the QR decomposition of derivatives and residual as columns, (n, m + 1, m + 1)."""
+    columns = stack.transpose(0, 2, 1)
+    if (missing := columns.shape[2] - columns.shape[1]) > 0:
+        columns = np.concatenate([columns, np.zeros((len(columns), missing, columns.shape[2]))], axis=1)
+    return np.linalg.qr(columns, mode="r")

@@ -17,6 +17,9 @@ Position (design of `mounting`): P is fitted by {1, e^{it}, e^{i theta2}}, so wh
 |p|^2 - |<q, p>|^2 / |q|^2 with p and q the parts of P and of e^{i theta2} that are orthogonal to {1, e^{it}}; the inner
 products are again rows of the series of e^{i theta2} times matrices of the request.
 
+The norms of p and q are those of the series, whose modulus is not quite 1: |q|^2 is the mean of its squared modulus (one
+more series) less the two parts that are taken off.
+
 Bounds. If the series of theta2 is off by at most e everywhere, then the rms of a centred difference is off by at most e.
 So is the norm of q, and as the residual of the position is the least |p - z q| over z, attained at |z| <= |p| / |q|, it is
 off by at most e |p| / (|q| - e). e is the file's ``curve_error`` plus the coefficients left out.
@@ -26,7 +29,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -34,8 +36,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas_file import Atlas
-from synthesis.fourbar import TURN, coupler_angle
-from synthesis.mounting import fixed_parts, objective
+from synthesis.fourbar import coupler_angle
+from synthesis.mounting import objective
+from synthesis.scan_series import (
+    Bucket,
+    PositionMatrices,
+    RequestMeans,
+    RotationMatrices,
+    join,
+    prepare,
+    start_angles,
+)
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -48,9 +59,8 @@ TIE = 1e-12
 
 HARMONICS = (4, 6, 8, 10, 12, 16, 24, 32, 48, 64, 96)
 SERIES_ERROR = 3e-7
-_ROUNDING = 1e-13
 _BLOCK_ROWS = 256
-_WAVE = 4
+_LARGEST_WAVE = 64
 """Blocks between two looks at the limit: the same on every machine, or reports would differ."""
 _FIRST_COUNT = 4096
 _PREPARED_AT_ONCE = 8192
@@ -67,35 +77,6 @@ class Windows(NamedTuple):
 
     def take(self, index: NDArray[np.intp]) -> Windows:
         return Windows(*(column[index] for column in self))
-
-
-@dataclass(frozen=True)
-class _Bucket:
-    """Types of one winding whose series have the same number of harmonics."""
-
-    rows: Ints
-    winding: int
-    harmonics: int
-    series: Floats
-    """(n, 6H): cosines and sines of p^2 up to 2H, then of p up to H."""
-    mean_square: Floats
-    error: Floats
-    phasor: NDArray[np.complex128]
-    """(n, 2K + 1): coefficients -K .. K of e^{i theta2}."""
-    phasor_error: Floats
-
-
-def _tails(magnitudes: Floats) -> Floats:
-    """Sum of all magnitudes from each column to the last."""
-    return np.cumsum(magnitudes[:, ::-1], axis=1)[:, ::-1]
-
-
-def _square_series(spectrum: NDArray[np.complex128], harmonics: int) -> tuple[Floats, Floats]:
-    """Mean, and cosine and sine coefficients 1 .. 2H, of the square of a series given by rfft-like coefficients."""
-    points = 4 * harmonics + 2
-    values = np.fft.irfft(spectrum * points, points, axis=1)
-    square = np.fft.rfft(values**2, axis=1)[:, : 2 * harmonics + 1] / points
-    return square[:, 0].real, np.concatenate([2 * square[:, 1:].real, -2 * square[:, 1:].imag], axis=1)
 
 
 class Scan:
@@ -125,12 +106,12 @@ class Scan:
         self.lengths = atlas.lengths.astype(float)
         self.starts = starts
         self.threads = threads
-        pieces: dict[tuple[int, int], list[_Bucket]] = {}
+        pieces: dict[tuple[int, int], list[Bucket]] = {}
         for first in range(0, len(atlas), _PREPARED_AT_ONCE):
             rows = np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
-            for bucket in _prepare(atlas, rows, series_error, harmonics):
+            for bucket in prepare(atlas, rows, series_error, harmonics):
                 pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
-        self._buckets = [_join(parts) for _, parts in sorted(pieces.items())]
+        self._buckets = [join(parts) for _, parts in sorted(pieces.items())]
 
     @property
     def windows(self) -> int:
@@ -145,19 +126,19 @@ class Scan:
 
     # -- bounds -------------------------------------------------------------------------------------------------------
 
-    def _matrices(
-        self, target: Target
-    ) -> Iterator[tuple[_Bucket, _RotationMatrices | None, _PositionMatrices | None]]:
+    def _matrices(self, target: Target) -> Iterator[tuple[Bucket, RotationMatrices | None, PositionMatrices | None]]:
         """Buckets with the request's matrices for them; None for what the request does not ask for."""
-        shared: dict[int, _PositionMatrices] = {}
-        for bucket in self._buckets:
+        reaches = [bucket.phasor.shape[1] // 2 for bucket in self._buckets]
+        highest = 2 * max([*reaches, *(bucket.harmonics for bucket in self._buckets)], default=0)
+        means = RequestMeans(target, highest)
+        shared: dict[int, PositionMatrices] = {}
+        for bucket, reach in zip(self._buckets, reaches):
             rotation = position = None
             if target.rotation is not None:
-                rotation = _RotationMatrices(target, bucket, self.starts)
+                rotation = RotationMatrices(means, bucket, self.starts)
             if target.position is not None:
-                reach = bucket.phasor.shape[1] // 2
                 if reach not in shared:
-                    shared[reach] = _PositionMatrices(target, reach, self.starts)
+                    shared[reach] = PositionMatrices(means, reach, self.starts)
                 position = shared[reach]
             yield bucket, rotation, position
 
@@ -167,22 +148,20 @@ class Scan:
         Blocks are worked on in waves, one block a thread and all of a wave with the same limit, so that the result does
         not depend on which thread is faster. (A matrix product of its own many threads waits for the slowest of them.)
         """
+        work = [
+            (bucket, rotation, position, slice(k, k + _BLOCK_ROWS))
+            for bucket, rotation, position in self._matrices(target)
+            for k in range(0, len(bucket.rows), _BLOCK_ROWS)
+        ]
         with ThreadPoolExecutor(self.threads) as pool:
-            for bucket, rotation, position in self._matrices(target):
-                blocks = [slice(k, k + _BLOCK_ROWS) for k in range(0, len(bucket.rows), _BLOCK_ROWS)]
-                for k in range(0, len(blocks), _WAVE):
-                    ceiling = limit()
-                    work = partial(self._block_bounds, bucket, rotation, position, ceiling)
-                    yield from filter(None, pool.map(work, blocks[k : k + _WAVE]))
+            first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
+            while first < len(work):
+                ceiling = limit()
+                yield from filter(None, pool.map(partial(self._block_bounds, ceiling), work[first : first + wave]))
+                first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
 
-    def _block_bounds(
-        self,
-        bucket: _Bucket,
-        rotation: _RotationMatrices | None,
-        position: _PositionMatrices | None,
-        ceiling: float,
-        part: slice,
-    ) -> tuple[Ints, Floats] | None:
+    def _block_bounds(self, ceiling: float, work: tuple) -> tuple[Ints, Floats] | None:
+        bucket, rotation, position, part = work
         places = np.arange(len(bucket.rows))[part]
         squared: Floats | float = 0.0
         if rotation is not None:
@@ -282,7 +261,7 @@ class Scan:
         while True:
             ids, bounds, cut = self._lowest(target, count, ceiling)
             windows, done, ceiling = self._evaluate(ids, bounds, top, exact)
-            evaluated += done
+            evaluated = max(evaluated, done)  # a further pass begins with the same windows
             if ceiling + TIE <= cut or ids.size < count:
                 return windows, ScanReport(self.windows, evaluated, True)
             if max_windows is not None and count >= max_windows:
@@ -320,14 +299,9 @@ class ScanReport(NamedTuple):
     exhaustive: bool
 
 
-def start_angles(starts: int = STARTS) -> Floats:
-    """theta1 of evenly spaced starts, radians."""
-    return np.arange(starts) * (TURN / starts)
-
-
 def window_angles(lengths: Floats, target: Target, windows: Windows) -> tuple[Floats, Floats]:
     """Crank angle and coupler angle of windows over the samples of a target, both (n, N), from the lengths alone."""
-    crank = start_angles()[windows.start][:, None] + target.crank
+    crank = start_angles(STARTS)[windows.start][:, None] + target.crank
     return crank, coupler_angle(lengths[windows.row], windows.branch, crank)
 
 
@@ -343,134 +317,3 @@ def window_errors(lengths: Floats, target: Target, windows: Windows) -> Floats:
         crank, angle = window_angles(lengths, target, part)
         errors[first : first + batch] = objective(target, crank, angle)
     return errors
-
-
-# -- preparation ------------------------------------------------------------------------------------------------------
-
-
-def _prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, ...]) -> Iterator[_Bucket]:
-    samples = atlas.rule.samples
-    half = samples // 2
-    curves = atlas.curves(rows)
-    spectrum = np.fft.rfft(curves, axis=1) / samples
-    spectrum[:, half] = 0  # as in `atlas_rows.interpolate_midway`, on which curve_error rests
-    winding = atlas.winding[rows].astype(int)
-    crank = np.arange(samples) * (TURN / samples)
-    phasor = np.fft.fft(np.exp(1j * (curves + winding[:, None] * crank)), axis=1) / samples
-    tails = _tails(2 * np.abs(spectrum))
-    choices = np.array([h for h in lengths if h < half] + [half - 1])
-    # the first choice whose tail is small enough; the last one leaves nothing out
-    choice = np.argmax(
-        np.concatenate([tails[:, choices[:-1] + 1], np.zeros((len(rows), 1))], axis=1) <= series_error, axis=1
-    )
-    for index, harmonics in enumerate(choices):
-        for turns in (0, 1):
-            chosen = np.flatnonzero((choice == index) & (winding == turns))
-            if chosen.size:
-                part = spectrum[chosen, : harmonics + 1].copy()
-                part[:, 0] = 0  # a constant is the offset's business
-                left_out = tails[chosen, harmonics + 1] if harmonics + 1 <= half else 0.0
-                error = atlas.curve_error[rows[chosen]].astype(float) * 1.5 + left_out + 1e-12
-                mean_square, square = _square_series(part, int(harmonics))
-                series = np.concatenate([square, 2 * part[:, 1:].real, -2 * part[:, 1:].imag], axis=1)
-                reach = min(int(1.25 * harmonics) + 4, half - 1)
-                kept = np.arange(-reach, reach + 1) % samples
-                coefficients = phasor[np.ix_(chosen, kept)]
-                lost = np.abs(phasor[chosen]).sum(1) - np.abs(coefficients).sum(1)
-                yield _Bucket(
-                    rows[chosen],
-                    turns,
-                    int(harmonics),
-                    series,
-                    mean_square,
-                    error,
-                    coefficients,
-                    error + np.maximum(2 * lost, 0) + 1e-9,
-                )
-
-
-def _join(parts: list[_Bucket]) -> _Bucket:
-    first = parts[0]
-    arrays = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name, value in vars(first).items()
-        if isinstance(value, np.ndarray)
-    }
-    return _Bucket(winding=first.winding, harmonics=first.harmonics, **arrays)
-
-
-# -- matrices of a request --------------------------------------------------------------------------------------------
-
-
-def _means(weight: NDArray[np.generic], crank: Floats, harmonics: NDArray[np.int_]) -> NDArray[np.complex128]:
-    """<weight e^{i h t}> for each h."""
-    return np.exp(1j * np.outer(harmonics, crank)) @ weight / crank.size
-
-
-class _RotationMatrices:
-    """What a request multiplies the series of a bucket with, to give the mean squared rotation error of all windows."""
-
-    def __init__(self, target: Target, bucket: _Bucket, starts: int) -> None:
-        rotation = target.rotation - bucket.winding * target.crank
-        centred = rotation - rotation.mean()
-        self.variance = float(np.mean(centred**2))
-        self.rounding = _ROUNDING * (1 + self.variance)
-        single = np.arange(1, bucket.harmonics + 1)
-        double = np.arange(1, 2 * bucket.harmonics + 1)
-        one = np.ones_like(centred)
-        angles = start_angles(starts)
-        sides = [(centred, target.crank, angles), (-centred, -target.crank, -angles)]
-        self.product = np.hstack(
-            [
-                np.vstack(
-                    [
-                        self._rows(_means(one, t, double), double, start),
-                        -2 * self._rows(_means(g, t, single), single, start),
-                    ]
-                )
-                for g, t, start in sides
-            ]
-        )
-        self.mean = np.hstack([self._rows(_means(one, t, single), single, start) for _, t, start in sides])
-
-    @staticmethod
-    def _rows(means: NDArray[np.complex128], harmonics: NDArray[np.int_], start: Floats) -> Floats:
-        shifted = np.exp(1j * np.outer(harmonics, start)) * means[:, None]
-        return np.vstack([shifted.real, shifted.imag])
-
-    def mean_square_error(self, bucket: _Bucket, part: slice) -> Floats:
-        """D of all windows of some rows, (n, 720): branch +1 at starts 0..359, then branch -1."""
-        series = bucket.series[part]
-        result = series @ self.product
-        mean = series[:, 4 * bucket.harmonics :] @ self.mean
-        np.multiply(mean, mean, out=mean)
-        result -= mean
-        result += (bucket.mean_square[part] + self.variance)[:, None]
-        return result
-
-
-class _PositionMatrices:
-    """What a request multiplies phasors -reach .. reach with, to bound the mean squared position error (over l^2)."""
-
-    def __init__(self, target: Target, reach: int, starts: int) -> None:
-        harmonics = np.arange(-reach, reach + 1)
-        one, turned, rest = fixed_parts(target)
-        self.size = float(np.sqrt(np.mean(np.abs(rest) ** 2)))
-        unit = rest / self.size if self.size > 0 else rest
-        columns = []
-        for weight in (one, turned, unit):
-            means = _means(np.conj(weight), target.crank, harmonics)
-            turn = np.exp(1j * np.outer(harmonics, start_angles(starts)))
-            columns.append(np.hstack([turn * means[:, None], np.conj(turn * means[:, None])]))
-        self.product = np.hstack(columns)
-
-    def mean_square_error(self, bucket: _Bucket, part: slice | Ints) -> Floats:
-        """Lower bounds of the mean squared position error over l^2, (n, 720)."""
-        products = np.abs(bucket.phasor[part] @ self.product) ** 2
-        windows = products.shape[1] // 3
-        first, second, along = products[:, :windows], products[:, windows : 2 * windows], products[:, 2 * windows :]
-        error = bucket.phasor_error[part][:, None]
-        square = np.maximum(1.0 - first - second, 1e-30)
-        left = np.sqrt(np.maximum(1.0 - along / square - 1e-14 / square, 0.0))
-        norm = np.maximum(np.sqrt(square) - error - 1e-8, 1e-30)
-        return (self.size * np.maximum(left - error / norm, 0.0)) ** 2

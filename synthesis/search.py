@@ -25,11 +25,11 @@ from synthesis.atlas_file import Atlas, AtlasRule, generator_versions
 from synthesis.atlas_rows import compute_rows
 from synthesis.charts import AnyChart, Chart, FullCrankChart
 from synthesis.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar import TURN
+from synthesis.fourbar import TURN, close_loop
 from synthesis.limits import Limits
 from synthesis.refine import LimitedProblem, Problem, refine
 from synthesis.scan import Scan
-from synthesis.solution import Solution, distinct, make_solutions
+from synthesis.solution import Solution, distinct, finish_solutions, make_solutions
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -45,6 +45,8 @@ _LEVEL_SERIES_ERROR = 1e-3
 _LEVEL_HARMONICS = (8, 20)
 _CELL = np.array([0.7, 1.0, 1.0, 0.6])
 _HOP = np.array([0.7, 1.5, 1.5, 0.4])
+_ANY_LENGTHS = (1.0, 2.0, 3.0, 4.5)
+_ANY_STARTS = 18
 _PENALTIES = (0.3, 3.0, 30.0, 1000.0)
 
 
@@ -199,17 +201,15 @@ class _Search:
     def expired(self) -> bool:
         return self.clock() >= self.deadline
 
-    def run(self, seeds: _Candidates, iterations: int, problem: Problem | None = None) -> _Candidates:
+    def run(self, seeds: _Candidates, iterations: int) -> None:
         """Refine seeds and put them into the pool."""
         self.seeds += len(seeds.branch)
         self.rounds += 1
         tolerance = 0.3 * self.tolerance
-        done = refine(problem or self.problem, seeds.unknowns, seeds.branch, iterations, tolerance, self.expired)
-        found = _Candidates(done.unknowns, done.branch, done.cost)
-        self.pool = self.pool.joined(found)
+        done = refine(self.problem, seeds.unknowns, seeds.branch, iterations, tolerance, self.expired)
+        self.pool = self.pool.joined(_Candidates(done.unknowns, done.branch, done.cost))
         if self.limits.only_family:
             self.note(self.pool.cost)
-        return found
 
     def note(self, cost: Floats) -> None:
         """Add the best objective so far to the trace."""
@@ -234,6 +234,7 @@ class _Search:
             lambda: self.run(self.fresh(1, 100).joined(_thin(self.pool, 12)), 40),
             lambda: self.run(self.hop(15, 8), 40),
             lambda: self.run(self.hop(15, 12), 60),
+            lambda: self.run(self.fresh(1, 400), 60),
             lambda: self.run(_thin(self.pool, 40), 200),
             lambda: self.run(self.hop(20, 12), 100),
             lambda: self.run(_thin(self.pool, 12), 1000),
@@ -249,6 +250,35 @@ class _Search:
             if self.reached(self.pool) or self.expired():
                 return
 
+    def continue_in(self, chart: AnyChart) -> None:
+        """Go on in the chart of all four-bars, from the best so far and from types of all families."""
+        lengths = self.lengths(self.pool)
+        best = self.pool._replace(unknowns=np.hstack([chart.unknowns(lengths), self.pool.unknowns[:, 3:]]))
+        self.use(chart)
+        types = np.stack(np.meshgrid(*[_ANY_LENGTHS] * 4, indexing="ij"), axis=-1).reshape(-1, 4)
+        types = np.unique(np.round(types / types[:, 3:], 9), axis=0)
+        starts = np.arange(_ANY_STARTS) * (TURN / _ANY_STARTS)
+        shapes = np.repeat(chart.unknowns(types), _ANY_STARTS, axis=0)
+        unknowns = np.hstack([shapes, np.tile(starts, len(types))[:, None]])
+        seeds = _thin(best, 20)
+        for branch in (1.0, -1.0):
+            side = np.full(len(unknowns), branch)
+            cost = self.problem.evaluate(unknowns, side, derivatives=False).cost
+            seeds = seeds.joined(_thin(_Candidates(unknowns, side, cost), 120, 0.7))
+        for step in (
+            lambda: self.run(seeds, 40),
+            lambda: self.run(self.hop(20, 10), 60),
+            lambda: self.run(self.hop(20, 10), 60),
+            lambda: self.run(_thin(self.pool, 40), 300),
+        ):
+            step()
+            if self.reached(self.pool) or self.expired():
+                return
+
+    def done(self, solutions: list[Solution]) -> bool:
+        """Whether no further search is worth while, or there is no time for it."""
+        return self.expired() or bool(solutions and solutions[0].errors.objective < self.tolerance)
+
     def polish(self, count: int, iterations: int = 30) -> _Candidates:
         """The best of the pool on all samples of the request."""
         best = _thin(self.pool, count, 1e-3)
@@ -260,42 +290,54 @@ class _Search:
         done = refine(problem, best.unknowns, best.branch, iterations)
         return _Candidates(done.unknowns, done.branch, done.cost)
 
-    def limited_search(self) -> _Candidates:
-        """Rounds that keep to the limits: penalties that grow until the candidates lie inside."""
-        inside = _NONE
+    def limited_search(self, top: int) -> list[Solution]:
+        """Solutions that keep to the limits: penalties that grow until the candidates lie inside."""
+        found: list[Solution] = []
         attempts = [
             lambda: _thin(self.pool, 30).joined(self.fresh(0, 60)),
             lambda: self.fresh(1, 120),
-            lambda: self.spread(inside),
+            lambda: self.hop(15, 12),
         ]
         for attempt in attempts:
             seeds = attempt()
-            for k, penalty in enumerate(_PENALTIES):
-                limited = LimitedProblem(self.thin_target, self.chart, self.problem.sheet, self.limits, penalty)
-                last = k == len(_PENALTIES) - 1
-                seeds = _thin(self.run(seeds, 60 if last else 15, limited), 200, 1e-4)
-                if self.expired():
-                    break
-            inside = inside.joined(self.inside(seeds))
-            self.note(inside.cost)
-            if self.reached(inside) or self.expired():
+            unknowns, branch = self.limited(_PENALTIES[0]).lift(seeds.unknowns, seeds.branch), seeds.branch
+            self.seeds += len(branch)
+            self.rounds += 1
+            for penalty in _PENALTIES:
+                last = penalty == _PENALTIES[-1]
+                done = refine(self.limited(penalty), unknowns, branch, 60 if last else 20, 0.0, self.expired)
+                best = np.argsort(done.cost, kind="stable")[: len(branch) if not last else 4 * top + 20]
+                best = best[np.isfinite(done.cost[best])]
+                unknowns, branch = done.unknowns[best], done.branch[best]
+            found = distinct(found + self.finished(unknowns, branch), 2 * top + 4)
+            self.note(np.array([s.errors.objective for s in found[:1]]) ** 2)
+            if self.expired() or (found and found[0].errors.objective < self.tolerance):
                 break
-        return inside
+        return found
 
-    def spread(self, inside: _Candidates) -> _Candidates:
-        """Seeds around what is inside the limits; around what is nearest to them where nothing is."""
-        self.pool = inside if inside.branch.size else self.pool
-        return self.hop(15, 12)
+    def limited(self, penalty: float) -> LimitedProblem:
+        return LimitedProblem(self.thin_target, self.chart, self.problem.sheet, self.limits, penalty)
 
-    def inside(self, candidates: _Candidates) -> _Candidates:
-        """Those that keep the limits, with their objective on all samples."""
+    def finished(self, unknowns: Floats, branch: Floats) -> list[Solution]:
+        """Limited candidates as solutions on all samples, those outside of the limits left out."""
+        if not branch.size:
+            return []
+        problem = self.limited(0.0)
+        links = problem.links(unknowns)
+        start = unknowns[:, 3] % TURN
+        closes = np.isfinite(close_loop(links, start[:, None] + self.target.crank).coupler_angle(branch)).all(axis=1)
+        unknowns, links, branch, start = unknowns[closes], links[closes], branch[closes], start[closes]
+        if not branch.size:
+            return []
+        solutions = finish_solutions(self.target, links, branch, start, problem.poses(unknowns))
+        return [s for s in solutions if _holds(self.limits, self.target, s)]
+
+    def solutions(self, candidates: _Candidates) -> list[Solution]:
+        """Candidates with their best pose as solutions, those outside of the limits left out."""
         if not candidates.branch.size:
-            return candidates
-        limited = LimitedProblem(self.target, self.chart, self.problem.sheet, self.limits, 0.0)
-        cost = limited.plain.evaluate(candidates.unknowns, candidates.branch, derivatives=False).cost
-        slacks = limited.slacks(candidates.unknowns, candidates.branch)
-        keeps = np.isfinite(cost) & np.all(slacks >= 0, axis=1)
-        return candidates._replace(cost=cost).take(keeps)
+            return []
+        made = make_solutions(self.target, self.lengths(candidates), candidates.branch, candidates.unknowns[:, 3])
+        return [s for s in made if _holds(self.limits, self.target, s)]
 
     def lengths(self, candidates: _Candidates) -> Floats:
         return self.chart.shape(candidates.unknowns[:, :3]).lengths
@@ -322,6 +364,22 @@ def mirrored(target: Target) -> Target:
         rotation=None if target.rotation is None else -target.rotation,
         position=None if target.position is None else np.conj(target.position),
     )
+
+
+def mirrored_solution(solution: Solution) -> Solution:
+    """The linkage in a mirror, for the mirrored target; its errors are the same."""
+    pose = solution.mount
+    if pose is not None:
+        pose = replace(
+            pose,
+            ground_angle=-pose.ground_angle,
+            pivot_a=pose.pivot_a.conjugate(),
+            pivot_b=pose.pivot_b.conjugate(),
+            coupler_angle=-pose.coupler_angle,
+        )
+    offset = None if solution.body_offset is None else -solution.body_offset
+    start = float(-solution.start % TURN)
+    return replace(solution, branch=-solution.branch, start=start, body_offset=offset, mount=pose)
 
 
 def search(
@@ -356,77 +414,30 @@ def search(
     report : SearchReport
     """
     begin = clock()
-    clockwise = target.span < 0
     # a clockwise crank is a mirror image: one search serves both
-    canonical = mirrored(target) if clockwise else target
-    run = _Search(levels, canonical, limits, tolerance, clock, begin + budget, begin)
-    found: list[tuple[Floats, Floats, Floats]] = []
-
-    def collect(candidates: _Candidates) -> None:
-        if candidates.branch.size:
-            found.append((run.lengths(candidates), candidates.branch, candidates.unknowns[:, 3]))
-
-    charts: list[Chart] = [FullCrankChart()]
-    if limits.family == "any":
-        charts.append(AnyChart())
-    count = top + 4
-    for chart in charts:
-        if not isinstance(chart, FullCrankChart):
-            previous = run.lengths(run.pool)
-            seeds = _any_seeds(run, previous)
-            run.use(chart)
-            run.run(seeds, 40)
-        elif limits.only_family:
-            run.free_search()
-        else:
-            run.free_search(rounds=2)
-        if limits.only_family:
-            if isinstance(chart, AnyChart) and not run.reached(run.pool) and not run.expired():
-                run.run(run.hop(20, 10), 60)
-                run.run(_thin(run.pool, 40), 200)
-            # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
-            polished = run.polish(count, 6 if run.reached(run.pool) else 30)
-            run.note(polished.cost)
-            collect(polished)
-            done = run.reached(polished)
-        else:
-            inside = run.inside(run.polish(count))
-            run.note(inside.cost)
-            if not run.reached(inside):
-                inside = inside.joined(run.limited_search())
-            collect(_thin(inside, 3 * count, 1e-4))
-            done = run.reached(inside)
-        if done or run.expired():
-            break
-
+    clockwise = target.span < 0
+    if clockwise:
+        target, limits = mirrored(target), limits.mirrored()
+    run = _Search(levels, target, limits, tolerance, clock, begin + budget, begin)
     solutions: list[Solution] = []
-    if found:
-        lengths, branch, start = (np.concatenate(column) for column in zip(*found))
-        if clockwise:
-            branch, start = -branch, -start
-        solutions = make_solutions(target, lengths, branch, start)
-        solutions = distinct([s for s in solutions if _holds(limits, target, s)], top)
-    return solutions, _report(run, solutions, tolerance)
-
-
-def _any_seeds(run: _Search, lengths: Floats) -> _Candidates:
-    """Seeds in the chart of all four-bars: the best so far, and types of all families that close over the interval."""
-    chart = AnyChart()
-    best = _Candidates(np.hstack([chart.unknowns(lengths), run.pool.unknowns[:, 3:]]), run.pool.branch, run.pool.cost)
-    grid = np.array([1.0, 2.0, 3.0, 4.5])
-    types = np.stack(np.meshgrid(grid, grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 4)
-    types = np.unique(np.round(types / types[:, 3:], 9), axis=0)
-    starts = np.arange(18) * (TURN / 18)
-    unknowns = np.hstack(
-        [np.repeat(chart.unknowns(types), starts.size, axis=0), np.tile(starts, len(types))[:, None]]
-    )
-    problem = Problem(run.thin_target, chart, 0)
-    parts = _thin(best, 20)
-    for branch in (1.0, -1.0):
-        side = np.full(len(unknowns), branch)
-        cost = problem.evaluate(unknowns, side, derivatives=False).cost
-        parts = parts.joined(_thin(_Candidates(unknowns, side, cost), 120, 0.7))
-    return parts
+    charts: list[Chart] = [FullCrankChart(), AnyChart()] if limits.family == "any" else [FullCrankChart()]
+    for chart in charts:
+        if isinstance(chart, FullCrankChart):
+            run.free_search(None if limits.only_family else 2)
+        else:
+            run.continue_in(chart)
+        # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
+        polished = run.polish(top + 4, 6 if run.reached(run.pool) else 30)
+        solutions = distinct(solutions + run.solutions(polished), top)
+        run.note(np.array([s.errors.objective for s in solutions[:1]]) ** 2)
+        if not limits.only_family and not run.done(solutions):
+            solutions = distinct(solutions + run.limited_search(top), top)
+        if run.done(solutions):
+            break
+    report = _report(run, solutions, tolerance)
+    if clockwise:
+        solutions = [mirrored_solution(s) for s in solutions]
+    return solutions, report
 
 
 def _holds(limits: Limits, target: Target, solution: Solution) -> bool:

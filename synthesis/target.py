@@ -86,6 +86,8 @@ def make_target(
         Naming the field and the sample.
     """
     named = {"rotation": rotation, "position": position, "crank_angle": crank_angle}
+    if position is not None:
+        named["position"] = np.asarray(position, dtype=complex)
     given = {name: np.asarray(values) for name, values in named.items() if values is not None}
     if rotation is None and position is None:
         raise FieldError("", "give `rotation`, `position` or both")
@@ -117,6 +119,8 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
     if (crank_span is None) == (crank_angle is None):
         raise FieldError("/crank_span", "give either `crank_span` or `crank_angle`")
     if crank_angle is None:
+        if not np.isfinite(crank_span):
+            raise FieldError("/crank_span", "wanted a finite number")
         field, crank = "/crank_span", np.linspace(0.0, float(crank_span), samples)
     else:
         field, crank = "/crank_angle", crank_angle.astype(float) - float(crank_angle[0])
@@ -135,7 +139,7 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
 
 
 def _length_scale(position: NDArray[np.complex128], length_scale: float | None) -> float:
-    largest = float(np.max(np.abs(position.view(float))))
+    largest = float(max(np.max(np.abs(position.real)), np.max(np.abs(position.imag))))
     for field, length in (("/position", largest or None), ("/length_scale", length_scale)):
         if length is not None and not MIN_LENGTH <= length <= MAX_LENGTH:
             raise FieldError(field, f"wanted lengths between {MIN_LENGTH:g} and {MAX_LENGTH:g}")

@@ -1,0 +1,406 @@
+"""The knotter over HTTP and on the command line: answers made from `synthesis.knotter`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import math
+from typing import Any
+
+from app.query import Export, Query, RequestModel, Resources
+from app.scenes.knotter_models import (
+    ANGLES,
+    MAX_PAIRS,
+    MAX_RANGE_TURNS,
+    ClearanceReply,
+    EntryReply,
+    LawModel,
+    LimitReply,
+    LimitRequest,
+    LimitRow,
+    MachineRequest,
+    NeedleReply,
+    NeedleRequest,
+    PairReply,
+    Report,
+    ScanReply,
+    ScanRequest,
+)
+from synthesis.errors import FieldError
+
+MIN_SLOPE = 1e-12
+"""Slope of eq 5 against its amplitude, below which the angle for a length is undetermined."""
+
+
+class _Angles:
+    """Angles of a request to radians, and back."""
+
+    def __init__(self, unit: str) -> None:
+        self.degrees = unit == "deg"
+
+    def inward(self, angle: float) -> float:
+        return math.radians(angle) if self.degrees else angle
+
+    def outward(self, angle: float) -> float:
+        """The angle in the request's unit; the short decimal where that is the same angle, so 240 stays 240."""
+        if not self.degrees:
+            return angle
+        degrees = math.degrees(angle)
+        short = round(degrees, 9)
+        return short if math.radians(short) == angle else degrees
+
+
+def _given(model: RequestModel) -> dict[str, Any]:
+    return {name: value for name in type(model).model_fields if (value := getattr(model, name)) is not None}
+
+
+def _law(name: str, model: LawModel, angles: _Angles) -> Any:
+    from synthesis.knotter_mechanism import Linear, Table
+
+    field = f"/laws/{name}"
+    kinds = [model.lead is not None or model.ratio is not None, model.table is not None, model.dwell is not None]
+    if sum(kinds) != 1:
+        raise FieldError(field, "a law is exactly one of: lead and ratio, table, dwell")
+    if model.lead is not None or model.ratio is not None:
+        return Linear(angles.inward(model.lead or 0.0), model.ratio or 0.0)
+    outside = model.outside or ("hold" if name == "alpha4" else "error")
+    rows = model.table
+    if model.dwell is not None:
+        rows = [[model.dwell.start, model.dwell.before], [model.dwell.end, model.dwell.after]]
+        outside = "hold"
+    try:
+        columns = ([angles.inward(row[0]) for row in rows], [angles.inward(row[1]) for row in rows])
+        return Table(*map(tuple, columns), model.kind, outside)
+    except ValueError as error:
+        raise FieldError(field, f"the law {name} is not defined: {error}", constraint="law_table") from error
+
+
+def _range(field: str, found: list[float] | None, default: tuple[float, float], angles: _Angles, empty: bool):
+    if found is None:
+        return default
+    low, high = (angles.inward(at) for at in found)
+    if not (low <= high if empty else low < high):
+        raise FieldError(field, "the range must run from a smaller to a larger angle")
+    if high - low > MAX_RANGE_TURNS * math.tau * (1 + 1e-12):
+        raise FieldError(field, f"the range covers more than {MAX_RANGE_TURNS} turns", constraint="turns")
+    return low, high
+
+
+def _machine(request: MachineRequest, angles: _Angles) -> tuple[Any, dict[str, Any]]:
+    """The mechanism of a request and its three conditions by name."""
+    from synthesis import knotter
+
+    lengths = _given(request.parameters)
+    mechanism = knotter.knotter(
+        {name: angles.inward(value) if name in ANGLES else value for name, value in lengths.items()},
+        _given(request.senses),
+        {name: _law(name, law, angles) for name, law in _given(request.laws).items()},
+        {name: tuple(point) for name, point in _given(request.points).items()},
+    )
+    options = request.clearance
+    windows, over = request.windows, options.over
+    conditions = {
+        "wrap": knotter.wrap(_range("/windows/wrap", windows.wrap, knotter.WRAP_WINDOW, angles, False)),
+        "clearance": knotter.clearance(
+            knotter.CLEARANCE_AT if options.at is None else angles.inward(options.at),
+            _range("/clearance/over", over, knotter.CLEARANCE_OVER, angles, True),
+            math.inf if options.disc_radius is None else options.disc_radius,
+            options.hook == "locked",
+        ),
+        "bite": knotter.bite(_range("/windows/bite", windows.bite, knotter.BITE_WINDOW, angles, False)),
+    }
+    return mechanism, conditions
+
+
+def _provenance(request: MachineRequest, given_angles: set[str]) -> dict[str, Any]:
+    from synthesis import knotter
+
+    given = [*_given(request.parameters), *_given(request.laws), *_given(request.points)]
+    given += [name for name in given_angles if name not in given]
+    given += [f"senses.{name}" for name in _given(request.senses)]
+    assumed = [*knotter.ASSUMED_PARAMETERS, "beta", "alpha4"]
+    assumed += [f"senses.{name}" for name in knotter.SENSES]
+    assumed += [name for name in knotter.POINTS if name not in knotter.PUBLISHED_POINTS]
+    published = ["alpha1", "alpha2", "alpha3", "d5", "d6", *knotter.PUBLISHED_POINTS]
+    partly = {
+        "S0": "radius 30 and starting angle 15 degrees are published, the sign of its k coordinate is assumed",
+        "S1": "22 along i and -39 along k are published, its j coordinate is assumed",
+    }
+    return {
+        "assumed": [name for name in assumed if name not in given],
+        "published": [name for name in published if name not in given],
+        "given": given,
+        "partly_published": {name: text for name, text in partly.items() if name not in given},
+        "frames": {**knotter.POINT_FRAMES, "E1": "u4", "E2": "u5"},
+    }
+
+
+def _entry(condition: Any, result: Any, row: int, angles: _Angles) -> EntryReply:
+    from synthesis.knotter_entry import Found
+    from synthesis.knotter_predicates import Crossing
+
+    enters = result.windows[row] > 0
+    opened = int(result.opened_by[row])
+    sensitivity = float(result.sensitivity[row])
+    return EntryReply(
+        holds=bool(result.holds[row]),
+        status=Found(int(result.found[row])).sentence,
+        angle=angles.outward(float(result.enter[row])) if enters else None,
+        edge=condition.edge_names[opened - 2] if opened >= 2 else None,
+        entered_by=("start" if opened < 0 else "rope end" if opened < 2 else "edge") if enters else None,
+        point=[float(x) for x in result.point[row]] if enters else None,
+        fraction=float(result.fraction[row]) if opened >= 2 else None,
+        leave=angles.outward(float(result.leave[row])) if enters else None,
+        windows=int(result.windows[row]),
+        margin=float(result.margin[row]),
+        nearest_angle=None if enters else angles.outward(float(result.nearest[row])),
+        nearest_case=None if enters else Crossing(int(result.nearest_case[row])).sentence,
+        angle_per_length=angles.outward(sensitivity) if math.isfinite(sensitivity) else None,
+    )
+
+
+def _condition(name: str, condition: Any, result: Any, row: int, angles: _Angles) -> EntryReply | ClearanceReply:
+    if name != "clearance":
+        return _entry(condition, result, row, angles)
+    return ClearanceReply(
+        holds=bool(result.holds[row]),
+        value=float(result.value[row]),
+        worst=float(result.worst[row]),
+        worst_angle=angles.outward(float(result.worst_driver[row])),
+        margin=float(result.margin[row]),
+    )
+
+
+def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
+    """Every combination of the grid under the conditions that are asked for."""
+    from synthesis import knotter
+    from synthesis.knotter_study import study
+
+    start = resources.clock()
+    angles = _Angles(request.angle_unit)
+    given = _given(request.grid)
+    grid = {
+        name: given.get(name) or [angles.outward(math.radians(x)) for x in values]
+        for name, values in knotter.GRID_DEGREES.items()
+    }
+    grid |= {name: values for name, values in given.items() if name not in grid}
+    if twice := sorted(set(grid) & set(_given(request.parameters))):
+        raise FieldError(f"/grid/{twice[0]}", f"{twice[0]} is given both in the grid and in the parameters")
+    pairs = math.prod(len(values) for values in grid.values())
+    if pairs > MAX_PAIRS:
+        raise FieldError(
+            "/grid",
+            f"the grid has {pairs} combinations, at most {MAX_PAIRS} are allowed",
+            constraint="pairs",
+            amount=pairs,
+        )
+    mechanism, conditions = _machine(request, angles)
+    asked = [name for name in conditions if name in request.conditions]
+    inward = {name: [angles.inward(x) if name in ANGLES else x for x in values] for name, values in grid.items()}
+    result = study(mechanism, inward, [conditions[name] for name in asked])
+    rows = []
+    for row, values in enumerate(itertools.product(*grid.values())):
+        verdicts = {name: _condition(name, conditions[name], result.conditions[name], row, angles) for name in asked}
+        rows.append(
+            PairReply(
+                alpha1=values[0],
+                alpha3=values[1],
+                parameters=dict(list(zip(grid, values))[2:]) or None,
+                **{name: verdicts.get(name) for name in conditions},
+                feasible=bool(result.feasible[row]),
+                margin=float(result.margin[row]),
+            )
+        )
+    feasible = [list(values) for row, values in zip(rows, itertools.product(*grid.values())) if row.feasible]
+    return ScanReply(
+        status="feasible" if feasible else "infeasible",
+        axes=list(grid),
+        pairs=rows,
+        feasible=feasible,
+        **_provenance(request, set(given)),
+        report=Report(pairs=pairs, elapsed_ms=1e3 * (resources.clock() - start)),
+    )
+
+
+def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
+    """The values of one parameter at which a condition's verdict changes."""
+    from synthesis.knotter_study import solve
+
+    angles = _Angles(request.angle_unit)
+    mechanism, conditions = _machine(request, angles)
+    condition = conditions[request.condition]
+    is_angle = request.parameter in ANGLES
+    low, high = ((angles.inward(x) if is_angle else x) for x in request.between)
+    if not low < high:
+        raise FieldError("/between", "the range must run from a smaller to a larger value")
+    asked = {name: value for name in ("alpha1", "alpha3") if (value := getattr(request, name)) is not None}
+    if request.parameter in {*asked, *_given(request.parameters)}:
+        raise FieldError("/parameter", f"{request.parameter} is searched for and given a value as well")
+    mechanism = mechanism.with_parameters(
+        **{"alpha1": math.radians(10.0), "alpha3": math.radians(25.0)}
+        | {name: angles.inward(value) for name, value in asked.items()}
+    )
+    limits, holds = solve(mechanism, condition, request.parameter, (low, high), request.samples)
+    rows = []
+    for limit in limits:
+        verdict = _condition(request.condition, condition, limit.result, 0, angles)
+        rows.append(
+            LimitRow(
+                value=angles.outward(limit.value) if is_angle else limit.value,
+                holds="above" if limit.holds_above else "below",
+                **{name: verdict if name == request.condition else None for name in conditions},
+            )
+        )
+    return LimitReply(
+        status="limited" if limits else "always" if holds else "never",
+        parameter=request.parameter,
+        limits=rows,
+        **_provenance(request, {*asked, request.parameter}),
+    )
+
+
+def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
+    """Clearance and length at the needle's angle, and the angles for a given clearance or length."""
+    from synthesis import knotter
+
+    angles = _Angles(request.angle_unit)
+    alpha2 = knotter.ALPHA2 if request.alpha2 is None else angles.inward(request.alpha2)
+    if not abs(alpha2) < math.radians(90.0):
+        raise FieldError("/alpha2", "the needle's angle must lie between -90 and 90 degrees", constraint="range")
+    needle = knotter.Needle(
+        **{name: getattr(request, name) for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")},
+        beta0=knotter.BETA0 if request.beta0 is None else angles.inward(request.beta0),
+    )
+    clearance, length, best = float(needle.clearance(alpha2)), float(needle.lay(alpha2)), needle.best()
+    free = needle.free_range()
+    whole = needle.smallest_whole_degree()
+    for_length = needle.angles_for_lay(request.d5)
+    nearest = min(for_length, key=lambda at: abs(at - alpha2), default=None)
+    slope = 0.0 if nearest is None else float(needle.lay_slope(nearest)) * angles.inward(1.0)
+    names = [name for name in NeedleRequest.model_fields if name != "angle_unit"]
+    given = [name for name in names if name in request.model_fields_set and getattr(request, name) is not None]
+    return NeedleReply(
+        status="free" if clearance > 0 else "blocked",
+        clearance=clearance,
+        alpha2_range=None if free is None else [angles.outward(at) for at in free],
+        alpha2_whole_degrees=whole,
+        clearance_max=float(needle.clearance(best)),
+        clearance_max_angle=angles.outward(best),
+        d5=length,
+        d5_whole=math.trunc(length),
+        d5_per_angle=float(needle.lay_slope(alpha2)) * angles.inward(1.0),
+        alpha2_for_d5=None if nearest is None else angles.outward(nearest),
+        alpha2_per_d5=1.0 / slope
+        if abs(slope) > MIN_SLOPE * math.hypot(request.S1x, request.d6 + request.S1y)
+        else None,
+        alpha2_for_d5_all=[angles.outward(at) for at in for_length],
+        assumed=[],
+        published=[name for name in names if name not in given],
+        given=given,
+    )
+
+
+def _cell(condition: EntryReply | ClearanceReply | None) -> str:
+    if condition is None:
+        return f"{'':33}"
+    if isinstance(condition, ClearanceReply):
+        where = f"{condition.worst:+.4f} at {condition.worst_angle:.4f}"
+    elif condition.angle is None:
+        where = "never"
+    else:
+        where = f"{condition.angle:.6f} {condition.edge or condition.entered_by}"
+    return f"{'yes' if condition.holds else 'no ':<3} {where:<20} {condition.margin:+9.3f}"
+
+
+def scan_table(reply: ScanReply) -> str:
+    """The pairs as rows: of each condition the verdict, where, and the margin."""
+    rows = [[pair.alpha1, pair.alpha3, *(pair.parameters or {}).values()] for pair in reply.pairs]
+    labels = ["  ".join(reply.axes), *("  ".join(f"{value:g}" for value in row) for row in rows)]
+    width = max(map(len, labels)) + 2
+    lines = [f"{labels[0]:<{width}}{'wrap':<35}{'clearance (worst)':<35}{'bite':<35}tied"]
+    for label, pair in zip(labels[1:], reply.pairs):
+        cells = "  ".join(_cell(part) for part in (pair.wrap, pair.clearance, pair.bite))
+        lines.append(f"{label:<{width}}{cells}  {'yes' if pair.feasible else 'no'}")
+    lines.append(f"feasible: {len(reply.feasible)} of {len(reply.pairs)}")
+    lines.append(f"assumed, not published: {', '.join(reply.assumed) or 'nothing'}")
+    return "\n".join(lines)
+
+
+def limit_table(reply: LimitReply) -> str:
+    """The limits as rows."""
+    lines = [f"{reply.parameter}: {reply.status}"]
+    for row in reply.limits:
+        lines.append(f"  {row.value:.9f}, holds {row.holds}  {_cell(row.wrap or row.clearance or row.bite)}")
+    lines.append(f"assumed, not published: {', '.join(reply.assumed) or 'nothing'}")
+    return "\n".join(lines)
+
+
+def needle_table(reply: NeedleReply) -> str:
+    """The needle's figures, one a row."""
+    rows = {
+        name: value for name, value in reply.model_dump().items() if name not in ("assumed", "published", "given")
+    }
+    return "\n".join(f"{name:<22}{value}" for name, value in rows.items())
+
+
+def scan_csv(request: ScanRequest, resources: Resources) -> bytes:
+    """The pairs as comma-separated values; empty where something does not exist."""
+    reply = answer_scan(request, resources)
+    columns = [
+        f"{name}.{field}"
+        for name, model in (("wrap", EntryReply), ("clearance", ClearanceReply), ("bite", EntryReply))
+        if getattr(reply.pairs[0], name) is not None
+        for field in model.model_fields
+    ]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*reply.axes, *columns, "feasible", "margin"])
+    for pair in reply.pairs:
+        cells = [getattr(getattr(pair, name), field) for name, field in (column.split(".") for column in columns)]
+        cells = [" ".join(map(repr, cell)) if isinstance(cell, list) else cell for cell in cells]
+        values = [pair.alpha1, pair.alpha3, *(pair.parameters or {}).values()]
+        writer.writerow([*values, *cells, pair.feasible, pair.margin])
+    return text.getvalue().encode()
+
+
+QUERIES = (
+    Query(
+        path="/v1/knotter/scan",
+        command="knotter scan",
+        summary="Which spatial angles let the knot be tied: rope on the bill, hook past the disc, hook on the rope.",
+        request=ScanRequest,
+        reply=ScanReply,
+        answer=answer_scan,
+        table=scan_table,
+        examples={
+            "reference": {},
+            "wrap_only": {"conditions": ["wrap"], "grid": {"alpha1": [10], "alpha3": [20, 25, 30]}},
+            "finite_disc": {"conditions": ["clearance"], "clearance": {"disc_radius": 35, "hook": "moving"}},
+        },
+        exports={"csv": Export("text/csv", scan_csv)},
+    ),
+    Query(
+        path="/v1/knotter/limit",
+        command="knotter limit",
+        summary="At which values of one parameter does a condition begin or cease to hold?",
+        request=LimitRequest,
+        reply=LimitReply,
+        answer=answer_limit,
+        table=limit_table,
+        examples={
+            "reference": {},
+            "bill_angle": {"condition": "clearance", "parameter": "alpha3", "between": [15, 35]},
+        },
+    ),
+    Query(
+        path="/v1/knotter/needle",
+        command="knotter needle",
+        summary="The needle's free angles and the length d5 that lays the rope on the disc.",
+        request=NeedleRequest,
+        reply=NeedleReply,
+        answer=answer_needle,
+        table=needle_table,
+        examples={"reference": {}, "steep": {"alpha2": 9, "d5": 57.8}},
+    ),
+)

@@ -1,0 +1,312 @@
+"""Bodies that turn under laws of one driver, and the chains of turns and shifts that carry points between them.
+
+A chain is written once, in one direction; the way back is derived from it and never typed. Vectors are tuples
+``(x, y, z)`` of arrays that broadcast against one another, so that what does not depend on a parameter or on the
+driver is not computed for each of them. Lengths are in the user's unit, angles in radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, Protocol
+
+import numpy as np
+
+from synthesis.errors import FieldError
+
+Vector = tuple[np.ndarray | float, np.ndarray | float, np.ndarray | float]
+
+DRIVER = "driver"
+AXES = "ijk"
+
+
+class Law(Protocol):
+    """An angle as a function of the driver, smooth between its `breakpoints`."""
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]: ...
+
+    def value(self, driver: np.ndarray) -> np.ndarray: ...
+
+    def rate_bound(self, first: float, last: float) -> float: ...
+
+    def undefined(self, first: float, last: float) -> str | None: ...
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The law ``lead + ratio * driver`` (radians; ratio is a pure number), defined everywhere."""
+
+    lead: float
+    ratio: float = 0.0
+    breakpoints: tuple[float, ...] = field(default=(), init=False)
+
+    def value(self, driver: np.ndarray) -> np.ndarray:
+        """The angle at each driver angle."""
+        return self.lead + self.ratio * driver
+
+    def rate_bound(self, first: float, last: float) -> float:
+        """The largest ``|d angle / d driver|`` between two driver angles."""
+        return abs(self.ratio)
+
+    def undefined(self, first: float, last: float) -> str | None:
+        """Why the law says nothing about a range of the driver; None where it does."""
+        return None
+
+
+@dataclass(frozen=True)
+class Table:
+    """A law through given points: straight between them, or a monotone cubic (pchip).
+
+    Parameters
+    ----------
+    driver, angle : sequence of float
+        Knots in radians; ``driver`` strictly increasing, at least two.
+    kind : {"linear", "pchip"}
+        Pchip keeps the monotony of the points and has a continuous rate.
+    outside : {"hold", "error"}
+        Before the first and after the last knot: a dwell at that angle, or no law at all. A table that holds must
+        still share a driver angle with the range it is asked for: one that lies wholly elsewhere is a mistake.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two knots, lengths that differ, or driver angles that do not increase.
+
+    Notes
+    -----
+    Law: the value at a knot is the knot's angle; between two knots it never leaves the interval of their angles.
+    """
+
+    driver: tuple[float, ...]
+    angle: tuple[float, ...]
+    kind: Literal["linear", "pchip"] = "linear"
+    outside: Literal["hold", "error"] = "hold"
+
+    def __post_init__(self) -> None:
+        if len(self.driver) != len(self.angle) or len(self.driver) < 2:
+            raise ValueError("a table needs two rows or more, each a driver angle and an angle")
+        steps = np.diff(self.driver)
+        if not np.all(steps > 0):
+            row = int(np.argmin(steps > 0)) + 1
+            raise ValueError(f"the driver angles must increase, but row {row} is not above the row before it")
+
+    @classmethod
+    def dwell(cls, before: float, after: float, start: float, end: float) -> Table:
+        """A body at rest at ``before``, turning evenly from ``start`` to ``end``, then at rest at ``after``."""
+        return cls((start, end), (before, after))
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """The knots: between them the law is a polynomial."""
+        return self.driver
+
+    @cached_property
+    def _coefficients(self) -> np.ndarray:
+        """Polynomial coefficients, highest power first, shape (degree + 1, knots - 1), about each left knot."""
+        knots, angles = np.array(self.driver), np.array(self.angle)
+        if self.kind == "linear" or len(knots) == 2:
+            return np.stack([np.diff(angles) / np.diff(knots), angles[:-1]])
+        from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(knots, angles).c
+
+    def value(self, driver: np.ndarray) -> np.ndarray:
+        """The angle at each driver angle, in the precision of ``driver``."""
+        knots = np.array(self.driver)
+        driver = np.clip(driver, knots[0], knots[-1])
+        piece = np.clip(np.searchsorted(knots, driver, side="right") - 1, 0, len(knots) - 2)
+        along = driver - knots[piece]
+        value = self._coefficients[0][piece]
+        for row in self._coefficients[1:]:
+            value = value * along + row[piece]
+        return value
+
+    def rate_bound(self, first: float, last: float) -> float:
+        """A bound of ``|d angle / d driver|``; for pchip three times the steepest chord (Fritsch and Carlson)."""
+        knots = np.array(self.driver)
+        inside = (knots[1:] > first) & (knots[:-1] < last)
+        slopes = np.abs(np.diff(self.angle) / np.diff(knots))[inside]
+        return float(slopes.max(initial=0.0)) * (3.0 if self.kind == "pchip" else 1.0)
+
+    def undefined(self, first: float, last: float) -> str | None:
+        """Why the law says nothing about a range of the driver; None where it does."""
+        start, end = self.driver[0], self.driver[-1]
+        if self.outside == "error":
+            defined = start <= first and last <= end
+        else:
+            defined = (start <= last and first <= end) or not first < last  # at rest at any single angle
+        if defined:
+            return None
+        return (
+            f"the law is not defined over the whole range: its table covers {np.degrees(start):.9g} to "
+            f"{np.degrees(end):.9g} degrees, needed are {np.degrees(first):.9g} to {np.degrees(last):.9g} degrees"
+        )
+
+
+@dataclass(frozen=True)
+class Turn:
+    """An active right-handed rotation about an axis (eqs 1-3) by a parameter, a law or the driver."""
+
+    axis: Literal["i", "j", "k"]
+    by: str
+    sense: int = 1
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A translation; each component a number, a parameter's name, or that name after a minus sign."""
+
+    i: str | float = 0.0
+    j: str | float = 0.0
+    k: str | float = 0.0
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The steps that carry coordinates from one frame to another, first step first."""
+
+    source: str
+    target: str
+    steps: tuple[Turn | Shift, ...]
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Frames joined by chains, points fixed in frames, and the values that place them.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float or ndarray, shape (items,)
+        Lengths and angles by name. Arrays make one mechanism stand for many.
+    laws : mapping of str to Law
+        Angles that follow the driver.
+    chains : tuple of Chain
+        A tree over the frames.
+    points : mapping of str to (frame, (x, y, z))
+        Each point in the frame that it is fixed in.
+
+    Notes
+    -----
+    Law: carrying a point to another frame and back gives the point, to rounding; distances between points of one
+    frame are the same in every frame.
+    """
+
+    parameters: Mapping[str, float | np.ndarray]
+    laws: Mapping[str, Law]
+    chains: tuple[Chain, ...]
+    points: Mapping[str, tuple[str, tuple[float, float, float]]]
+
+    def with_parameters(self, **values: float | np.ndarray) -> Mechanism:
+        """This mechanism with other values of some parameters."""
+        return replace(self, parameters={**self.parameters, **values})
+
+    def locked(self, law: str, at: float) -> Mechanism:
+        """This mechanism with one law held at its value at driver angle ``at``."""
+        return replace(self, laws={**self.laws, law: Linear(float(self.laws[law].value(np.float64(at))))})
+
+    def item(self, index: np.ndarray) -> Mechanism:
+        """The mechanisms of some items, their parameters shaped as ``index``."""
+        return replace(
+            self,
+            parameters={
+                name: value[index] if isinstance(value, np.ndarray) and value.ndim else value
+                for name, value in self.parameters.items()
+            },
+        )
+
+    def position(self, point: str, frame: str, driver: np.ndarray) -> Vector:
+        """A point's coordinates in a frame, at driver angles that broadcast against the parameters."""
+        home, coordinates = self.points[point]
+        return self.carry(coordinates, home, frame, driver)
+
+    def carry(self, vector: Vector, source: str, target: str, driver: np.ndarray) -> Vector:
+        """Coordinates in frame ``source`` as coordinates in frame ``target``, in the precision of ``driver``."""
+        precision = np.result_type(driver, float)
+        if np.finfo(precision).nmant > np.finfo(float).nmant:
+            vector = tuple(np.asarray(at, precision) for at in vector)
+        for chain, forward in self._path(source, target):
+            for step in chain.steps if forward else reversed(chain.steps):
+                if isinstance(step, Turn):
+                    angle = np.asarray(self._angle(step, driver), precision)
+                    vector = _turned(vector, step.axis, step.sense if forward else -step.sense, angle)
+                else:
+                    sign = 1.0 if forward else -1.0
+                    vector = tuple(
+                        at + sign * self._length(by) if not isinstance(by, float) or by else at
+                        for at, by in zip(vector, (step.i, step.j, step.k))
+                    )
+        return vector
+
+    def laws_between(self, frames: set[str]) -> set[str]:
+        """The laws on the chains that join some frames."""
+        first, *others = sorted(frames)
+        steps = [step for frame in others for chain, _ in self._path(first, frame) for step in chain.steps]
+        return {step.by for step in steps if isinstance(step, Turn) and step.by in self.laws}
+
+    def require_laws(self, frames: set[str], first: float, last: float, only: str | None = None) -> None:
+        """Raise `FieldError` naming the first law between the frames that is not defined over a driver range."""
+        for name in sorted(self.laws_between(frames) & ({only} if only else set(self.laws))):
+            if reason := self.laws[name].undefined(first, last):
+                raise FieldError(f"/laws/{name}", reason, constraint="law_range")
+
+    def breakpoints(self, frames: set[str]) -> list[float]:
+        """Driver angles at which a law between the frames is not smooth."""
+        return sorted({knot for name in self.laws_between(frames) for knot in self.laws[name].breakpoints})
+
+    def turning_rate(self, frames: set[str], first: float, last: float) -> float:
+        """A bound of how many times faster than the driver coordinates turn between the frames."""
+        return 1.0 + sum(self.laws[name].rate_bound(first, last) for name in self.laws_between(frames))
+
+    def rounding(self, frames: set[str], first: float, last: float) -> np.ndarray | float:
+        """A bound of the rounding error of any coordinate in these frames; a number or one per item.
+
+        Coordinates lose digits to the sizes that are added up, and to angles of many turns.
+        """
+        shifts = [step for chain in self.chains for step in chain.steps if isinstance(step, Shift)]
+        reach = sum(abs(self._length(by)) for step in shifts for by in (step.i, step.j, step.k))
+        reach = reach + max((float(np.linalg.norm(xyz)) for _, xyz in self.points.values()), default=0.0)
+        turned = 1.0 + max(abs(first), abs(last))
+        for name in self.laws_between(frames):
+            law = self.laws[name]
+            turned += abs(float(law.value(np.float64(first)))) + law.rate_bound(first, last) * (last - first)
+        return 16 * np.finfo(float).eps * turned * reach
+
+    def _length(self, by: str | float) -> np.ndarray | float:
+        if isinstance(by, str):
+            return -self.parameters[by[1:]] if by.startswith("-") else self.parameters[by]
+        return by
+
+    def _angle(self, step: Turn, driver: np.ndarray) -> np.ndarray | float:
+        if step.by == DRIVER:
+            return driver
+        return self.laws[step.by].value(driver) if step.by in self.laws else self.parameters[step.by]
+
+    def _path(self, source: str, target: str) -> list[tuple[Chain, bool]]:
+        """The chains from one frame to another, each with whether it is walked in its own direction."""
+        known: dict[str, list[tuple[Chain, bool]]] = {source: []}
+        open_frames = [source]
+        while open_frames and target not in known:
+            frame = open_frames.pop(0)
+            for chain in self.chains:
+                ends = (chain.source, chain.target)
+                for forward, (here, there) in ((True, ends), (False, ends[::-1])):
+                    if here == frame and there not in known:
+                        known[there] = [*known[frame], (chain, forward)]
+                        open_frames.append(there)
+        if target not in known:
+            raise ValueError(f"no chain leads from frame {source} to frame {target}")
+        return known[target]
+
+
+def _turned(vector: Vector, axis: str, sense: int, angle: np.ndarray | float) -> Vector:
+    """``R(axis, sense * angle) vector`` (eqs 1-3); cyclic, so that one formula serves the three axes."""
+    cosine, sine = np.cos(angle), sense * np.sin(angle)
+    own = AXES.index(axis)
+    first, second = (own + 1) % 3, (own + 2) % 3
+    turned = list(vector)
+    turned[first] = cosine * vector[first] - sine * vector[second]
+    turned[second] = sine * vector[first] + cosine * vector[second]
+    return tuple(turned)

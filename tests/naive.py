@@ -1,0 +1,83 @@
+"""Slow twins that are obviously right: every fast path is compared with one of these."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+
+DIGITS = 50
+
+
+def joints(lengths, theta1, branch):
+    """D and C in the ground frame by intersecting the circles of coupler and rocker; None where they do not meet."""
+    with mpmath.workdps(DIGITS):
+        l1, l2, l3, l4 = (mpmath.mpf(float(length)) for length in lengths)
+        d = l1 * mpmath.expj(mpmath.mpf(float(theta1)))
+        to_b = l4 - d
+        r = abs(to_b)
+        along = (r**2 + l2**2 - l3**2) / (2 * r)
+        height_squared = l2**2 - along**2
+        if height_squared < 0:
+            return None
+        return d, d + (along + mpmath.mpc(0, branch) * mpmath.sqrt(height_squared)) * to_b / r
+
+
+def angles(lengths, theta1, branch):
+    """theta2, theta3 in (-pi, pi] and the acute angle between coupler and rocker, to `DIGITS`; None where not closed."""
+    with mpmath.workdps(DIGITS):
+        if (found := joints(lengths, theta1, branch)) is None:
+            return None
+        d, c = found
+        coupler, rocker = c - d, c - mpmath.mpf(float(lengths[3]))
+        between = abs(mpmath.arg(coupler / rocker))
+        return mpmath.arg(coupler), mpmath.arg(rocker), min(between, mpmath.pi - between)
+
+
+def types(perimeter, smallest, places):
+    """Dimension types by three loops; ``places`` are the orders of the sorted lengths, as tuples of indices."""
+    found = set()
+    for a in range(smallest, perimeter):
+        for b in range(a + 1, perimeter):
+            for c in range(b + 1, perimeter):
+                d = perimeter - a - b - c
+                if d <= c:
+                    break
+                if a + d < b + c:
+                    found |= {tuple((a, b, c, d)[k] for k in order) for order in places}
+    return sorted(found)
+
+
+def haar(curve):
+    """Average, and details coarse to fine as half the difference of the means of both halves of each block."""
+    details, size = [], len(curve)
+    while size > 1:
+        for first in range(0, len(curve), size):
+            left, right = curve[first : first + size // 2], curve[first + size // 2 : first + size]
+            details.append((np.mean(left) - np.mean(right)) / 2)
+        size //= 2
+    return np.mean(curve), np.array(details)
+
+
+def fit(columns, values):
+    """Mean squared error and coefficients of a least-squares fit."""
+    coefficients = np.linalg.lstsq(np.stack(columns, axis=1), values, rcond=None)[0]
+    return np.mean(np.abs(values - np.stack(columns, axis=1) @ coefficients) ** 2), coefficients
+
+
+def window_error(lengths, branch, start_deg, crank, rotation, position, length_scale):
+    """Objective of one window from the textbook formulas; infinite for a linkage shrunk to a point."""
+    theta1 = np.deg2rad(start_deg) + crank
+    l1, l2, l3, l4 = (float(length) for length in lengths)
+    to_b = l4 - l1 * np.exp(1j * theta1)
+    cosine = (np.abs(to_b) ** 2 + l2**2 - l3**2) / (2 * l2 * np.abs(to_b))
+    theta2 = np.unwrap(np.angle(to_b)) + branch * np.arccos(cosine)
+    total = 0.0
+    if rotation is not None:
+        total += np.var(rotation - theta2)
+    if position is not None:
+        centred = position - position.mean()
+        left, (_, z1, _) = fit([np.ones_like(centred), np.exp(1j * crank), np.exp(1j * theta2)], centred)
+        if abs(z1) <= 1e-6 * np.abs(centred).max():
+            return np.inf
+        total += left / length_scale**2
+    return np.sqrt(total)
