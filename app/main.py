@@ -126,14 +126,12 @@ def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
 
 
 def _add_health_routes(app: FastAPI, resources: ServiceResources) -> None:
-    @app.get("/livez", tags=["health"])
+    @app.get("/livez", tags=["health"], summary="The process answers.")
     async def livez() -> dict[str, str]:
-        """The process answers."""
         return {"status": "ok"}
 
-    @app.get("/readyz", tags=["health"], responses=_problems(503))
+    @app.get("/readyz", tags=["health"], summary="The atlas is loaded and verified.", responses=_problems(503))
     async def readyz() -> dict[str, str]:
-        """The atlas is loaded and verified."""
         _ = resources.atlas
         return {"status": "ready"}
 
