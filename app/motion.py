@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from app.query import AngleUnit, Count, Number, PositiveNumber, ReplyModel, RequestModel, Resources
+from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel, Resources
 from synthesis.atlas_search import best_rows
 from synthesis.errors import FieldError
 from synthesis.haar import features, resample
@@ -16,12 +16,14 @@ from synthesis.rounding import round_solution
 from synthesis.scan import window_angles
 from synthesis.search import DEFAULT_TOLERANCE, search
 from synthesis.solution import Solution, determination, principal, sensitivity
-from synthesis.target import MAX_SAMPLES, MIN_SAMPLES, Target, make_target
+from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
 MAX_TOP = 1000
 
 Curve = Annotated[list[Number], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)]
-Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
+Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
+Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Path = Annotated[list[Point], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
 
@@ -61,7 +63,7 @@ class MatchRequest(CrankMotion):
 
     rotation: Curve = Field(description="Rotation of the body at the samples, continuous: no jumps by whole turns.")
     top: Top = Field(10, description="How many rows to return.")
-    features: bool = Field(
+    features: Flag = Field(
         False, description="Also return Haar average and details of the request and of each match."
     )
 
@@ -176,11 +178,11 @@ class LimitsRequest(RequestModel):
     """What every solution must keep to."""
 
     transmission_angle_min: Number = Field(0.0, description="Smallest transmission angle over the used interval.")
-    pivot_box: Annotated[list[Number], Field(min_length=4, max_length=4)] | None = Field(
+    pivot_box: Annotated[list[Coordinate], Field(min_length=4, max_length=4)] | None = Field(
         None, description="xmin, ymin, xmax, ymax for both fixed pivots."
     )
-    link_min: PositiveNumber | None = Field(None, description="Shortest length of any link.")
-    link_max: PositiveNumber | None = Field(None, description="Longest length of any link.")
+    link_min: Length | None = Field(None, description="Shortest length of any link.")
+    link_max: Length | None = Field(None, description="Longest length of any link.")
     family: Literal["full_crank", "crank_rocker", "double_crank", "any"] = Field(
         "full_crank", description="`any`: closes over the used interval without changing its branch."
     )
@@ -194,19 +196,19 @@ class SynthesizeRequest(CrankMotion):
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
     effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
     limits: LimitsRequest = Field(default_factory=LimitsRequest)
-    tolerance: Annotated[Number, Field(ge=0)] = Field(
+    tolerance: Annotated[Number, Field(ge=0, le=1)] = Field(
         DEFAULT_TOLERANCE, description="The search ends when the objective is below this."
     )
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
-    length_scale: PositiveNumber | None = Field(
+    length_scale: Length | None = Field(
         None,
         description="Weighs position errors against rotation errors in radians. Default: the largest distance of a "
         "position from the mean position.",
     )
-    round_to: PositiveNumber | None = Field(
+    round_to: Length | None = Field(
         None, description="Also report each solution with its links rounded to this grid and the rest fitted anew."
     )
-    sensitivity: bool = Field(False, description="Also report the change of the motion per unit of each length.")
+    sensitivity: Flag = Field(False, description="Also report the change of the motion per unit of each length.")
 
 
 class LinksReply(ReplyModel):

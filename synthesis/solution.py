@@ -133,6 +133,8 @@ def make_solutions(
     """
     lengths, branch = np.asarray(lengths, dtype=float), np.asarray(branch)
     start = np.asarray(start) % TURN
+    if not start.size:
+        return []
     if target.position is None:
         return finish_solutions(target, lengths / lengths[:, 3:], branch, start, None, rows)
     angle = close_loop(lengths, start[:, None] + target.crank).coupler_angle(branch)
