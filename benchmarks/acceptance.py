@@ -18,6 +18,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -171,8 +172,9 @@ def broken_limits(request: dict[str, Any], solution: dict[str, Any]) -> list[str
         for x, y in (solution["mount"]["pivot_a"], solution["mount"]["pivot_b"]):
             if not (xmin <= x <= xmax and ymin <= y <= ymax):
                 broken.append("pivot_box")
-    # Grashof: shortest + longest < the other two; the family is named by the shortest link
-    grashof = 2 * (links.min() + links.max()) < links.sum()
+    # Grashof: shortest + longest < the other two, in exact arithmetic; the family is named by the shortest link
+    shortest, *middle, longest = sorted(Fraction(float(value)) for value in links)
+    grashof = shortest + longest < sum(middle)
     crank_rocker, double_crank = grashof and l1 == links.min(), grashof and l4 == links.min()
     allowed = {
         "full_crank": crank_rocker or double_crank,

@@ -1,8 +1,8 @@
 """The classes of requests that the refinement is measured on: random, seeded, made by independent arithmetic.
 
 A case is a request as a user would send it, and the linkage that it was made from. Lengths are uniform on the simplex
-L1 + L2 + L3 + L4 = 1 (by rejection), N = 32, the body point and the pose are random. The motion comes from `recompute`, rounded once to
-double precision, so that an exact answer exists to within rounding.
+L1 + L2 + L3 + L4 = 1 (by rejection), N = 32, the body point and the pose are random. The motion is computed as in
+`recompute` and rounded once to double precision, so that an exact answer exists to within rounding.
 """
 
 from __future__ import annotations
