@@ -201,9 +201,9 @@ class LimitedProblem:
             return self.limits.slacks(target, lengths / lengths[:, 3:], start, None, None)
         angle = close_loop(lengths, start[:, None] + target.crank).coupler_angle(branch)
         fit = fit_positions(target, angle)
-        size = np.maximum(np.abs(fit.crank_vector), np.finfo(float).tiny)
-        scale = size / lengths[:, 0]
-        ground = scale * lengths[:, 3] * fit.crank_vector / size * np.exp(-1j * start)
+        scale = np.maximum(np.abs(fit.crank_vector), np.finfo(float).tiny) / lengths[:, 0]
+        # by its angle: a quotient of numbers near the smallest ones is NaN
+        ground = scale * lengths[:, 3] * np.exp(1j * (np.angle(fit.crank_vector) - start))
         return self.limits.slacks(target, lengths * scale[:, None], start, fit.pivot, fit.pivot + ground)
 
     def evaluate(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> Evaluation:
