@@ -19,7 +19,9 @@ from synthesis.target import Target
 EVOLUTION_GENERATIONS = (5, 20, 80, 320)
 _EVOLUTION_BOUNDS = [(-6.0, 6.0), (-12.0, 3.0), (-6.0, 6.0), (0.0, TURN)]
 _EVOLUTION_POPULATION = 10
-POSE_SUBSETS = (1, 4, 12)
+POSE_SUBSETS = (1, 3, 9)
+POSE_SECONDS = 3.0
+"""No further subset is begun after this much time of the processor."""
 _POSES = (3, 4, 5)
 _UNTIMED_CRANK = np.linspace(0, TURN, 720, endpoint=False)
 
@@ -93,8 +95,8 @@ def generate_motion(target: Target, seed: int) -> Iterator[tuple[int, float, flo
 
     timed = untimed = np.inf
     spent = 0.0
-    for number, subsets in enumerate(pose_subsets(target.samples, seed), 1):
-        for chosen in subsets:
+    for number, chosen_poses in enumerate(pose_subsets(target.samples, seed), 1):
+        for chosen in chosen_poses:
             poses = [Pose(p.real, p.imag, r) for p, r in zip(target.position[chosen], target.rotation[chosen])]
             begin = time.process_time()
             found = motion_generation(poses, max_solutions=50, require_grashof=False).raw_solutions
@@ -105,6 +107,10 @@ def generate_motion(target: Target, seed: int) -> Iterator[tuple[int, float, flo
         if number in POSE_SUBSETS:
             yield number, spent, float(timed), float(untimed)
         if number == max(POSE_SUBSETS):
+            return
+        if spent > POSE_SECONDS:
+            for later in (subsets for subsets in POSE_SUBSETS if subsets > number):
+                yield later, spent, float(timed), float(untimed)
             return
 
 
