@@ -50,14 +50,14 @@ def closing_candidates(problem: Problem, seed: int, count: int = 40) -> tuple[np
 def test_jacobian_is_that_of_central_differences(chart, kind) -> None:
     problem = Problem(random_target(3, kind), chart)
     unknowns, branch = closing_candidates(problem, 4)
-    analytic = problem.evaluate(unknowns, branch).jacobian
+    analytic = problem.evaluate(unknowns, branch).stack[:, :4]
     for k in range(4):
         step = np.zeros(4)
         step[k] = 1e-6
-        ahead = problem.evaluate(unknowns + step, branch, derivatives=False).residual
-        behind = problem.evaluate(unknowns - step, branch, derivatives=False).residual
-        scale = 1 + np.abs(analytic[:, :, k]).max(axis=1, keepdims=True)
-        assert np.max(np.abs(analytic[:, :, k] - (ahead - behind) / 2e-6) / scale) < 1e-6
+        ahead = problem.evaluate(unknowns + step, branch, derivatives=False).stack[:, 4]
+        behind = problem.evaluate(unknowns - step, branch, derivatives=False).stack[:, 4]
+        scale = 1 + np.abs(analytic[:, k]).max(axis=1, keepdims=True)
+        assert np.max(np.abs(analytic[:, k] - (ahead - behind) / 2e-6) / scale) < 1e-6
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -93,18 +93,18 @@ def test_no_candidate_is_worse_than_its_seed(seed, kind, chart) -> None:
     before = problem.evaluate(unknowns, branch).cost
     done = refine(problem, unknowns, branch, 15)
     assert np.all(done.cost <= before)
-    # other batches sum in another order
-    np.testing.assert_allclose(problem.evaluate(done.unknowns, branch).cost, done.cost, rtol=1e-12, atol=1e-28)
+    # what is returned belongs together; other batches sum in another order, which counts where q nearly vanishes
+    np.testing.assert_allclose(problem.evaluate(done.unknowns, branch).cost, done.cost, rtol=1e-6, atol=1e-28)
 
 
 @LAW
 @given(st.integers(0, 10_000))
 def test_no_candidate_within_limits_is_worse_than_its_seed(seed) -> None:
     limits = Limits("any", 0.5, (-3.0, -3.0, 3.0, 3.0), 0.2, 4.0)
-    problem = LimitedProblem(random_target(seed), AnyChart(), 0, limits, 3.0)
-    random = np.random.default_rng(seed)
-    unknowns = np.column_stack([random.uniform(-2, 2, (30, 3)), random.uniform(-9, 9, 30)])
-    branch = random.choice([-1.0, 1.0], 30)
+    target = random_target(seed)
+    problem = LimitedProblem(target, AnyChart(), 0, limits, 3.0)
+    unknowns, branch = closing_candidates(Problem(target, AnyChart()), seed, 10)
+    unknowns = problem.lift(unknowns, branch)
     before = problem.evaluate(unknowns, branch).cost
     done = refine(problem, unknowns, branch, 15)
     assert np.all(done.cost <= before)
@@ -115,9 +115,30 @@ def test_a_penalty_of_nothing_changes_nothing() -> None:
     plain = Problem(target, FullCrankChart())
     free = LimitedProblem(target, FullCrankChart(), 0, Limits(link_min=1e-9), 5.0)
     unknowns, branch = closing_candidates(plain, 8)
-    np.testing.assert_allclose(
-        free.evaluate(unknowns, branch).cost, plain.evaluate(unknowns, branch).cost, rtol=1e-15
+    lifted = free.lift(unknowns, branch)
+    np.testing.assert_allclose(free.evaluate(lifted, branch).cost, plain.evaluate(unknowns, branch).cost, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: type(chart).__name__)
+def test_derivatives_within_limits_are_those_of_central_differences(chart, kind) -> None:
+    target = random_target(13, kind)
+    box = None if kind == "rotation" else (-1.0, -1.0, 1.0, 1.0)
+    problem = LimitedProblem(target, chart, 0, Limits("any", 0.9, box, 0.5, 1.5), 3.0)
+    unknowns, branch = closing_candidates(Problem(target, chart), 14)
+    unknowns = problem.lift(unknowns, branch)
+    analytic = problem.evaluate(unknowns, branch).stack
+    ends = [
+        problem.evaluate(unknowns + sign * step, branch).stack[:, -1]
+        for sign in (1, -1)
+        for step in 1e-6 * np.eye(unknowns.shape[1])
+    ]
+    differences = (np.array(ends[: len(ends) // 2]) - np.array(ends[len(ends) // 2 :])) / 2e-6
+    gap = np.abs(analytic[:, :-1] - differences.transpose(1, 0, 2)) / (
+        1 + np.abs(analytic).max(axis=(1, 2))[:, None, None]
     )
+    # a limit that is just being left has a kink there
+    assert np.quantile(gap.max(axis=(1, 2)), 0.9) < 1e-5
 
 
 @pytest.mark.parametrize("sheet", [-1, 1])
@@ -175,4 +196,4 @@ def test_the_unit_of_length_does_not_matter() -> None:
         scaled = replace(target, position=target.position * scale, length_scale=target.length_scale * scale)
         ours, theirs = (Problem(one, FullCrankChart()).evaluate(truth + 0.1, np.ones(1)) for one in (target, scaled))
         np.testing.assert_array_equal(ours.cost, theirs.cost)
-        np.testing.assert_array_equal(ours.jacobian, theirs.jacobian)
+        np.testing.assert_array_equal(ours.stack, theirs.stack)

@@ -20,7 +20,7 @@ from benchmarks.recompute import recompute
 from synthesis.fourbar import close_loop
 from synthesis.limits import Limits
 from synthesis.search import DEFAULT_TOLERANCE, Levels, Status, StoppedBy, search
-from synthesis.solution import SAME, Solution, determination, distinct, sensitivity
+from synthesis.solution import SAME, Solution, determinations, distinct, sensitivities
 from synthesis.target import Target
 
 LINKS = ("crank", "coupler", "rocker", "ground")
@@ -309,7 +309,7 @@ def test_determination_is_that_of_finite_differences(kind, levels) -> None:
         matrix.append((motion(target, at + step, solution) - motion(target, at - step, solution)) / 2e-6)
     _, singular, vectors = np.linalg.svd(np.array(matrix).T, full_matrices=False)
     resolution = 1e-7
-    mine = determination(target, solution, resolution)
+    mine = determinations(target, [solution], [resolution])[0]
     assert mine.condition == pytest.approx(singular[0] / singular[-1], rel=1e-3)
     uncertainty = resolution * np.sqrt(np.sum((vectors[:, :4] / singular[:, None]) ** 2, axis=0))
     np.testing.assert_allclose(mine.length_uncertainty, uncertainty, rtol=1e-3)
@@ -319,7 +319,7 @@ def test_determination_is_that_of_finite_differences(kind, levels) -> None:
 def test_sensitivity_is_that_of_finite_differences(kind, levels) -> None:
     target = target_of(make_case(kind, 6200).request)
     solution = search(levels, target, Limits(), 1, DEFAULT_TOLERANCE, time.perf_counter)[0][0]
-    mine = sensitivity(target, solution)
+    mine = sensitivities(target, [solution])[0]
     crank = solution.start + target.crank
     for k in range(4):
         step = np.zeros(4)

@@ -649,7 +649,7 @@ QUERIES = (
                 "eccentricity": 90.22,
                 "fit": {"kind": "polynomial", "order": 8},
             },
-            "roller": {"pitch": 131, "links": 16, "upper_radius": 181.78, "roller_radius": 20, "fit": None},
+            "roller": {"pitch": 131, "links": 16, "upper_radius": 181.78, "roller_radius": 20},
         },
         exports=EXPORTS,
     ),
