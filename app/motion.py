@@ -15,7 +15,7 @@ from synthesis.limits import Limits
 from synthesis.rounding import round_solution
 from synthesis.scan import window_angles
 from synthesis.search import DEFAULT_TOLERANCE, search
-from synthesis.solution import Solution, determination, principal, sensitivity
+from synthesis.solution import Determination, Sensitivity, Solution, determinations, principal, sensitivities
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
 MAX_TOP = 1000
@@ -369,10 +369,22 @@ def _rounded(target: Target, solution: Solution, grid: float, unit: float) -> Ro
     )
 
 
-def _solution(request: SynthesizeRequest, target: Target, solution: Solution, rank: int) -> SolutionReply:
+def _solutions(request: SynthesizeRequest, target: Target, solutions: list[Solution]) -> list[SolutionReply]:
+    resolutions = [max(solution.errors.objective, request.tolerance) for solution in solutions]
+    fixed = determinations(target, solutions, resolutions)
+    changes = sensitivities(target, solutions) if request.sensitivity else [None] * len(solutions)
+    return [_solution(request, target, rank, *parts) for rank, parts in enumerate(zip(solutions, fixed, changes), 1)]
+
+
+def _solution(
+    request: SynthesizeRequest,
+    target: Target,
+    rank: int,
+    solution: Solution,
+    fixed: Determination,
+    change: Sensitivity | None,
+) -> SolutionReply:
     unit = request.unit
-    fixed = determination(target, solution, max(solution.errors.objective, request.tolerance))
-    change = sensitivity(target, solution) if request.sensitivity else None
     row = None
     if solution.row is not None:
         row = solution.row + 1
@@ -419,7 +431,7 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> Synth
     else:
         solutions, report, elapsed = _refined(request, target, limits, resources, begin)
     found = resources.clock()
-    replies = [_solution(request, target, solution, rank) for rank, solution in enumerate(solutions, 1)]
+    replies = _solutions(request, target, solutions)
     if request.effort == "atlas":
         scan = resources.atlas.scan
         types = [TypeReply(number=s.row + 1, lengths=[int(v) for v in scan.lengths[s.row]]) for s in solutions]

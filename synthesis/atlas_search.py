@@ -75,9 +75,8 @@ def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> np.
         _, angle = window_angles(scan.lengths, target, windows)
         fit = fit_positions(target, angle)
         scale = np.abs(fit.crank_vector) / lengths[:, 0]
-        unit = fit.crank_vector / np.maximum(np.abs(fit.crank_vector), np.finfo(float).tiny)
         pivot_a = fit.pivot
-        pivot_b = pivot_a + scale * lengths[:, 3] * unit * np.exp(-1j * start)
+        pivot_b = pivot_a + scale * lengths[:, 3] * np.exp(1j * (np.angle(fit.crank_vector) - start))
         lengths = lengths * np.maximum(scale, np.finfo(float).tiny)[:, None]
     slacks = limits.slacks(target, lengths, start, pivot_a, pivot_b)
     return holds & np.all(slacks >= 0, axis=-1)

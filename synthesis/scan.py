@@ -45,7 +45,6 @@ from synthesis.scan_series import (
     RotationMatrices,
     join,
     prepare,
-    start_angles,
 )
 from synthesis.target import Target
 
@@ -68,10 +67,10 @@ _EXACT_SAMPLES = 1 << 17
 
 
 class Windows(NamedTuple):
-    """Windows as columns: row of the type (number - 1), number of the start (whole degrees), branch, and error."""
+    """Windows as columns: row of the type (number - 1), start in degrees, branch, and error."""
 
     row: Ints
-    start: Ints
+    start: Floats
     branch: Ints
     error: Floats
 
@@ -208,7 +207,8 @@ class Scan:
 
     def _windows(self, ids: Ints) -> Windows:
         row, column = np.divmod(ids, 2 * self.starts)
-        return Windows(row, column % self.starts, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
+        start = column % self.starts * (360 / self.starts)
+        return Windows(row, start, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
 
     def error_table(self, target: Target) -> Floats:
         """Approximate squared error of every window, (types, 2, starts): branch +1, then branch -1. For small atlases."""
@@ -301,7 +301,7 @@ class ScanReport(NamedTuple):
 
 def window_angles(lengths: Floats, target: Target, windows: Windows) -> tuple[Floats, Floats]:
     """Crank angle and coupler angle of windows over the samples of a target, both (n, N), from the lengths alone."""
-    crank = start_angles(STARTS)[windows.start][:, None] + target.crank
+    crank = np.deg2rad(windows.start)[:, None] + target.crank
     return crank, coupler_angle(lengths[windows.row], windows.branch, crank)
 
 

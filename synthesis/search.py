@@ -330,14 +330,14 @@ class _Search:
         if not branch.size:
             return []
         solutions = finish_solutions(self.target, links, branch, start, problem.poses(unknowns))
-        return [s for s in solutions if _holds(self.limits, self.target, s)]
+        return _within(self.limits, self.target, solutions)
 
     def solutions(self, candidates: _Candidates) -> list[Solution]:
         """Candidates with their best pose as solutions, those outside of the limits left out."""
         if not candidates.branch.size:
             return []
         made = make_solutions(self.target, self.lengths(candidates), candidates.branch, candidates.unknowns[:, 3])
-        return [s for s in made if _holds(self.limits, self.target, s)]
+        return _within(self.limits, self.target, made)
 
     def lengths(self, candidates: _Candidates) -> Floats:
         return self.chart.shape(candidates.unknowns[:, :3]).lengths
@@ -440,15 +440,18 @@ def search(
     return solutions, report
 
 
-def _holds(limits: Limits, target: Target, solution: Solution) -> bool:
-    """The limits, checked on the numbers of the reply."""
-    links, start = solution.links[None, :], np.array([solution.start])
-    if not limits.family_holds(target, links, start)[0] or not np.isfinite(solution.errors.objective):
-        return False
-    pivots = (None, None)
-    if solution.mount is not None:
-        pivots = (np.array([solution.mount.pivot_a]), np.array([solution.mount.pivot_b]))
-    return bool(np.all(limits.slacks(target, links, start, *pivots) >= 0))
+def _within(limits: Limits, target: Target, solutions: list[Solution]) -> list[Solution]:
+    """Solutions that keep the limits, checked on the numbers of the reply."""
+    if not solutions:
+        return []
+    links, start = np.stack([s.links for s in solutions]), np.array([s.start for s in solutions])
+    pivots: tuple[NDArray[np.complex128] | None, ...] = (None, None)
+    if target.position is not None:
+        pivots = tuple(np.array([getattr(s.mount, name) for s in solutions]) for name in ("pivot_a", "pivot_b"))
+    keeps = limits.family_holds(target, links, start)
+    keeps &= np.isfinite([s.errors.objective for s in solutions])
+    keeps &= np.all(limits.slacks(target, links, start, *pivots) >= 0, axis=1)
+    return [s for s, keep in zip(solutions, keeps) if keep]
 
 
 def _report(run: _Search, solutions: list[Solution], tolerance: float) -> SearchReport:

@@ -90,7 +90,7 @@ def test_scan_is_that_of_all_windows(scans, name, kind, reachable) -> None:
         ids, bounds = (np.concatenate(parts) for parts in zip(*scan._bounds(target, lambda: np.inf)))
         assert ids.size == scan.windows
         windows = scan._windows(ids)
-        place = (windows.row * STARTS + windows.start) * 2 + (windows.branch < 0)
+        place = (windows.row * STARTS + windows.start.astype(int)) * 2 + (windows.branch < 0)
         assert np.all(bounds <= everything.error[place] + 1e-15)
 
 
