@@ -12,6 +12,8 @@ from synthesis.target import Target
 
 MAX_LIMITED_WINDOWS = 1 << 18
 """Windows evaluated before a search within limits gives up; the report then says that it is not exhaustive."""
+MAX_LIMITED_SAMPLES = 1 << 22
+"""The same in samples of all windows: a request of 1,024 samples takes no longer than one of 16."""
 
 
 def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[list[Solution], ScanReport]:
@@ -37,9 +39,12 @@ def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[lis
 
     if not _any_row_of(limits.family, scan):
         return [], ScanReport(scan.windows, 0, True)
+    most = MAX_LIMITED_WINDOWS
+    if not limits.only_family:
+        most = min(most, MAX_LIMITED_SAMPLES // target.samples)
     wanted = top
     while True:
-        windows, report = scan.best(target, wanted, exact, MAX_LIMITED_WINDOWS)
+        windows, report = scan.best(target, wanted, exact, most)
         chosen = windows.take(_first_of_each(target, windows))
         lengths, start = scan.lengths[chosen.row], np.deg2rad(chosen.start)
         solutions = distinct(make_solutions(target, lengths, chosen.branch, start, chosen.row.tolist()), top)
