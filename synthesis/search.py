@@ -324,6 +324,14 @@ def mirrored(target: Target) -> Target:
     )
 
 
+def mirrored_limits(limits: Limits) -> Limits:
+    """The limits of a mirrored target: only the box for the pivots has a side."""
+    if limits.pivot_box is None:
+        return limits
+    xmin, ymin, xmax, ymax = limits.pivot_box
+    return replace(limits, pivot_box=(xmin, -ymax, xmax, -ymin))
+
+
 def search(
     levels: Levels,
     target: Target,
@@ -359,7 +367,8 @@ def search(
     clockwise = target.span < 0
     # a clockwise crank is a mirror image: one search serves both
     canonical = mirrored(target) if clockwise else target
-    run = _Search(levels, canonical, limits, tolerance, clock, begin + budget, begin)
+    inner = mirrored_limits(limits) if clockwise else limits
+    run = _Search(levels, canonical, inner, tolerance, clock, begin + budget, begin)
     found: list[tuple[Floats, Floats, Floats]] = []
 
     def collect(candidates: _Candidates) -> None:
