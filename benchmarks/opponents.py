@@ -16,7 +16,7 @@ from synthesis.mounting import objective
 from synthesis.refine import Problem
 from synthesis.target import Target
 
-EVOLUTION_GENERATIONS = (5, 20, 80, 320)
+EVOLUTION_GENERATIONS = (5, 20, 80, 320, 1280)
 _EVOLUTION_BOUNDS = [(-6.0, 6.0), (-12.0, 3.0), (-6.0, 6.0), (0.0, TURN)]
 _EVOLUTION_POPULATION = 10
 POSE_SUBSETS = (1, 3, 9)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from mpmath import mp, mpf
 
-DIGITS = 40
+DIGITS = 50
 
 
 class Angles(NamedTuple):
