@@ -462,10 +462,17 @@ def _status(request: SynthesizeRequest, replies: list[SolutionReply]) -> Literal
     return "reached" if replies[0].errors.objective < request.tolerance else "closest"
 
 
+def _budget(request: SynthesizeRequest, resources: Resources) -> float:
+    """Seconds that a request may search."""
+    asked = np.inf if request.budget_ms is None else request.budget_ms
+    return min(asked, resources.max_budget_ms) / 1000
+
+
 def _from_atlas(
     request: SynthesizeRequest, target: Target, limits: Limits, resources: Resources, begin: float
 ) -> tuple[list[Solution], dict[str, Any], dict[str, float]]:
-    solutions, scanned = best_rows(resources.atlas.scan, target, limits, request.top)
+    scan, deadline = resources.atlas.scan, begin + _budget(request, resources)
+    solutions, scanned = best_rows(scan, target, limits, request.top, lambda: resources.clock() >= deadline)
     screened = resources.clock()
     best = [(1000 * (screened - begin), solutions[0].errors.objective)] if solutions else []
     reached = bool(solutions) and solutions[0].errors.objective < request.tolerance
@@ -482,8 +489,7 @@ def _from_atlas(
 def _refined(
     request: SynthesizeRequest, target: Target, limits: Limits, resources: Resources, begin: float
 ) -> tuple[list[Solution], dict[str, Any], dict[str, float]]:
-    asked = np.inf if request.budget_ms is None else request.budget_ms
-    budget = min(asked, resources.max_budget_ms) / 1000
+    budget = _budget(request, resources)
     solutions, found = search(
         resources.levels, target, limits, request.top, request.tolerance, resources.clock, budget
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from synthesis.limits import Limits
@@ -16,7 +18,9 @@ MAX_LIMITED_SAMPLES = 1 << 22
 """The same in samples of all windows: a request of 1,024 samples takes no longer than one of 16."""
 
 
-def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[list[Solution], ScanReport]:
+def best_rows(
+    scan: Scan, target: Target, limits: Limits, top: int, expired: Callable[[], bool] = lambda: False
+) -> tuple[list[Solution], ScanReport]:
     """The best rows by the joint objective over rotation and position.
 
     Parameters
@@ -25,6 +29,8 @@ def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[lis
     target : Target
     limits : Limits
     top : int
+    expired : callable
+        True ends the scan with the best found so far.
 
     Returns
     -------
@@ -44,7 +50,7 @@ def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[lis
         most = min(most, MAX_LIMITED_SAMPLES // target.samples)
     wanted = top
     while True:
-        windows, report = scan.best(target, wanted, exact, most)
+        windows, report = scan.best(target, wanted, exact, most, expired)
         chosen = windows.take(_first_of_each(target, windows))
         lengths, start = scan.lengths[chosen.row], np.deg2rad(chosen.start)
         solutions = distinct(make_solutions(target, lengths, chosen.branch, start, chosen.row.tolist()), top)

@@ -141,7 +141,9 @@ class Scan:
                 position = shared[reach]
             yield bucket, rotation, position
 
-    def _bounds(self, target: Target, limit: Callable[[], float]) -> Iterator[tuple[Ints, Floats]]:
+    def _bounds(
+        self, target: Target, limit: Callable[[], float], expired: Callable[[], bool] = lambda: False
+    ) -> Iterator[tuple[Ints, Floats]]:
         """Window numbers and lower bounds of their error, block by block, of all windows that may be below ``limit()``.
 
         Blocks are worked on in waves, one block a thread and all of a wave with the same limit, so that the result does
@@ -154,7 +156,7 @@ class Scan:
         ]
         with ThreadPoolExecutor(self.threads) as pool:
             first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
-            while first < len(work):
+            while first < len(work) and not (first and expired()):
                 ceiling = limit()
                 yield from filter(None, pool.map(partial(self._block_bounds, ceiling), work[first : first + wave]))
                 first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
@@ -179,7 +181,9 @@ class Scan:
         place, column = np.nonzero(keep)
         return bucket.rows[places[place]] * (2 * self.starts) + column, np.sqrt(squared[place, column])
 
-    def _lowest(self, target: Target, count: int, ceiling: float) -> tuple[Ints, Floats, float]:
+    def _lowest(
+        self, target: Target, count: int, ceiling: float, expired: Callable[[], bool] = lambda: False
+    ) -> tuple[Ints, Floats, float]:
         """The ``count`` windows of lowest bound at or below ``ceiling``, and a number that no other's bound is below."""
         ids: list[Ints] = []
         bounds: list[Floats] = []
@@ -194,7 +198,7 @@ class Scan:
                 all_ids, all_bounds = all_ids[keep], all_bounds[keep]
             ids, bounds, held = [all_ids], [all_bounds], all_ids.size
 
-        for block_ids, block_bounds in self._bounds(target, lambda: cut):
+        for block_ids, block_bounds in self._bounds(target, lambda: cut, expired):
             ids.append(block_ids)
             bounds.append(block_bounds)
             held += block_ids.size
@@ -231,6 +235,7 @@ class Scan:
         top: int,
         exact: Callable[[Windows], Floats] | None = None,
         max_windows: int | None = None,
+        expired: Callable[[], bool] = lambda: False,
     ) -> tuple[Windows, ScanReport]:
         """The best windows of the whole atlas, exactly as if every window had been evaluated.
 
@@ -244,6 +249,8 @@ class Scan:
             windows that are no answer. Default: `window_errors`.
         max_windows : int, optional
             Evaluate no more than this many exactly; the report says if that cut the search short.
+        expired : callable
+            Asked now and then; true ends the scan with the best found so far, and the report says so.
 
         Returns
         -------
@@ -259,8 +266,8 @@ class Scan:
         count, ceiling = max(_FIRST_COUNT, 4 * top), np.inf
         evaluated = 0
         while True:
-            ids, bounds, cut = self._lowest(target, count, ceiling)
-            windows, done, ceiling = self._evaluate(ids, bounds, top, exact)
+            ids, bounds, cut = self._lowest(target, count, ceiling, expired)
+            windows, done, ceiling = self._evaluate(ids, bounds, top, exact, expired)
             evaluated = max(evaluated, done)  # a further pass begins with the same windows
             if ceiling + TIE <= cut or ids.size < count:
                 return windows, ScanReport(self.windows, evaluated, True)
@@ -270,14 +277,14 @@ class Scan:
             ceiling += TIE
 
     def _evaluate(
-        self, ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats]
+        self, ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats], expired: Callable[[], bool]
     ) -> tuple[Windows, int, float]:
         """Exact errors in the order of the bounds, until no bound is below the worst of the best."""
         order = np.argsort(bounds, kind="stable")
         ids, bounds = ids[order], bounds[order]
         best = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
         done, batch, worst = 0, max(512, 4 * top), np.inf
-        while done < ids.size and bounds[done] <= worst + TIE:
+        while done < ids.size and bounds[done] <= worst + TIE and not (done and expired()):
             part = ids[done : done + batch]
             windows = self._windows(part)
             windows = windows._replace(error=exact(windows))

@@ -461,7 +461,8 @@ def _report(run: _Search, solutions: list[Solution], tolerance: float) -> Search
     else:
         status = Status.CLOSEST if solutions else Status.INFEASIBLE
         stopped = StoppedBy.BUDGET if run.expired() else StoppedBy.CONVERGED
-    trace = run.trace
+    # rounds see a thinned target or stop a rounding earlier: what counts is the objective of the reply's own numbers
+    trace = [(seconds, max(objective, best)) for seconds, objective in run.trace] if solutions else []
     if solutions and (not trace or trace[-1][1] != best):
-        trace = [*trace, (run.clock() - run.begin, best)]
+        trace.append((run.clock() - run.begin, best))
     return SearchReport(status, stopped, trace, run.screen_seconds, run.seeds, run.rounds)
