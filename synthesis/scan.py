@@ -62,7 +62,7 @@ _BLOCK_ROWS = 256
 _LARGEST_WAVE = 64
 """Blocks between two looks at the limit: the same on every machine, or reports would differ."""
 _FIRST_COUNT = 4096
-_PREPARED_AT_ONCE = 8192
+_PREPARED_AT_ONCE = 2048
 _EXACT_SAMPLES = 1 << 17
 
 
@@ -105,11 +105,15 @@ class Scan:
         self.lengths = atlas.lengths.astype(float)
         self.starts = starts
         self.threads = threads
+        parts = [
+            np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
+            for first in range(0, len(atlas), _PREPARED_AT_ONCE)
+        ]
         pieces: dict[tuple[int, int], list[Bucket]] = {}
-        for first in range(0, len(atlas), _PREPARED_AT_ONCE):
-            rows = np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
-            for bucket in prepare(atlas, rows, series_error, harmonics):
-                pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
+        with ThreadPoolExecutor(threads) as pool:
+            for buckets in pool.map(lambda rows: list(prepare(atlas, rows, series_error, harmonics)), parts):
+                for bucket in buckets:
+                    pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
         self._buckets = [join(parts) for _, parts in sorted(pieces.items())]
 
     @property
