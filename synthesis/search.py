@@ -47,6 +47,7 @@ _CELL = np.array([0.7, 1.0, 1.0, 0.6])
 _HOP = np.array([0.7, 1.5, 1.5, 0.4])
 _ANY_LENGTHS = (1.0, 2.0, 3.0, 4.5)
 _ANY_STARTS = 18
+_LIMIT_STARTS = 12
 _PENALTIES = (0.3, 3.0, 30.0, 1000.0)
 
 
@@ -297,8 +298,11 @@ class _Search:
             lambda: _thin(self.pool, 30).joined(self.fresh(0, 60)),
             lambda: self.fresh(1, 120),
             lambda: self.hop(15, 12),
+            self.nearest_to_limits,
         ]
         for attempt in attempts:
+            if found and attempt == self.nearest_to_limits:
+                break
             seeds = attempt()
             unknowns, branch = self.limited(_PENALTIES[0]).lift(seeds.unknowns, seeds.branch), seeds.branch
             self.seeds += len(branch)
@@ -314,6 +318,23 @@ class _Search:
             if self.expired() or (found and found[0].errors.objective < self.tolerance):
                 break
         return found
+
+    def nearest_to_limits(self) -> _Candidates:
+        """Types and starts that break the limits least, whatever their motion: the last attempt before `infeasible`."""
+        level = self.levels.levels[0]
+        shapes = self.chart.unknowns(level.scan.lengths)
+        starts = np.arange(_LIMIT_STARTS) * (TURN / _LIMIT_STARTS)
+        unknowns = np.hstack([np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))[:, None]])
+        problem = self.limited(0.0)
+        seeds = _NONE
+        for branch in (1.0, -1.0):
+            side = np.full(len(unknowns), branch)
+            cost = self.problem.evaluate(unknowns, side, derivatives=False).cost
+            slacks = np.nan_to_num(problem.slacks(problem.lift(unknowns, side)), nan=-1e3, neginf=-1e3)
+            violation = np.sum(np.minimum(slacks, 0.0) ** 2, axis=1)
+            order = np.where(np.isfinite(cost), violation + 1e-6 * cost, np.inf)
+            seeds = seeds.joined(_thin(_Candidates(unknowns, side, order), 100, 0.3))
+        return seeds
 
     def limited(self, penalty: float) -> LimitedProblem:
         return LimitedProblem(self.thin_target, self.chart, self.problem.sheet, self.limits, penalty)
