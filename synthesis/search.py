@@ -230,9 +230,9 @@ class _Search:
     def plan(self) -> list[Callable[[], object]]:
         """Rounds of growing effort; each is worth its time only where the ones before did not reach the tolerance."""
         return [
-            lambda: self.run(self.fresh(0, 8), 12),
-            lambda: self.run(self.fresh(0, 30).joined(_thin(self.pool, 12)), 25),
-            lambda: self.run(self.fresh(1, 100).joined(_thin(self.pool, 12)), 40),
+            lambda: self.run(self.fresh(0, 16), 15),
+            lambda: self.run(self.fresh(0, 60).joined(_thin(self.pool, 12)), 20),
+            lambda: self.run(self.fresh(1, 150).joined(_thin(self.pool, 12)), 30),
             lambda: self.run(self.hop(15, 8), 40),
             lambda: self.run(self.hop(15, 12), 60),
             lambda: self.run(self.fresh(1, 400), 60),
@@ -295,8 +295,8 @@ class _Search:
         """Solutions that keep to the limits: penalties that grow until the candidates lie inside."""
         found: list[Solution] = []
         attempts = [
-            lambda: _thin(self.pool, 30).joined(self.fresh(0, 60)),
-            lambda: self.fresh(1, 120),
+            lambda: _thin(self.pool, 30).joined(self.fresh(0, 100)),
+            lambda: self.fresh(1, 300),
             lambda: self.hop(15, 12),
             self.nearest_to_limits,
         ]
