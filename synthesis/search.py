@@ -267,8 +267,11 @@ class _Search:
             lambda: _thin(self.pool, 30).joined(self.fresh(0, 60)),
             lambda: self.fresh(1, 120),
             lambda: self.spread(inside),
+            self.feasible,
         ]
         for attempt in attempts:
+            if attempt == self.feasible and inside.branch.size:
+                break
             seeds = attempt()
             for k, penalty in enumerate(_PENALTIES):
                 limited = LimitedProblem(self.thin_target, self.chart, self.problem.sheet, self.limits, penalty)
@@ -281,6 +284,22 @@ class _Search:
             if self.reached(inside) or self.expired():
                 break
         return inside
+
+    def feasible(self) -> _Candidates:
+        """Types and starts that violate the limits least, whatever their motion: where nothing was found inside them."""
+        level = self.levels.levels[0]
+        shapes = self.chart.unknowns(FullCrankChart().shape(level.unknowns).lengths)
+        starts = np.tile(np.arange(12) * (TURN / 12), len(shapes))
+        unknowns = np.hstack([np.repeat(shapes, 12, axis=0), starts[:, None]])
+        problem = LimitedProblem(self.thin_target, self.chart, self.problem.sheet, self.limits, 0.0)
+        parts = _NONE
+        for branch in (1.0, -1.0):
+            side = np.full(len(unknowns), branch)
+            cost = problem.plain.evaluate(unknowns, side, derivatives=False).cost
+            slacks = np.nan_to_num(problem.slacks(unknowns, side), nan=-1e3)
+            violation = np.where(np.isfinite(cost), np.sum(np.minimum(slacks, 0.0) ** 2, axis=1), np.inf)
+            parts = parts.joined(_thin(_Candidates(unknowns, side, violation + 1e-6 * cost), 100, 0.3))
+        return parts
 
     def spread(self, inside: _Candidates) -> _Candidates:
         """Seeds around what is inside the limits; around what is nearest to them where nothing is."""
