@@ -272,6 +272,7 @@ class RoundedReply(ReplyModel):
     body_offset: float | None
     mount: MountReply | None
     errors: ErrorsReply | None
+    transmission_angle_min: float | None = Field(description="Over the used interval; limits are not applied again.")
 
 
 class SolutionReply(ReplyModel):
@@ -355,10 +356,13 @@ def _errors(solution: Solution, unit: float) -> ErrorsReply:
     )
 
 
+_ROUNDED_FIELDS = ("links", "start_angle", "body_offset", "mount", "errors", "transmission_angle_min")
+
+
 def _rounded(target: Target, solution: Solution, grid: float, unit: float) -> RoundedReply:
     rounded = round_solution(target, solution, grid)
     if rounded is None:
-        return RoundedReply(closes=False, links=None, start_angle=None, body_offset=None, mount=None, errors=None)
+        return RoundedReply(closes=False, **dict.fromkeys(_ROUNDED_FIELDS))
     return RoundedReply(
         closes=True,
         links=_links(rounded.links),
@@ -366,6 +370,7 @@ def _rounded(target: Target, solution: Solution, grid: float, unit: float) -> Ro
         body_offset=None if rounded.body_offset is None else rounded.body_offset / unit,
         mount=_mount(rounded, unit),
         errors=_errors(rounded, unit),
+        transmission_angle_min=rounded.transmission_angle_min / unit,
     )
 
 
@@ -444,6 +449,8 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> Synth
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
             "see `determination` of each solution"
         )
+    if not replies and report["stopped_by"] == "budget":
+        notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     return SynthesizeReply(
         solutions=replies,
         report=SynthesizeReport(

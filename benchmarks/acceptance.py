@@ -239,7 +239,10 @@ def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
             )
             best = heavy_within(target_of(case.request), limits)
             if best is not None:
-                wrong.append({"seed": seed, "kind": case.kind, "objective": best, "limits": asked})
+                stopped = reply["report"]["stopped_by"]
+                wrong.append(
+                    {"seed": seed, "kind": case.kind, "objective": best, "limits": asked, "stopped_by": stopped}
+                )
     return {
         "cases": cases,
         "statuses": dict(statuses),

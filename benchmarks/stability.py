@@ -379,16 +379,26 @@ def refusals(report: Callable[[Row], None], resources: ServiceResources) -> None
     """What is refused, by name of the field, and why."""
     base = make_case("any order", 1).request
     points = np.array(base["position"])
-    tried = {
-        "a crank span of 0.05 degrees": base | {"crank_span": 0.05},
-        "a crank span of 3601 degrees": base | {"crank_span": 3601.0},
-        "all positions at one point": base | {"position": [[1.0, 2.0]] * len(points)},
-        "positions whose extent is their rounding (offset 1e16)": base | {"position": (points + 1e16).tolist()},
-        "coordinates of 1e101": base | {"position": (points * 1e101).tolist()},
-        "crank angles that turn back": {k: v for k, v in base.items() if k != "crank_span"}
-        | {"crank_angle": [0.0, 5.0, 4.0, *range(10, 10 + len(points) - 3)]},
-    }
-    for what, request in tried.items():
+    shapeless = "double precision tells such a curve from a line in too few digits"
+    turning_back = {k: v for k, v in base.items() if k != "crank_span"}
+    turning_back["crank_angle"] = [0.0, 5.0, 4.0, *range(10, 10 + len(points) - 3)]
+    tried = [
+        ("a crank span of 0.05 degrees", base | {"crank_span": 0.05}, shapeless),
+        (
+            "a crank span of 3601 degrees",
+            base | {"crank_span": 3601.0},
+            "the motion repeats itself: ten turns will do",
+        ),
+        ("all positions at one point", base | {"position": [[1.0, 2.0]] * len(points)}, "every linkage would do"),
+        (
+            "positions whose extent is their rounding (offset 1e16)",
+            base | {"position": (points + 1e16).tolist()},
+            "the request's numbers hold no motion",
+        ),
+        ("coordinates of 1e101", base | {"position": (points * 1e101).tolist()}, "squares would come near overflow"),
+        ("crank angles that turn back", turning_back, "the motion is not one of a turning crank"),
+    ]
+    for what, request, why in tried:
         try:
             answer(request, resources, Times())
             text = "NOT refused"
@@ -396,7 +406,7 @@ def refusals(report: Callable[[Row], None], resources: ServiceResources) -> None
             text = f"refused: {error}"
         except ValueError as error:
             text = f"refused: {str(error).splitlines()[-1].strip()}"
-        report(Row(what, 1, text, "a 422 that names the field", "double precision holds no shape there", {}))
+        report(Row(what, 1, text, "a 422 that names the field", why, {}))
 
 
 # -- page -------------------------------------------------------------------------------------------------------------

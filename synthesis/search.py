@@ -288,7 +288,7 @@ class _Search:
         problem = self.problem
         if self.thin_target is not self.target:
             problem = Problem(self.target, self.chart, problem.sheet)
-        done = refine(problem, best.unknowns, best.branch, iterations)
+        done = refine(problem, best.unknowns, best.branch, iterations, 0.0, self.expired)
         return _Candidates(done.unknowns, done.branch, done.cost)
 
     def limited_search(self, top: int) -> list[Solution]:

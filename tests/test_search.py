@@ -228,6 +228,25 @@ def test_limits_that_nothing_keeps_are_infeasible(resources) -> None:
     assert reply["status"] == "infeasible" and reply["solutions"] == []
 
 
+def test_a_clockwise_crank_has_the_same_box_for_its_pivots(resources) -> None:
+    """The search mirrors a clockwise request, and once forgot the box."""
+    case = make_case("clockwise", 5902)
+    pivot = np.array(case.truth["mount"]["pivot_a"])
+    ground = np.exp(1j * np.deg2rad(case.truth["mount"]["ground_angle"])) * case.truth["links"]["ground"]
+    corners = np.array([pivot, pivot + np.array([ground.real, ground.imag])])
+    box = [*(corners.min(axis=0) - 0.05).tolist(), *(corners.max(axis=0) + 0.05).tolist()]
+    request = case.request | {"limits": {"family": "crank_rocker", "pivot_box": box}}
+    reply = ask(request, resources)
+    assert reply["status"] == "reached" and not broken_limits(request, reply["solutions"][0])
+
+
+def test_what_lies_far_from_the_motion_is_feasible_too(resources) -> None:
+    """Double-cranks for a crank-rocker's motion: bad answers, but answers."""
+    case = limited_case(69)
+    reply = ask(case.request, resources)
+    assert reply["status"] == "closest" and not broken_limits(case.request, reply["solutions"][0])
+
+
 # -- anytime ----------------------------------------------------------------------------------------------------------
 
 
