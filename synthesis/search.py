@@ -232,6 +232,7 @@ class _Search:
         return [
             lambda: self.run(self.fresh(0, 16), 15),
             lambda: self.run(self.fresh(0, 60).joined(_thin(self.pool, 12)), 20),
+            lambda: self.run(self.hop(8, 6), 20),
             lambda: self.run(self.fresh(1, 150).joined(_thin(self.pool, 12)), 30),
             lambda: self.run(self.hop(15, 8), 40),
             lambda: self.run(self.hop(15, 12), 60),
