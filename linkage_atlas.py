@@ -7,7 +7,11 @@ from collections.abc import Sequence
 
 __version__ = "0.1.0"
 
-BATCH_COMMANDS = ("build", "verify", "info")
+BATCH_COMMANDS = {
+    "build": "build an atlas file",
+    "verify": "read a whole atlas file and say whether it is sound",
+    "info": "say what an atlas file holds",
+}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -19,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return batch(arguments)
     from app.cli import main as query
 
-    return query(arguments)
+    return query(arguments, BATCH_COMMANDS, __version__)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -14,19 +16,36 @@ from app.queries import all_queries
 from app.query import Query
 from app.resources import ServiceResources
 from app.settings import Settings
-from synthesis.errors import AtlasError, FieldError
+from synthesis.errors import AtlasError, AtlasFault, FieldError
 
 EXIT_OK, EXIT_USAGE, EXIT_DAMAGED, EXIT_INTERRUPTED = 0, 2, 3, 130
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run one query command; returns the exit code (0 ok, 2 bad request, 3 damaged data, 130 interrupted)."""
-    parser = _parser()
+def main(argv: Sequence[str], others: Mapping[str, str], version: str) -> int:
+    """Run one query command; returns the exit code (0 ok, 2 bad request, 3 damaged data, 130 interrupted).
+
+    Parameters
+    ----------
+    argv : sequence of str
+    others : mapping
+        Commands that another floor runs, with their help: listed here so that the user finds them.
+    version : str
+    """
+    parser = _parser(others, version)
+    if not argv:
+        parser.print_help(sys.stderr)
+        return EXIT_USAGE
     options = parser.parse_args(list(argv))
     try:
-        return options.run(options)
+        code = options.run(options)
+        sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
+    except BrokenPipeError:  # the reader, say `head`, has enough; at exit nothing more may be flushed into the pipe
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_OK
     except ValidationError as error:
         for row in error.errors(include_input=False, include_url=False):
             print(f"{'.'.join(map(str, row['loc'])) or 'request'}: {row['msg']}", file=sys.stderr)
@@ -36,12 +55,18 @@ def main(argv: Sequence[str]) -> int:
         return EXIT_USAGE
     except AtlasError as error:
         print(error, file=sys.stderr)
-        return EXIT_DAMAGED
+        if error.fault is not AtlasFault.MISSING:
+            return EXIT_DAMAGED
+        print("`linkage-atlas build --out FILE` makes one; `--atlas FILE` says where it is", file=sys.stderr)
+        return EXIT_USAGE
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(others: Mapping[str, str], version: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="linkage-atlas", description="Finds planar linkages for a required motion.")
+    parser.add_argument("--version", action="version", version=f"%(prog)s {version}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    for name, text in others.items():
+        commands.add_parser(name, help=text)
     groups: dict[str, argparse._SubParsersAction] = {}
     for query in all_queries():
         *group, verb = query.command.split()
@@ -55,9 +80,20 @@ def _parser() -> argparse.ArgumentParser:
     serve = commands.add_parser("serve", help="answer over HTTP", description="Serves the queries over HTTP.")
     serve.add_argument("--atlas", type=Path, help="the atlas file (default: atlas.h5)")
     serve.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
-    serve.add_argument("--port", type=int, default=8000, help="(%(default)s)")
+    serve.add_argument("--port", type=_port, default=8000, help="(%(default)s)")
     serve.set_defaults(run=_serve)
     return parser
+
+
+def _port(text: str) -> int:
+    port = int(text)
+    if not 0 <= port <= 65535:
+        raise argparse.ArgumentTypeError(f"must be 0 to 65535, found {port}")
+    return port
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _serve(options: argparse.Namespace) -> int:
@@ -67,6 +103,7 @@ def _serve(options: argparse.Namespace) -> int:
 
     resources = ServiceResources(_settings(options))
     _ = resources.atlas  # a service without its atlas is no service: fail here, with an exit code
+    signal.signal(signal.SIGTERM, _interrupt)  # uvicorn drains on it, then hands it on: no death by signal then
     uvicorn.run(create_app(resources=resources), host=options.host, port=options.port, log_level="info")
     return EXIT_OK
 
@@ -92,9 +129,13 @@ def _settings(options: argparse.Namespace) -> Settings:
 
 
 def _run_query(options: argparse.Namespace, query: Query) -> int:
+    if options.example and options.file != "-":
+        raise FieldError("", "give a file or --example, not both")
     if options.example:
         text = json.dumps(query.examples[options.example]).encode()
     elif options.file == "-":
+        if sys.stdin.isatty():
+            print("reading the request from this terminal; Ctrl-D ends it", file=sys.stderr)
         text = sys.stdin.buffer.read()
     else:
         text = Path(options.file).read_bytes()

@@ -10,7 +10,6 @@ import anyio
 import anyio.to_thread
 from fastapi import FastAPI, Response
 from fastapi import Path as PathParameter
-from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 import linkage_atlas
 from app import export, page, problems
@@ -51,8 +50,9 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
         version=linkage_atlas.__version__,
         summary="Finds planar linkages for a required motion.",
         lifespan=lifespan,
+        redirect_slashes=False,
     )
-    app.add_middleware(RequestBodyLimitMiddleware, max_body_size=settings.max_body_bytes)
+    app.add_middleware(problems.BodyLimit, max_body_size=settings.max_body_bytes)
     problems.install(app)
     for query in all_queries():
         _add_query(app, query, resources)
@@ -63,7 +63,19 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)
+    _describe_problems(app)
     return app
+
+
+def _describe_problems(app: FastAPI) -> None:
+    describe = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        document = describe()
+        document["components"]["schemas"]["Problem"] = problems.SCHEMA
+        return document
+
+    app.openapi = openapi  # type: ignore[method-assign]
 
 
 class AtlasReply(ReplyModel):
@@ -89,21 +101,23 @@ class AtlasTypeReply(ReplyModel):
 
 
 def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
-    @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_PROBLEM_RESPONSES)
+    @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_problems(503))
     def atlas() -> AtlasReply:
-        return AtlasReply(**resources.loaded_atlas().describe())
+        return AtlasReply(**resources.atlas.describe())
 
-    @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=_PROBLEM_RESPONSES)
+    answers = _problems(404, 422, 503)
+
+    @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=answers)
     def dimension_type(number: Annotated[int, PathParameter(ge=1, le=2**53)]) -> AtlasTypeReply:
         """Lengths, family and the Haar average and details of the coupler rotation over the whole turn."""
-        stored = resources.loaded_atlas().atlas
+        stored = resources.atlas.atlas
         if number > len(stored):
             raise problems.NotFound(f"there is no type {number}: the atlas has types 1 to {len(stored)}")
         row = number - 1
         return AtlasTypeReply(
             number=number,
             lengths=stored.lengths[row].tolist(),
-            family=family(stored.lengths[row])[()].value,
+            family=str(family(stored.lengths[row])),
             samples=stored.rule.samples,
             winding=int(stored.winding[row]),
             normalisation="mean",
@@ -114,27 +128,34 @@ def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
 
 
 def _add_health_routes(app: FastAPI, resources: ServiceResources) -> None:
-    @app.get("/livez", tags=["health"])
+    @app.get("/livez", tags=["health"], summary="The process answers.")
     async def livez() -> dict[str, str]:
-        """The process answers."""
         return {"status": "ok"}
 
-    @app.get("/readyz", tags=["health"], responses={503: _PROBLEM_RESPONSES[503]})
+    @app.get("/readyz", tags=["health"], summary="The atlas is loaded and verified.", responses=_problems(503))
     async def readyz() -> dict[str, str]:
-        """The atlas is loaded and verified."""
-        resources.loaded_atlas()
+        _ = resources.atlas
         return {"status": "ready"}
 
 
 _PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
-    status: {"description": text, "content": {"application/problem+json": {}}}
+    status: {
+        "description": text,
+        "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
+    }
     for status, text in {
         400: "The body is not JSON.",
+        404: "There is no such thing.",
         413: "The body is too large.",
+        415: "The body is not declared as JSON.",
         422: "The request is malformed or has no answer; `errors` points to the fields.",
         503: "The service is not ready or too many requests wait.",
     }.items()
 }
+
+
+def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    return {status: _PROBLEM_RESPONSES[status] for status in statuses}
 
 
 def _route_details(query: Query) -> dict[str, Any]:
@@ -142,7 +163,7 @@ def _route_details(query: Query) -> dict[str, Any]:
     return {
         "summary": query.summary,
         "tags": [query.command.split()[0]],
-        "responses": _PROBLEM_RESPONSES,
+        "responses": _problems(400, 413, 415, 422, 503),
         "openapi_extra": {"requestBody": {"content": {"application/json": {"examples": examples}}}},
     }
 
@@ -165,5 +186,5 @@ def _add_export(app: FastAPI, query: Query, name: str, export: Export, resources
     route.__name__ = f"{query.command.replace(' ', '_')}_{name}"
     details = _route_details(query)
     details["summary"] = f"{query.summary} As {name.upper()}."
-    details["responses"] = {**_PROBLEM_RESPONSES, 200: {"content": {export.media_type: {}}}}
+    details["responses"] = {**details["responses"], 200: {"content": {export.media_type: {}}}}
     app.post(f"{query.path}.{name}", response_class=Response, response_model=None, **details)(route)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from app.query import AngleUnit, Count, Number, PositiveNumber, ReplyModel, RequestModel, Resources
+from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel, Resources
 from synthesis.atlas_search import best_rows
 from synthesis.errors import FieldError
 from synthesis.haar import features, resample
@@ -15,13 +15,15 @@ from synthesis.limits import Limits
 from synthesis.rounding import round_solution
 from synthesis.scan import window_angles
 from synthesis.search import DEFAULT_TOLERANCE, search
-from synthesis.solution import Solution, determination, principal, sensitivity
-from synthesis.target import MAX_SAMPLES, MIN_SAMPLES, Target, make_target
+from synthesis.solution import Determination, Sensitivity, Solution, determinations, principal, sensitivities
+from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
 MAX_TOP = 1000
 
 Curve = Annotated[list[Number], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)]
-Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
+Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
+Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Path = Annotated[list[Point], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
 
@@ -61,7 +63,7 @@ class MatchRequest(CrankMotion):
 
     rotation: Curve = Field(description="Rotation of the body at the samples, continuous: no jumps by whole turns.")
     top: Top = Field(10, description="How many rows to return.")
-    features: bool = Field(
+    features: Flag = Field(
         False, description="Also return Haar average and details of the request and of each match."
     )
 
@@ -176,11 +178,11 @@ class LimitsRequest(RequestModel):
     """What every solution must keep to."""
 
     transmission_angle_min: Number = Field(0.0, description="Smallest transmission angle over the used interval.")
-    pivot_box: Annotated[list[Number], Field(min_length=4, max_length=4)] | None = Field(
+    pivot_box: Annotated[list[Coordinate], Field(min_length=4, max_length=4)] | None = Field(
         None, description="xmin, ymin, xmax, ymax for both fixed pivots."
     )
-    link_min: PositiveNumber | None = Field(None, description="Shortest length of any link.")
-    link_max: PositiveNumber | None = Field(None, description="Longest length of any link.")
+    link_min: Length | None = Field(None, description="Shortest length of any link.")
+    link_max: Length | None = Field(None, description="Longest length of any link.")
     family: Literal["full_crank", "crank_rocker", "double_crank", "any"] = Field(
         "full_crank", description="`any`: closes over the used interval without changing its branch."
     )
@@ -194,19 +196,19 @@ class SynthesizeRequest(CrankMotion):
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
     effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
     limits: LimitsRequest = Field(default_factory=LimitsRequest)
-    tolerance: Annotated[Number, Field(ge=0)] = Field(
+    tolerance: Annotated[Number, Field(ge=0, le=1)] = Field(
         DEFAULT_TOLERANCE, description="The search ends when the objective is below this."
     )
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
-    length_scale: PositiveNumber | None = Field(
+    length_scale: Length | None = Field(
         None,
         description="Weighs position errors against rotation errors in radians. Default: the largest distance of a "
         "position from the mean position.",
     )
-    round_to: PositiveNumber | None = Field(
+    round_to: Length | None = Field(
         None, description="Also report each solution with its links rounded to this grid and the rest fitted anew."
     )
-    sensitivity: bool = Field(False, description="Also report the change of the motion per unit of each length.")
+    sensitivity: Flag = Field(False, description="Also report the change of the motion per unit of each length.")
 
 
 class LinksReply(ReplyModel):
@@ -270,6 +272,7 @@ class RoundedReply(ReplyModel):
     body_offset: float | None
     mount: MountReply | None
     errors: ErrorsReply | None
+    transmission_angle_min: float | None = Field(description="Over the used interval; limits are not applied again.")
 
 
 class SolutionReply(ReplyModel):
@@ -353,10 +356,13 @@ def _errors(solution: Solution, unit: float) -> ErrorsReply:
     )
 
 
+_ROUNDED_FIELDS = ("links", "start_angle", "body_offset", "mount", "errors", "transmission_angle_min")
+
+
 def _rounded(target: Target, solution: Solution, grid: float, unit: float) -> RoundedReply:
     rounded = round_solution(target, solution, grid)
     if rounded is None:
-        return RoundedReply(closes=False, links=None, start_angle=None, body_offset=None, mount=None, errors=None)
+        return RoundedReply(closes=False, **dict.fromkeys(_ROUNDED_FIELDS))
     return RoundedReply(
         closes=True,
         links=_links(rounded.links),
@@ -364,13 +370,26 @@ def _rounded(target: Target, solution: Solution, grid: float, unit: float) -> Ro
         body_offset=None if rounded.body_offset is None else rounded.body_offset / unit,
         mount=_mount(rounded, unit),
         errors=_errors(rounded, unit),
+        transmission_angle_min=rounded.transmission_angle_min / unit,
     )
 
 
-def _solution(request: SynthesizeRequest, target: Target, solution: Solution, rank: int) -> SolutionReply:
+def _solutions(request: SynthesizeRequest, target: Target, solutions: list[Solution]) -> list[SolutionReply]:
+    resolutions = [max(solution.errors.objective, request.tolerance) for solution in solutions]
+    fixed = determinations(target, solutions, resolutions)
+    changes = sensitivities(target, solutions) if request.sensitivity else [None] * len(solutions)
+    return [_solution(request, target, rank, *parts) for rank, parts in enumerate(zip(solutions, fixed, changes), 1)]
+
+
+def _solution(
+    request: SynthesizeRequest,
+    target: Target,
+    rank: int,
+    solution: Solution,
+    fixed: Determination,
+    change: Sensitivity | None,
+) -> SolutionReply:
     unit = request.unit
-    fixed = determination(target, solution, max(solution.errors.objective, request.tolerance))
-    change = sensitivity(target, solution) if request.sensitivity else None
     row = None
     if solution.row is not None:
         row = solution.row + 1
@@ -417,7 +436,7 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> Synth
     else:
         solutions, report, elapsed = _refined(request, target, limits, resources, begin)
     found = resources.clock()
-    replies = [_solution(request, target, solution, rank) for rank, solution in enumerate(solutions, 1)]
+    replies = _solutions(request, target, solutions)
     if request.effort == "atlas":
         scan = resources.atlas.scan
         types = [TypeReply(number=s.row + 1, lengths=[int(v) for v in scan.lengths[s.row]]) for s in solutions]
@@ -430,6 +449,8 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> Synth
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
             "see `determination` of each solution"
         )
+    if not replies and report["stopped_by"] == "budget":
+        notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     return SynthesizeReply(
         solutions=replies,
         report=SynthesizeReport(
@@ -448,10 +469,17 @@ def _status(request: SynthesizeRequest, replies: list[SolutionReply]) -> Literal
     return "reached" if replies[0].errors.objective < request.tolerance else "closest"
 
 
+def _budget(request: SynthesizeRequest, resources: Resources) -> float:
+    """Seconds that a request may search."""
+    asked = np.inf if request.budget_ms is None else request.budget_ms
+    return min(asked, resources.max_budget_ms) / 1000
+
+
 def _from_atlas(
     request: SynthesizeRequest, target: Target, limits: Limits, resources: Resources, begin: float
 ) -> tuple[list[Solution], dict[str, Any], dict[str, float]]:
-    solutions, scanned = best_rows(resources.atlas.scan, target, limits, request.top)
+    scan, deadline = resources.atlas.scan, begin + _budget(request, resources)
+    solutions, scanned = best_rows(scan, target, limits, request.top, lambda: resources.clock() >= deadline)
     screened = resources.clock()
     best = [(1000 * (screened - begin), solutions[0].errors.objective)] if solutions else []
     reached = bool(solutions) and solutions[0].errors.objective < request.tolerance
@@ -468,8 +496,7 @@ def _from_atlas(
 def _refined(
     request: SynthesizeRequest, target: Target, limits: Limits, resources: Resources, begin: float
 ) -> tuple[list[Solution], dict[str, Any], dict[str, float]]:
-    asked = np.inf if request.budget_ms is None else request.budget_ms
-    budget = min(asked, resources.max_budget_ms) / 1000
+    budget = _budget(request, resources)
     solutions, found = search(
         resources.levels, target, limits, request.top, request.tolerance, resources.clock, budget
     )

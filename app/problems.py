@@ -9,18 +9,45 @@ import json
 from collections.abc import Iterable, Sequence
 from http import HTTPStatus
 from typing import Any
+from urllib.parse import quote
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
+from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
+from starlette.middleware.body_limit import RequestBodyLimitMiddleware
+from starlette.types import Receive, Scope, Send
 
 from synthesis.errors import AtlasError, FieldError
 
 MAX_ERRORS = 20
 """Errors listed in one reply; a request of a thousand wrong numbers needs no thousand lines."""
 MAX_POINTER = 200
-"""Longest pointer in characters: a field's name is the client's and may be of any length."""
+"""Longest part of a pointer in characters: a field's name is the client's and may be of any length."""
+
+SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "required": ["type", "title", "status", "detail"],
+    "properties": {
+        "type": {"type": "string"},
+        "title": {"type": "string"},
+        "status": {"type": "integer"},
+        "detail": {"type": "string", "description": "What is wrong, as a sentence."},
+        "errors": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "required": ["pointer", "detail"],
+                "properties": {
+                    "pointer": {"type": "string", "description": "JSON pointer to the field, as a URI fragment."},
+                    "detail": {"type": "string"},
+                },
+            },
+        },
+    },
+}
+"""JSON schema of a problem, for the API's description."""
 
 
 class Overloaded(Exception):
@@ -33,18 +60,13 @@ class NotFound(Exception):
 
 def pointer(location: Iterable[str | int]) -> str:
     """A JSON pointer (RFC 6901) as a URI fragment, for the path of a value in the request."""
-    parts = [str(part).replace("~", "~0").replace("/", "~1") for part in location]
-    text = "#" + "".join(f"/{part}" for part in parts)
-    return text if len(text) <= MAX_POINTER else text[: MAX_POINTER - 1] + "…"
+    parts = [str(part)[:MAX_POINTER].replace("~", "~0").replace("/", "~1") for part in location]
+    return "#" + "".join("/" + quote(part, safe="!$&'()*+,;=:@", errors="replace") for part in parts)
 
 
 def error_rows(errors: Sequence[Any]) -> list[dict[str, Any]]:
     """Pydantic's error list as rows ``{"pointer", "detail"}``, without the input."""
-    rows = []
-    for error in errors[:MAX_ERRORS]:
-        location = [part for part in error["loc"] if part not in ("body",)]
-        rows.append({"pointer": pointer(location), "detail": error["msg"]})
-    return rows
+    return [{"pointer": pointer(error["loc"]), "detail": error["msg"]} for error in errors[:MAX_ERRORS]]
 
 
 def problem(
@@ -76,16 +98,32 @@ def field_problem(error: FieldError) -> Response:
     return problem(422, str(error), [row])
 
 
+def http_problem(error: HTTPException) -> Response:
+    """What the framework itself refuses, in our words."""
+    details = {
+        400: "the body could not be read as JSON",
+        404: "there is nothing at this address",
+        405: "this address does not take that method",
+        413: "the body is larger than this service accepts",
+    }
+    detail = details.get(error.status_code, str(error.detail))
+    rows = [{"pointer": "#", "detail": detail}] if error.status_code in (400, 413) else None
+    return problem(error.status_code, detail, rows, dict(error.headers or {}))
+
+
 def install(app: FastAPI) -> None:
     """Register the handlers on an application."""
 
     @app.exception_handler(RequestValidationError)
-    async def _validation(_: Request, error: RequestValidationError) -> Response:
-        rows = error_rows(error.errors())
-        malformed = any(entry["type"] == "json_invalid" for entry in error.errors())
-        if malformed:
+    async def _validation(request: Request, error: RequestValidationError) -> Response:
+        entries = [{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]  # less "body" or "path"
+        first = entries[0]
+        if first["type"] == "json_invalid":
             return problem(400, "the body is not valid JSON", [{"pointer": "#", "detail": "not valid JSON"}])
-        return problem(422, rows[0]["pointer"][1:].lstrip("/") + ": " + rows[0]["detail"], rows)
+        if not first["loc"] and first["type"] == "model_attributes_type" and not _says_json(request.headers):
+            return problem(415, "send the body with the header `Content-Type: application/json`")
+        rows = error_rows(entries)
+        return problem(422, f"{rows[0]['pointer'][2:] or 'the body'}: {rows[0]['detail']}", rows)
 
     @app.exception_handler(ValidationError)
     async def _model(_: Request, error: ValidationError) -> Response:
@@ -110,12 +148,24 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(HTTPException)
     async def _http(_: Request, error: HTTPException) -> Response:
-        details = {
-            400: "the body could not be read as JSON",
-            404: "there is nothing at this address",
-            405: "this address does not take that method",
-            413: "the body is larger than this service accepts",
-        }
-        detail = details.get(error.status_code, str(error.detail))
-        rows = [{"pointer": "#", "detail": detail}] if error.status_code in (400, 413) else None
-        return problem(error.status_code, detail, rows, dict(error.headers or {}))
+        return http_problem(error)
+
+    @app.exception_handler(Exception)
+    async def _fault(_: Request, __: Exception) -> Response:
+        return problem(500, "a fault of the service, not of the request; its log says more")
+
+
+def _says_json(headers: Headers) -> bool:
+    kind = headers.get("content-type", "").partition(";")[0].strip().lower()
+    return kind == "application/json" or (kind.startswith("application/") and kind.endswith("+json"))
+
+
+class BodyLimit(RequestBodyLimitMiddleware):
+    """Refuses a body that says it is too large before any of it is read; counts the others."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        declared = Headers(scope=scope).get("content-length", "") if scope["type"] == "http" else ""
+        if declared.isdecimal() and (len(declared) > 18 or int(declared) > self.max_body_size):
+            await http_problem(HTTPException(413))(scope, receive, send)
+        else:
+            await super().__call__(scope, receive, send)

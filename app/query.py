@@ -12,6 +12,7 @@ Number = Annotated[float, Strict(), AllowInfNan(False)]
 """A finite JSON number; no strings, no booleans, no NaN or infinity."""
 PositiveNumber = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
 AngleUnit = Literal["deg", "rad"]
 
 

@@ -54,7 +54,9 @@ class ServiceResources:
 
     @cached_property
     def atlas(self) -> LoadedAtlas:
-        """The atlas, loaded and verified. Raises AtlasError."""
+        """The atlas, loaded and verified. Raises AtlasError; once `prepare` has met one, that one, and reads nothing."""
+        if self.failure is not None:
+            raise self.failure
         begin = self.clock()
         atlas = load_atlas(self.settings.atlas, self.settings.atlas_max_bytes, self.settings.atlas_max_types)
         scan = Scan(atlas, threads=os.cpu_count() or 1)
@@ -72,12 +74,6 @@ class ServiceResources:
             _ = self.atlas.content_sha256
         except AtlasError as error:
             self.failure = error
-
-    def loaded_atlas(self) -> LoadedAtlas:
-        """The atlas that `prepare` has loaded; raises the AtlasError that it met."""
-        if self.failure is not None:
-            raise self.failure
-        return self.atlas
 
     def clock(self) -> float:
         """Seconds of a monotonic clock."""

@@ -32,5 +32,5 @@ class Settings(BaseSettings):
         64, ge=0, description="Requests that may wait for their turn; beyond that the answer is 503."
     )
     max_budget_ms: float = Field(
-        10_000, gt=0, description="Longest search of one request, whatever its `budget_ms` says."
+        30_000, gt=0, description="Longest search of one request, whatever its `budget_ms` says."
     )

@@ -13,6 +13,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
@@ -94,15 +95,17 @@ def _parts_folder(out: Path) -> Iterator[Path]:
             raise BuildLocked(f"another build of {out} is running") from None
         os.close(handle)
     try:
-        for stale in out.parent.glob(f".{out.name}.*.tmp"):
-            stale.unlink(missing_ok=True)
+        temporary = re.compile(re.escape(f".{out.name}.") + r"\d+\.tmp")  # and not another file's: atlas.h5.new's
+        for stale in out.parent.iterdir():
+            if temporary.fullmatch(stale.name):
+                stale.unlink(missing_ok=True)
         yield folder
     finally:
         os.close(handle)
 
 
 class _Parts:
-    """Finished shards on disk, each with the digest of its bytes and the key of what it was made from."""
+    """Finished shards on disk, each with the digest of its number, its bytes and the key of what it was made from."""
 
     def __init__(self, folder: Path, rule: AtlasRule) -> None:
         made_from = {"rule": rule.as_json(), "generator": generator_versions(), "shard_types": SHARD_TYPES}
@@ -112,6 +115,9 @@ class _Parts:
     def _path(self, shard: int) -> Path:
         return self.folder / f"shard-{shard:06d}"
 
+    def _digest(self, shard: int, payload: bytes) -> bytes:
+        return hashlib.sha256(self.key + shard.to_bytes(8, "little") + payload).digest()
+
     def read(self, shard: int) -> bytes | None:
         """The payload of a shard, or None where there is none of this build or it is damaged."""
         try:
@@ -119,11 +125,11 @@ class _Parts:
         except OSError:
             return None
         digest, payload = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
-        return payload if hashlib.sha256(self.key + payload).digest() == digest else None
+        return payload if self._digest(shard, payload) == digest else None
 
     def write(self, shard: int, payload: bytes) -> None:
         # Not durable: after a power cut a part fails its digest and is made again.
-        replace_file(self._path(shard), hashlib.sha256(self.key + payload).digest() + payload, durable=False)
+        replace_file(self._path(shard), self._digest(shard, payload) + payload, durable=False)
 
 
 def build_atlas(

@@ -10,6 +10,7 @@ import hashlib
 import io
 import json
 import stat
+import zlib
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -192,11 +193,24 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...]) -> NDArray[Any]
         )
     else:
         complete = dataset.id.get_storage_size() == dataset.nbytes
+    if h5py.h5z.FILTER_DEFLATE in filters:
+        _check_inflation(dataset)
     if not complete:  # HDF5 would fill the gap silently
         _refuse(AtlasFault.CONTENT, f"{name} lacks a part of its data")
     values = dataset[()]
     values.flags.writeable = False
     return values
+
+
+def _check_inflation(dataset: h5py.Dataset) -> None:
+    """Refuse chunks that inflate to more than a chunk: HDF5 would inflate them all the way, a thousand times their size."""
+    chunks: list[Any] = []
+    dataset.id.chunk_iter(chunks.append)
+    size = int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
+    for chunk in chunks:
+        _, stored = dataset.id.read_direct_chunk(chunk.chunk_offset)
+        if chunk.filter_mask or len(zlib.decompressobj().decompress(stored, size + 1)) != size:
+            _refuse(AtlasFault.SCHEMA, f"{dataset.name} has a chunk that does not inflate to its size")
 
 
 def check_bytes(data: bytes) -> memoryview:

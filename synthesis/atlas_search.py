@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from synthesis.limits import Limits
@@ -12,9 +14,13 @@ from synthesis.target import Target
 
 MAX_LIMITED_WINDOWS = 1 << 18
 """Windows evaluated before a search within limits gives up; the report then says that it is not exhaustive."""
+MAX_LIMITED_SAMPLES = 1 << 22
+"""The same in samples of all windows: a request of 1,024 samples takes no longer than one of 16."""
 
 
-def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[list[Solution], ScanReport]:
+def best_rows(
+    scan: Scan, target: Target, limits: Limits, top: int, expired: Callable[[], bool] = lambda: False
+) -> tuple[list[Solution], ScanReport]:
     """The best rows by the joint objective over rotation and position.
 
     Parameters
@@ -23,6 +29,8 @@ def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[lis
     target : Target
     limits : Limits
     top : int
+    expired : callable
+        True ends the scan with the best found so far.
 
     Returns
     -------
@@ -37,9 +45,12 @@ def best_rows(scan: Scan, target: Target, limits: Limits, top: int) -> tuple[lis
 
     if not _any_row_of(limits.family, scan):
         return [], ScanReport(scan.windows, 0, True)
+    most = MAX_LIMITED_WINDOWS
+    if not limits.only_family:
+        most = min(most, MAX_LIMITED_SAMPLES // target.samples)
     wanted = top
     while True:
-        windows, report = scan.best(target, wanted, exact, MAX_LIMITED_WINDOWS)
+        windows, report = scan.best(target, wanted, exact, most, expired)
         chosen = windows.take(_first_of_each(target, windows))
         lengths, start = scan.lengths[chosen.row], np.deg2rad(chosen.start)
         solutions = distinct(make_solutions(target, lengths, chosen.branch, start, chosen.row.tolist()), top)
@@ -75,9 +86,8 @@ def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> np.
         _, angle = window_angles(scan.lengths, target, windows)
         fit = fit_positions(target, angle)
         scale = np.abs(fit.crank_vector) / lengths[:, 0]
-        unit = fit.crank_vector / np.maximum(np.abs(fit.crank_vector), np.finfo(float).tiny)
         pivot_a = fit.pivot
-        pivot_b = pivot_a + scale * lengths[:, 3] * unit * np.exp(-1j * start)
+        pivot_b = pivot_a + scale * lengths[:, 3] * np.exp(1j * (np.angle(fit.crank_vector) - start))
         lengths = lengths * np.maximum(scale, np.finfo(float).tiny)[:, None]
     slacks = limits.slacks(target, lengths, start, pivot_a, pivot_b)
     return holds & np.all(slacks >= 0, axis=-1)

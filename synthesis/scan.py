@@ -29,7 +29,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -37,8 +36,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas_file import Atlas
-from synthesis.fourbar import TURN, coupler_angle
-from synthesis.mounting import fixed_parts, objective
+from synthesis.fourbar import coupler_angle
+from synthesis.mounting import objective
+from synthesis.scan_series import (
+    Bucket,
+    PositionMatrices,
+    RequestMeans,
+    RotationMatrices,
+    join,
+    prepare,
+)
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -51,71 +58,24 @@ TIE = 1e-12
 
 HARMONICS = (4, 6, 8, 10, 12, 16, 24, 32, 48, 64, 96)
 SERIES_ERROR = 3e-7
-_ROUNDING = 1e-13
 _BLOCK_ROWS = 256
 _LARGEST_WAVE = 64
 """Blocks between two looks at the limit: the same on every machine, or reports would differ."""
 _FIRST_COUNT = 4096
-_PREPARED_AT_ONCE = 8192
+_PREPARED_AT_ONCE = 2048
 _EXACT_SAMPLES = 1 << 17
 
 
 class Windows(NamedTuple):
-    """Windows as columns: row of the type (number - 1), number of the start (whole degrees), branch, and error."""
+    """Windows as columns: row of the type (number - 1), start in degrees, branch, and error."""
 
     row: Ints
-    start: Ints
+    start: Floats
     branch: Ints
     error: Floats
 
     def take(self, index: NDArray[np.intp]) -> Windows:
         return Windows(*(column[index] for column in self))
-
-
-@dataclass(frozen=True)
-class _Bucket:
-    """Types of one winding whose series have the same number of harmonics."""
-
-    rows: Ints
-    winding: int
-    harmonics: int
-    series: Floats
-    """(n, 6H): cosines and sines of p^2 up to 2H, then of p up to H."""
-    mean_square: Floats
-    error: Floats
-    phasor: NDArray[np.complex128]
-    """(n, 2K + 1): coefficients -K .. K of e^{i theta2}."""
-    phasor_error: Floats
-    modulus: Floats
-    """(n, 4K): cosines and sines of the squared modulus of that series, which is not quite 1."""
-    modulus_mean: Floats
-
-
-def _tails(magnitudes: Floats) -> Floats:
-    """Sum of all magnitudes from each column to the last."""
-    return np.cumsum(magnitudes[:, ::-1], axis=1)[:, ::-1]
-
-
-def _real_series(values: Floats, harmonics: int) -> tuple[Floats, Floats]:
-    """Mean, and cosine and sine coefficients 1 .. ``harmonics``, of samples over a turn."""
-    spectrum = np.fft.rfft(values, axis=1)[:, : harmonics + 1] / values.shape[1]
-    return spectrum[:, 0].real, np.concatenate([2 * spectrum[:, 1:].real, -2 * spectrum[:, 1:].imag], axis=1)
-
-
-def _square_series(spectrum: NDArray[np.complex128], harmonics: int) -> tuple[Floats, Floats]:
-    """Mean, and cosine and sine coefficients 1 .. 2H, of the square of a series given by rfft-like coefficients."""
-    points = 4 * harmonics + 2
-    return _real_series(np.fft.irfft(spectrum * points, points, axis=1) ** 2, 2 * harmonics)
-
-
-def _modulus_series(coefficients: NDArray[np.complex128]) -> tuple[Floats, Floats]:
-    """Mean, and cosine and sine coefficients 1 .. 2K, of the squared modulus of a series of coefficients -K .. K."""
-    reach = coefficients.shape[1] // 2
-    points = 4 * reach + 2
-    padded = np.zeros((len(coefficients), points), dtype=complex)
-    padded[:, np.arange(-reach, reach + 1)] = coefficients
-    values = np.fft.ifft(padded, axis=1) * points
-    return _real_series(values.real**2 + values.imag**2, 2 * reach)
 
 
 class Scan:
@@ -145,12 +105,16 @@ class Scan:
         self.lengths = atlas.lengths.astype(float)
         self.starts = starts
         self.threads = threads
-        pieces: dict[tuple[int, int], list[_Bucket]] = {}
-        for first in range(0, len(atlas), _PREPARED_AT_ONCE):
-            rows = np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
-            for bucket in _prepare(atlas, rows, series_error, harmonics):
-                pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
-        self._buckets = [_join(parts) for _, parts in sorted(pieces.items())]
+        parts = [
+            np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
+            for first in range(0, len(atlas), _PREPARED_AT_ONCE)
+        ]
+        pieces: dict[tuple[int, int], list[Bucket]] = {}
+        with ThreadPoolExecutor(threads) as pool:
+            for buckets in pool.map(lambda rows: list(prepare(atlas, rows, series_error, harmonics)), parts):
+                for bucket in buckets:
+                    pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
+        self._buckets = [join(parts) for _, parts in sorted(pieces.items())]
 
     @property
     def windows(self) -> int:
@@ -165,23 +129,25 @@ class Scan:
 
     # -- bounds -------------------------------------------------------------------------------------------------------
 
-    def _matrices(
-        self, target: Target
-    ) -> Iterator[tuple[_Bucket, _RotationMatrices | None, _PositionMatrices | None]]:
+    def _matrices(self, target: Target) -> Iterator[tuple[Bucket, RotationMatrices | None, PositionMatrices | None]]:
         """Buckets with the request's matrices for them; None for what the request does not ask for."""
-        shared: dict[int, _PositionMatrices] = {}
-        for bucket in self._buckets:
+        reaches = [bucket.phasor.shape[1] // 2 for bucket in self._buckets]
+        highest = 2 * max([*reaches, *(bucket.harmonics for bucket in self._buckets)], default=0)
+        means = RequestMeans(target, highest)
+        shared: dict[int, PositionMatrices] = {}
+        for bucket, reach in zip(self._buckets, reaches):
             rotation = position = None
             if target.rotation is not None:
-                rotation = _RotationMatrices(target, bucket, self.starts)
+                rotation = RotationMatrices(means, bucket, self.starts)
             if target.position is not None:
-                reach = bucket.phasor.shape[1] // 2
                 if reach not in shared:
-                    shared[reach] = _PositionMatrices(target, reach, self.starts)
+                    shared[reach] = PositionMatrices(means, reach, self.starts)
                 position = shared[reach]
             yield bucket, rotation, position
 
-    def _bounds(self, target: Target, limit: Callable[[], float]) -> Iterator[tuple[Ints, Floats]]:
+    def _bounds(
+        self, target: Target, limit: Callable[[], float], expired: Callable[[], bool] = lambda: False
+    ) -> Iterator[tuple[Ints, Floats]]:
         """Window numbers and lower bounds of their error, block by block, of all windows that may be below ``limit()``.
 
         Blocks are worked on in waves, one block a thread and all of a wave with the same limit, so that the result does
@@ -194,7 +160,7 @@ class Scan:
         ]
         with ThreadPoolExecutor(self.threads) as pool:
             first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
-            while first < len(work):
+            while first < len(work) and not (first and expired()):
                 ceiling = limit()
                 yield from filter(None, pool.map(partial(self._block_bounds, ceiling), work[first : first + wave]))
                 first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
@@ -219,7 +185,9 @@ class Scan:
         place, column = np.nonzero(keep)
         return bucket.rows[places[place]] * (2 * self.starts) + column, np.sqrt(squared[place, column])
 
-    def _lowest(self, target: Target, count: int, ceiling: float) -> tuple[Ints, Floats, float]:
+    def _lowest(
+        self, target: Target, count: int, ceiling: float, expired: Callable[[], bool] = lambda: False
+    ) -> tuple[Ints, Floats, float]:
         """The ``count`` windows of lowest bound at or below ``ceiling``, and a number that no other's bound is below."""
         ids: list[Ints] = []
         bounds: list[Floats] = []
@@ -234,7 +202,7 @@ class Scan:
                 all_ids, all_bounds = all_ids[keep], all_bounds[keep]
             ids, bounds, held = [all_ids], [all_bounds], all_ids.size
 
-        for block_ids, block_bounds in self._bounds(target, lambda: cut):
+        for block_ids, block_bounds in self._bounds(target, lambda: cut, expired):
             ids.append(block_ids)
             bounds.append(block_bounds)
             held += block_ids.size
@@ -247,7 +215,8 @@ class Scan:
 
     def _windows(self, ids: Ints) -> Windows:
         row, column = np.divmod(ids, 2 * self.starts)
-        return Windows(row, column % self.starts, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
+        start = column % self.starts * (360 / self.starts)
+        return Windows(row, start, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
 
     def error_table(self, target: Target) -> Floats:
         """Approximate squared error of every window, (types, 2, starts): branch +1, then branch -1. For small atlases."""
@@ -270,6 +239,7 @@ class Scan:
         top: int,
         exact: Callable[[Windows], Floats] | None = None,
         max_windows: int | None = None,
+        expired: Callable[[], bool] = lambda: False,
     ) -> tuple[Windows, ScanReport]:
         """The best windows of the whole atlas, exactly as if every window had been evaluated.
 
@@ -283,6 +253,8 @@ class Scan:
             windows that are no answer. Default: `window_errors`.
         max_windows : int, optional
             Evaluate no more than this many exactly; the report says if that cut the search short.
+        expired : callable
+            Asked now and then; true ends the scan with the best found so far, and the report says so.
 
         Returns
         -------
@@ -298,8 +270,8 @@ class Scan:
         count, ceiling = max(_FIRST_COUNT, 4 * top), np.inf
         evaluated = 0
         while True:
-            ids, bounds, cut = self._lowest(target, count, ceiling)
-            windows, done, ceiling = self._evaluate(ids, bounds, top, exact)
+            ids, bounds, cut = self._lowest(target, count, ceiling, expired)
+            windows, done, ceiling = self._evaluate(ids, bounds, top, exact, expired)
             evaluated = max(evaluated, done)  # a further pass begins with the same windows
             if ceiling + TIE <= cut or ids.size < count:
                 return windows, ScanReport(self.windows, evaluated, True)
@@ -309,14 +281,14 @@ class Scan:
             ceiling += TIE
 
     def _evaluate(
-        self, ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats]
+        self, ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats], expired: Callable[[], bool]
     ) -> tuple[Windows, int, float]:
         """Exact errors in the order of the bounds, until no bound is below the worst of the best."""
         order = np.argsort(bounds, kind="stable")
         ids, bounds = ids[order], bounds[order]
         best = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
         done, batch, worst = 0, max(512, 4 * top), np.inf
-        while done < ids.size and bounds[done] <= worst + TIE:
+        while done < ids.size and bounds[done] <= worst + TIE and not (done and expired()):
             part = ids[done : done + batch]
             windows = self._windows(part)
             windows = windows._replace(error=exact(windows))
@@ -338,14 +310,9 @@ class ScanReport(NamedTuple):
     exhaustive: bool
 
 
-def start_angles(starts: int = STARTS) -> Floats:
-    """theta1 of evenly spaced starts, radians."""
-    return np.arange(starts) * (TURN / starts)
-
-
 def window_angles(lengths: Floats, target: Target, windows: Windows) -> tuple[Floats, Floats]:
     """Crank angle and coupler angle of windows over the samples of a target, both (n, N), from the lengths alone."""
-    crank = start_angles()[windows.start][:, None] + target.crank
+    crank = np.deg2rad(windows.start)[:, None] + target.crank
     return crank, coupler_angle(lengths[windows.row], windows.branch, crank)
 
 
@@ -361,158 +328,3 @@ def window_errors(lengths: Floats, target: Target, windows: Windows) -> Floats:
         crank, angle = window_angles(lengths, target, part)
         errors[first : first + batch] = objective(target, crank, angle)
     return errors
-
-
-# -- preparation ------------------------------------------------------------------------------------------------------
-
-
-def _prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, ...]) -> Iterator[_Bucket]:
-    samples = atlas.rule.samples
-    half = samples // 2
-    curves = atlas.curves(rows)
-    spectrum = np.fft.rfft(curves, axis=1) / samples
-    spectrum[:, half] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
-    winding = atlas.winding[rows].astype(int)
-    tails = _tails(2 * np.abs(spectrum))
-    choices = np.array([h for h in lengths if h < half] + [half - 1])
-    # the first choice whose tail is small enough; the last one leaves nothing out
-    choice = np.argmax(
-        np.concatenate([tails[:, choices[:-1] + 1], np.zeros((len(rows), 1))], axis=1) <= series_error, axis=1
-    )
-    for index, harmonics in enumerate(choices):
-        for turns in (0, 1):
-            chosen = np.flatnonzero((choice == index) & (winding == turns))
-            if chosen.size:
-                part = spectrum[chosen, : harmonics + 1].copy()
-                part[:, 0] = 0  # a constant is the offset's business
-                left_out = tails[chosen, harmonics + 1] if harmonics + 1 <= half else 0.0
-                error = atlas.curve_error[rows[chosen]].astype(float) + left_out + 1e-12
-                mean_square, square = _square_series(part, int(harmonics))
-                series = np.concatenate([square, 2 * part[:, 1:].real, -2 * part[:, 1:].imag], axis=1)
-                reach = int(1.25 * harmonics) + 4
-                coefficients, lost = _phasor_series(spectrum[chosen], samples, turns, reach)
-                modulus_mean, modulus = _modulus_series(coefficients)
-                yield _Bucket(
-                    rows[chosen],
-                    turns,
-                    int(harmonics),
-                    series,
-                    mean_square,
-                    error,
-                    coefficients,
-                    atlas.curve_error[rows[chosen]] + 2 * lost + 1e-9,
-                    modulus,
-                    modulus_mean,
-                )
-
-
-def _phasor_series(
-    spectrum: NDArray[np.complex128], samples: int, winding: int, reach: int
-) -> tuple[NDArray[np.complex128], Floats]:
-    """Coefficients -reach .. reach of e^{i theta2}, and the sum of the magnitudes of those left out.
-
-    e^{i theta2} has more harmonics than theta2 has, so it is taken from a grid that resolves four times the reach.
-    """
-    points = max(samples, 1 << (4 * reach - 1).bit_length())
-    curves = np.fft.irfft(spectrum * points, points, axis=1)
-    crank = np.arange(points) * (TURN / points)
-    phasor = np.fft.fft(np.exp(1j * (curves + winding * crank)), axis=1) / points
-    coefficients = phasor[:, np.arange(-reach, reach + 1) % points]
-    return coefficients, np.maximum(np.abs(phasor).sum(1) - np.abs(coefficients).sum(1), 0)
-
-
-def _join(parts: list[_Bucket]) -> _Bucket:
-    first = parts[0]
-    arrays = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name, value in vars(first).items()
-        if isinstance(value, np.ndarray)
-    }
-    return _Bucket(winding=first.winding, harmonics=first.harmonics, **arrays)
-
-
-# -- matrices of a request --------------------------------------------------------------------------------------------
-
-
-def _means(weight: NDArray[np.generic], crank: Floats, harmonics: NDArray[np.int_]) -> NDArray[np.complex128]:
-    """<weight e^{i h t}> for each h."""
-    return np.exp(1j * np.outer(harmonics, crank)) @ weight / crank.size
-
-
-def _sides(crank: Floats, starts: int) -> list[tuple[Floats, Floats]]:
-    """Increments and starts for branch +1, and mirrored for branch -1."""
-    return [(crank, start_angles(starts)), (-crank, -start_angles(starts))]
-
-
-def _rows(means: NDArray[np.complex128], harmonics: NDArray[np.int_], start: Floats) -> Floats:
-    """What cosine and sine coefficients are multiplied with, for every start, to give the mean of their series."""
-    shifted = np.exp(1j * np.outer(harmonics, start)) * means[:, None]
-    return np.vstack([shifted.real, shifted.imag])
-
-
-class _RotationMatrices:
-    """What a request multiplies the series of a bucket with, to give the mean squared rotation error of all windows."""
-
-    def __init__(self, target: Target, bucket: _Bucket, starts: int) -> None:
-        rotation = target.rotation - bucket.winding * target.crank
-        centred = rotation - rotation.mean()
-        self.variance = float(np.mean(centred**2))
-        self.rounding = _ROUNDING * (1 + self.variance)
-        single = np.arange(1, bucket.harmonics + 1)
-        double = np.arange(1, 2 * bucket.harmonics + 1)
-        one = np.ones_like(centred)
-        sides = [(sign * centred, *side) for sign, side in zip((1, -1), _sides(target.crank, starts))]
-        self.product = np.hstack(
-            [
-                np.vstack(
-                    [
-                        _rows(_means(one, t, double), double, start),
-                        -2 * _rows(_means(g, t, single), single, start),
-                    ]
-                )
-                for g, t, start in sides
-            ]
-        )
-        self.mean = np.hstack([_rows(_means(one, t, single), single, start) for _, t, start in sides])
-
-    def mean_square_error(self, bucket: _Bucket, part: slice) -> Floats:
-        """D of all windows of some rows, (n, 720): branch +1 at starts 0..359, then branch -1."""
-        series = bucket.series[part]
-        result = series @ self.product
-        mean = series[:, 4 * bucket.harmonics :] @ self.mean
-        np.multiply(mean, mean, out=mean)
-        result -= mean
-        result += (bucket.mean_square[part] + self.variance)[:, None]
-        return result
-
-
-class _PositionMatrices:
-    """What a request multiplies phasors -reach .. reach with, to bound the mean squared position error (over l^2)."""
-
-    def __init__(self, target: Target, reach: int, starts: int) -> None:
-        harmonics = np.arange(-reach, reach + 1)
-        one, turned, rest = fixed_parts(target)
-        self.size = float(np.sqrt(np.mean(np.abs(rest) ** 2)))
-        unit = rest / self.size if self.size > 0 else rest
-        columns = []
-        for weight in (one, turned, unit):
-            means = _means(np.conj(weight), target.crank, harmonics)
-            turn = np.exp(1j * np.outer(harmonics, start_angles(starts)))
-            columns.append(np.hstack([turn * means[:, None], np.conj(turn * means[:, None])]))
-        self.product = np.hstack(columns)
-        double = np.arange(1, 2 * reach + 1)
-        self.modulus = np.hstack(
-            [_rows(_means(np.ones_like(t), t, double), double, start) for t, start in _sides(target.crank, starts)]
-        )
-
-    def mean_square_error(self, bucket: _Bucket, part: slice | Ints) -> Floats:
-        """Lower bounds of the mean squared position error over l^2, (n, 720)."""
-        products = np.abs(bucket.phasor[part] @ self.product) ** 2
-        windows = products.shape[1] // 3
-        first, second, along = products[:, :windows], products[:, windows : 2 * windows], products[:, 2 * windows :]
-        error = bucket.phasor_error[part][:, None]
-        whole = bucket.modulus_mean[part][:, None] + bucket.modulus[part] @ self.modulus
-        square = np.maximum(whole - first - second, 1e-30)
-        left = np.sqrt(np.maximum(1.0 - along / square - 1e-14 / square, 0.0))
-        norm = np.maximum(np.sqrt(square) - error - 1e-8, 1e-30)
-        return (self.size * np.maximum(left - error / norm, 0.0)) ** 2

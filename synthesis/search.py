@@ -47,6 +47,7 @@ _CELL = np.array([0.7, 1.0, 1.0, 0.6])
 _HOP = np.array([0.7, 1.5, 1.5, 0.4])
 _ANY_LENGTHS = (1.0, 2.0, 3.0, 4.5)
 _ANY_STARTS = 18
+_LIMIT_STARTS = 12
 _PENALTIES = (0.3, 3.0, 30.0, 1000.0)
 
 
@@ -229,9 +230,10 @@ class _Search:
     def plan(self) -> list[Callable[[], object]]:
         """Rounds of growing effort; each is worth its time only where the ones before did not reach the tolerance."""
         return [
-            lambda: self.run(self.fresh(0, 8), 12),
-            lambda: self.run(self.fresh(0, 30).joined(_thin(self.pool, 12)), 25),
-            lambda: self.run(self.fresh(1, 100).joined(_thin(self.pool, 12)), 40),
+            lambda: self.run(self.fresh(0, 16), 15),
+            lambda: self.run(self.fresh(0, 60).joined(_thin(self.pool, 12)), 20),
+            lambda: self.run(self.hop(8, 6), 20),
+            lambda: self.run(self.fresh(1, 150).joined(_thin(self.pool, 12)), 30),
             lambda: self.run(self.hop(15, 8), 40),
             lambda: self.run(self.hop(15, 12), 60),
             lambda: self.run(self.fresh(1, 400), 60),
@@ -287,18 +289,21 @@ class _Search:
         problem = self.problem
         if self.thin_target is not self.target:
             problem = Problem(self.target, self.chart, problem.sheet)
-        done = refine(problem, best.unknowns, best.branch, iterations)
+        done = refine(problem, best.unknowns, best.branch, iterations, 0.0, self.expired)
         return _Candidates(done.unknowns, done.branch, done.cost)
 
     def limited_search(self, top: int) -> list[Solution]:
         """Solutions that keep to the limits: penalties that grow until the candidates lie inside."""
         found: list[Solution] = []
         attempts = [
-            lambda: _thin(self.pool, 30).joined(self.fresh(0, 60)),
-            lambda: self.fresh(1, 120),
+            lambda: _thin(self.pool, 30).joined(self.fresh(0, 100)),
+            lambda: self.fresh(1, 300),
             lambda: self.hop(15, 12),
+            self.nearest_to_limits,
         ]
         for attempt in attempts:
+            if found and attempt == self.nearest_to_limits:
+                break
             seeds = attempt()
             unknowns, branch = self.limited(_PENALTIES[0]).lift(seeds.unknowns, seeds.branch), seeds.branch
             self.seeds += len(branch)
@@ -315,6 +320,23 @@ class _Search:
                 break
         return found
 
+    def nearest_to_limits(self) -> _Candidates:
+        """Types and starts that break the limits least, whatever their motion: the last attempt before `infeasible`."""
+        level = self.levels.levels[0]
+        shapes = self.chart.unknowns(level.scan.lengths)
+        starts = np.arange(_LIMIT_STARTS) * (TURN / _LIMIT_STARTS)
+        unknowns = np.hstack([np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))[:, None]])
+        problem = self.limited(0.0)
+        seeds = _NONE
+        for branch in (1.0, -1.0):
+            side = np.full(len(unknowns), branch)
+            cost = self.problem.evaluate(unknowns, side, derivatives=False).cost
+            slacks = np.nan_to_num(problem.slacks(problem.lift(unknowns, side)), nan=-1e3, neginf=-1e3)
+            violation = np.sum(np.minimum(slacks, 0.0) ** 2, axis=1)
+            order = np.where(np.isfinite(cost), violation + 1e-6 * cost, np.inf)
+            seeds = seeds.joined(_thin(_Candidates(unknowns, side, order), 100, 0.3))
+        return seeds
+
     def limited(self, penalty: float) -> LimitedProblem:
         return LimitedProblem(self.thin_target, self.chart, self.problem.sheet, self.limits, penalty)
 
@@ -330,14 +352,14 @@ class _Search:
         if not branch.size:
             return []
         solutions = finish_solutions(self.target, links, branch, start, problem.poses(unknowns))
-        return [s for s in solutions if _holds(self.limits, self.target, s)]
+        return _within(self.limits, self.target, solutions)
 
     def solutions(self, candidates: _Candidates) -> list[Solution]:
         """Candidates with their best pose as solutions, those outside of the limits left out."""
         if not candidates.branch.size:
             return []
         made = make_solutions(self.target, self.lengths(candidates), candidates.branch, candidates.unknowns[:, 3])
-        return [s for s in made if _holds(self.limits, self.target, s)]
+        return _within(self.limits, self.target, made)
 
     def lengths(self, candidates: _Candidates) -> Floats:
         return self.chart.shape(candidates.unknowns[:, :3]).lengths
@@ -440,15 +462,18 @@ def search(
     return solutions, report
 
 
-def _holds(limits: Limits, target: Target, solution: Solution) -> bool:
-    """The limits, checked on the numbers of the reply."""
-    links, start = solution.links[None, :], np.array([solution.start])
-    if not limits.family_holds(target, links, start)[0] or not np.isfinite(solution.errors.objective):
-        return False
-    pivots = (None, None)
-    if solution.mount is not None:
-        pivots = (np.array([solution.mount.pivot_a]), np.array([solution.mount.pivot_b]))
-    return bool(np.all(limits.slacks(target, links, start, *pivots) >= 0))
+def _within(limits: Limits, target: Target, solutions: list[Solution]) -> list[Solution]:
+    """Solutions that keep the limits, checked on the numbers of the reply."""
+    if not solutions:
+        return []
+    links, start = np.stack([s.links for s in solutions]), np.array([s.start for s in solutions])
+    pivots: tuple[NDArray[np.complex128] | None, ...] = (None, None)
+    if target.position is not None:
+        pivots = tuple(np.array([getattr(s.mount, name) for s in solutions]) for name in ("pivot_a", "pivot_b"))
+    keeps = limits.family_holds(target, links, start)
+    keeps &= np.isfinite([s.errors.objective for s in solutions])
+    keeps &= np.all(limits.slacks(target, links, start, *pivots) >= 0, axis=1)
+    return [s for s, keep in zip(solutions, keeps) if keep]
 
 
 def _report(run: _Search, solutions: list[Solution], tolerance: float) -> SearchReport:
@@ -458,7 +483,8 @@ def _report(run: _Search, solutions: list[Solution], tolerance: float) -> Search
     else:
         status = Status.CLOSEST if solutions else Status.INFEASIBLE
         stopped = StoppedBy.BUDGET if run.expired() else StoppedBy.CONVERGED
-    trace = run.trace
+    # rounds see a thinned target or stop a rounding earlier: what counts is the objective of the reply's own numbers
+    trace = [(seconds, max(objective, best)) for seconds, objective in run.trace] if solutions else []
     if solutions and (not trace or trace[-1][1] != best):
-        trace = [*trace, (run.clock() - run.begin, best)]
+        trace.append((run.clock() - run.begin, best))
     return SearchReport(status, stopped, trace, run.screen_seconds, run.seeds, run.rounds)

@@ -133,6 +133,8 @@ def make_solutions(
     """
     lengths, branch = np.asarray(lengths, dtype=float), np.asarray(branch)
     start = np.asarray(start) % TURN
+    if not start.size:
+        return []
     if target.position is None:
         return finish_solutions(target, lengths / lengths[:, 3:], branch, start, None, rows)
     angle = close_loop(lengths, start[:, None] + target.crank).coupler_angle(branch)
@@ -225,85 +227,102 @@ def distinct(solutions: list[Solution], top: int) -> list[Solution]:
     return kept
 
 
-def motion_derivatives(target: Target, solution: Solution) -> tuple[Floats | None, Complexes | None]:
-    """Derivatives of rotation (N, 5) and position (N, 5) by L1 .. L4 (per unit) and theta1, the pose held."""
-    crank = solution.start + target.crank
-    closure = close_loop(solution.links, crank)
-    slope = closure.coupler_angle_gradient(solution.branch)
-    if solution.mount is None:
-        return slope, None
-    pose = solution.mount
-    arm = pose.coupler_radius * np.exp(
-        1j * (pose.coupler_angle + closure.coupler_angle(solution.branch) + pose.ground_angle)
-    )
-    turned = np.exp(1j * (crank + pose.ground_angle))
-    position = 1j * arm[:, None] * slope
-    position[:, 0] += turned
-    position[:, 4] += 1j * solution.links[0] * turned
-    return (slope if target.rotation is not None else None), position
+class _Motion:
+    """Derivatives of the motions of solutions of one target, batched over the solutions."""
+
+    def __init__(self, target: Target, solutions: list[Solution]) -> None:
+        self.links = np.stack([s.links for s in solutions])
+        branch = np.array([s.branch for s in solutions])
+        crank = np.array([s.start for s in solutions])[:, None] + target.crank
+        closure = close_loop(self.links, crank)
+        slope = closure.coupler_angle_gradient(branch)
+        self.rotation = slope if target.rotation is not None else None
+        """(n, N, 5): by L1 .. L4, per unit, and theta1."""
+        self.position: Complexes | None = None
+        """(n, N, 5), the pose held."""
+        if target.position is None:
+            return
+        poses = [s.mount for s in solutions]
+        ground_angle = np.array([pose.ground_angle for pose in poses])[:, None]
+        coupler = np.array([pose.coupler_radius * np.exp(1j * pose.coupler_angle) for pose in poses])[:, None]
+        turned = np.exp(1j * (crank + ground_angle))
+        self.arm = np.exp(1j * (closure.coupler_angle(branch) + ground_angle))
+        """e^{i(theta2 + theta4)}."""
+        self.point = self.links[:, :1] * turned + coupler * self.arm
+        """P less A."""
+        position = (1j * coupler * self.arm)[:, :, None] * slope
+        position[:, :, 0] += turned
+        position[:, :, 4] += 1j * self.links[:, :1] * turned
+        self.position = position
 
 
-def sensitivity(target: Target, solution: Solution) -> Sensitivity:
-    """First-order change of the motion per unit of each length."""
-    rotation, position = motion_derivatives(target, solution)
-    return Sensitivity(
-        None if rotation is None else np.sqrt(np.mean(rotation[:, :4] ** 2, axis=0)),
-        None if position is None else np.sqrt(np.mean(np.abs(position[:, :4]) ** 2, axis=0)),
-    )
+def sensitivities(target: Target, solutions: list[Solution]) -> list[Sensitivity]:
+    """First-order change of each solution's motion per unit of each length."""
+    if not solutions:
+        return []
+    motion = _Motion(target, solutions)
+
+    def rms(derivatives: NDArray[np.generic] | None) -> list[Floats | None]:
+        if derivatives is None:
+            return [None] * len(solutions)
+        return list(np.sqrt(np.mean(np.abs(derivatives[:, :, :4]) ** 2, axis=1)))
+
+    return [Sensitivity(r, p) for r, p in zip(rms(motion.rotation), rms(motion.position))]
 
 
-def determination(target: Target, solution: Solution, resolution: float) -> Determination:
-    """How well the motion fixes this linkage; see `Determination`.
+def determinations(target: Target, solutions: list[Solution], resolutions: list[float]) -> list[Determination]:
+    """How well the motion fixes each solution; see `Determination`.
 
     Parameters
     ----------
     target : Target
-    solution : Solution
-    resolution : float
-        Error of the motion, in the objective's measure, that is considered.
+    solutions : list of Solution
+    resolutions : list of float
+        Error of the motion, in the objective's measure, that is considered for each.
     """
-    rotation, position = motion_derivatives(target, solution)
-    samples = target.samples
-    free = 4 if position is not None else 3
-    columns = []
-    for k in range(free):
-        by_log = [
-            derivative[:, k] * solution.links[k] for derivative in (rotation, position) if derivative is not None
-        ]
-        columns.append(by_log)
-    columns.append([derivative[:, 4] for derivative in (rotation, position) if derivative is not None])
-    blocks = [np.stack(column, axis=-1) for column in zip(*columns)]
-    if rotation is not None:
-        blocks[0] = np.column_stack([blocks[0], np.ones(samples)])
-    if position is None:
-        matrix = blocks[0]
-    else:
-        pose = solution.mount
-        crank = solution.start + target.crank
-        angle = close_loop(solution.links, crank).coupler_angle(solution.branch)
-        point = pose.body_point(solution.links, crank, angle) - pose.pivot_a
-        arm = np.exp(1j * (angle + pose.ground_angle))
-        ones = np.ones(samples)
-        extra = np.stack([1j * point / target.length_scale, ones, 1j * ones, arm, 1j * arm], axis=-1)
-        place = np.concatenate([blocks[-1] / target.length_scale, extra], axis=1)
-        place = np.concatenate([place.real, place.imag])
-        if rotation is None:
+    if not solutions:
+        return []
+    matrix, free = _derivative_matrix(target, solutions)
+    _, singular, vectors = np.linalg.svd(matrix, full_matrices=False)
+    floor = np.finfo(float).eps * singular[:, :1] * np.sqrt(matrix.shape[1])
+    inverse = 1 / np.maximum(singular, np.maximum(floor, np.finfo(float).tiny))
+    share = vectors[:, :, :free] ** 2
+    uncertainty = np.zeros((len(solutions), 4))
+    uncertainty[:, :free] = np.sqrt(np.einsum("nkf,nk->nf", share, inverse**2))
+    uncertainty *= np.array(resolutions)[:, None]
+    # a direction without a singular value is free, and so is every length that has a part in it
+    lost = np.einsum("nkf,nk->nf", share, (singular <= floor).astype(float)) > 1e-12
+    uncertainty[:, :free][lost] = np.inf
+    uncertainty[uncertainty > FREE] = np.inf
+    condition = singular[:, 0] * inverse.max(axis=1)
+    return [Determination(float(c), row, r) for c, row, r in zip(condition, uncertainty, resolutions)]
+
+
+def _derivative_matrix(target: Target, solutions: list[Solution]) -> tuple[Floats, int]:
+    """Derivatives of the objective's residual (n, rows, unknowns), and how many logarithms of lengths come first."""
+    motion = _Motion(target, solutions)
+    count, samples = len(solutions), target.samples
+    free = 3 if motion.position is None else 4
+    by_unknown = np.concatenate([motion.links, np.ones((count, 1))], axis=1)[:, None, [*range(free), 4]]
+    rows, ones = [], np.ones((count, samples))
+    if motion.rotation is not None:
+        rows.append([*np.moveaxis(motion.rotation[:, :, [*range(free), 4]] * by_unknown, -1, 0), ones])
+    if motion.position is not None:
+        place = motion.position * by_unknown / target.length_scale
+        pose = [1j * motion.point / target.length_scale, ones, 1j * ones, motion.arm, 1j * motion.arm]
+        place = np.stack([*np.moveaxis(place, -1, 0), *pose], axis=-1)
+        place = np.concatenate([place.real, place.imag], axis=1)
+        if motion.rotation is None:
             matrix = place
         else:
-            upper = np.zeros((samples, place.shape[1] + 1))
-            upper[:, : free + 1], upper[:, -1] = blocks[0][:, : free + 1], 1.0
-            matrix = np.concatenate([upper, np.column_stack([place, np.zeros(2 * samples)])])
-    matrix = np.nan_to_num(matrix / np.sqrt(samples), posinf=0.0, neginf=0.0)
-    if len(matrix) < matrix.shape[1]:
-        matrix = np.concatenate([matrix, np.zeros((matrix.shape[1] - len(matrix), matrix.shape[1]))])
-    _, singular, vectors = np.linalg.svd(matrix, full_matrices=False)
-    floor = np.finfo(float).eps * singular[0] * len(matrix) ** 0.5
-    inverse = 1 / np.maximum(singular, floor)
-    uncertainty = np.zeros(4)
-    uncertainty[:free] = resolution * np.sqrt(np.sum((vectors[:, :free] * inverse[:, None]) ** 2, axis=0))
-    lost = singular <= floor
-    if lost.any():
-        touched = np.sqrt(np.sum(vectors[lost][:, :free] ** 2, axis=0)) > 1e-6
-        uncertainty[:free][touched] = np.inf
-    uncertainty[uncertainty > FREE] = np.inf
-    return Determination(float(singular[0] * inverse.max()), uncertainty, resolution)
+            # unknowns: lengths and start of both; then the offset of the rotation; then the pose of the position
+            turn = np.stack(rows[0], axis=-1)
+            matrix = np.zeros((count, 3 * samples, place.shape[2] + 1))
+            matrix[:, :samples, : free + 2] = turn
+            matrix[:, samples:, : free + 1] = place[:, :, : free + 1]
+            matrix[:, samples:, free + 2 :] = place[:, :, free + 1 :]
+    else:
+        matrix = np.stack(rows[0], axis=-1)
+    if (missing := matrix.shape[2] - matrix.shape[1]) > 0:
+        matrix = np.concatenate([matrix, np.zeros((count, missing, matrix.shape[2]))], axis=1)
+    return np.nan_to_num(matrix / np.sqrt(samples), posinf=0.0, neginf=0.0), free

@@ -16,6 +16,12 @@ MIN_SAMPLES, MAX_SAMPLES = 3, 1024
 MIN_SPAN = np.deg2rad(0.1)
 """Smallest crank span: below it a curve has no shape that double precision could tell from a line."""
 MAX_SPAN = np.deg2rad(3600.0)
+MIN_STEP = 1e-9
+"""Smallest step of the crank between samples, as part of the span."""
+MAX_ROTATION = 1e6
+"""Largest rotation in radians: beyond it double precision keeps fewer than ten digits behind the point."""
+MIN_LENGTH, MAX_LENGTH = 1e-50, 1e50
+"""Lengths and coordinates lie between: squares, and quotients of squares, neither over- nor underflow."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,8 @@ def make_target(
         Naming the field and the sample.
     """
     named = {"rotation": rotation, "position": position, "crank_angle": crank_angle}
+    if position is not None:
+        named["position"] = np.asarray(position, dtype=complex)
     given = {name: np.asarray(values) for name, values in named.items() if values is not None}
     if rotation is None and position is None:
         raise FieldError("", "give `rotation`, `position` or both")
@@ -91,6 +99,8 @@ def make_target(
     if len(sizes := {name: values.size for name, values in given.items()}) > 1 and len(set(sizes.values())) > 1:
         counted = ", ".join(f"{name} has {size}" for name, size in sizes.items())
         raise FieldError(f"/{list(sizes)[-1]}", f"wanted the same number of samples everywhere, but {counted}")
+    if rotation is not None and np.any(large := np.abs(given["rotation"]) > MAX_ROTATION):
+        raise FieldError(f"/rotation/{int(np.argmax(large))}", f"wanted at most {MAX_ROTATION:g} radians either way")
     crank = _crank(crank_span, given.get("crank_angle"), next(iter(given.values())).size)
     scale = 1.0
     if position is not None:
@@ -109,6 +119,8 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
     if (crank_span is None) == (crank_angle is None):
         raise FieldError("/crank_span", "give either `crank_span` or `crank_angle`")
     if crank_angle is None:
+        if not np.isfinite(crank_span):
+            raise FieldError("/crank_span", "wanted a finite number")
         field, crank = "/crank_span", np.linspace(0.0, float(crank_span), samples)
     else:
         field, crank = "/crank_angle", crank_angle.astype(float) - float(crank_angle[0])
@@ -117,8 +129,9 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
         low, high, found = np.rad2deg([MIN_SPAN, MAX_SPAN, span])
         raise FieldError(field, f"the crank must turn by {low:g} to {high:g} degrees, found {found:g}")
     steps = np.diff(crank) * np.sign(crank[-1])
-    if np.any(steps <= 0):
-        place = int(np.argmax(steps <= 0)) + 1
+    short = steps <= MIN_STEP * span
+    if np.any(short):
+        place = int(np.argmax(short)) + 1
         raise FieldError(
             f"{field}/{place}", "the crank must turn one way: this angle does not go on from the one before"
         )
@@ -126,11 +139,10 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
 
 
 def _length_scale(position: NDArray[np.complex128], length_scale: float | None) -> float:
-    largest = float(np.max(np.abs(position.view(float))))
-    if largest > 1e100 or (length_scale is not None and not 1e-100 <= length_scale <= 1e100):
-        raise FieldError(
-            "/position" if largest > 1e100 else "/length_scale", "wanted lengths between 1e-100 and 1e100"
-        )
+    largest = float(max(np.max(np.abs(position.real)), np.max(np.abs(position.imag))))
+    for field, length in (("/position", largest or None), ("/length_scale", length_scale)):
+        if length is not None and not MIN_LENGTH <= length <= MAX_LENGTH:
+            raise FieldError(field, f"wanted lengths between {MIN_LENGTH:g} and {MAX_LENGTH:g}")
     spread = float(np.max(np.abs(position - position.mean())))
     if spread <= 64 * np.finfo(float).eps * largest:
         raise FieldError("/position", "all positions are the same point: a motion without extent fixes no linkage")

@@ -6,12 +6,19 @@ import fcntl
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from data_build.batch import build_atlas
 from data_build.executors import local_executor
 from synthesis.atlas_file import Atlas, AtlasRule, encode_atlas, generator_versions
 from synthesis.atlas_rows import compute_rows
 from synthesis.dimension_types import OrderRule, TypeRule, enumerate_types
+
+# Every run tries the same examples, and a slow machine is no failure.
+settings.register_profile(
+    "suite", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=False
+)
+settings.load_profile("suite")
 
 
 def make_atlas(rule: AtlasRule) -> Atlas:

@@ -56,3 +56,28 @@ def haar(curve):
             details.append((np.mean(left) - np.mean(right)) / 2)
         size //= 2
     return np.mean(curve), np.array(details)
+
+
+def fit(columns, values):
+    """Mean squared error and coefficients of a least-squares fit."""
+    coefficients = np.linalg.lstsq(np.stack(columns, axis=1), values, rcond=None)[0]
+    return np.mean(np.abs(values - np.stack(columns, axis=1) @ coefficients) ** 2), coefficients
+
+
+def window_error(lengths, branch, start_deg, crank, rotation, position, length_scale):
+    """Objective of one window from the textbook formulas; infinite for a linkage shrunk to a point."""
+    theta1 = np.deg2rad(start_deg) + crank
+    l1, l2, l3, l4 = (float(length) for length in lengths)
+    to_b = l4 - l1 * np.exp(1j * theta1)
+    cosine = (np.abs(to_b) ** 2 + l2**2 - l3**2) / (2 * l2 * np.abs(to_b))
+    theta2 = np.unwrap(np.angle(to_b)) + branch * np.arccos(cosine)
+    total = 0.0
+    if rotation is not None:
+        total += np.var(rotation - theta2)
+    if position is not None:
+        centred = position - position.mean()
+        left, (_, z1, _) = fit([np.ones_like(centred), np.exp(1j * crank), np.exp(1j * theta2)], centred)
+        if abs(z1) <= 1e-6 * np.abs(centred).max():
+            return np.inf
+        total += left / length_scale**2
+    return np.sqrt(total)

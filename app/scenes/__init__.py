@@ -10,7 +10,7 @@ from importlib import import_module
 
 from app.query import Query
 
-SCENES: tuple[str, ...] = ("knotter",)
+SCENES: tuple[str, ...] = ("lift", "chain", "knotter")
 
 
 def scene_queries() -> tuple[Query, ...]:

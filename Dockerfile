@@ -1,0 +1,25 @@
+# First stage: the environment and the atlas. Second stage: both, and nothing that builds.
+FROM python:3.12-slim AS build
+WORKDIR /src
+COPY pyproject.toml constraints.txt README.md LICENSE linkage_atlas.py ./
+COPY synthesis synthesis
+COPY data_build data_build
+COPY app app
+RUN python -m venv /opt/linkage-atlas \
+ && /opt/linkage-atlas/bin/pip install --no-cache-dir --disable-pip-version-check -c constraints.txt .
+RUN /opt/linkage-atlas/bin/linkage-atlas build --out /opt/linkage-atlas/atlas.h5 \
+ && /opt/linkage-atlas/bin/linkage-atlas verify /opt/linkage-atlas/atlas.h5
+
+FROM python:3.12-slim
+RUN useradd --system --no-create-home --shell /usr/sbin/nologin atlas
+COPY --from=build /opt/linkage-atlas /opt/linkage-atlas
+ENV PATH=/opt/linkage-atlas/bin:$PATH \
+    LINKAGE_ATLAS_ATLAS=/opt/linkage-atlas/atlas.h5 \
+    OMP_NUM_THREADS=1 \
+    PYTHONUNBUFFERED=1
+USER atlas
+WORKDIR /tmp
+EXPOSE 8000
+HEALTHCHECK --interval=15s --timeout=5s --start-period=60s --retries=3 \
+    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=4)"]
+CMD ["linkage-atlas", "serve", "--host", "0.0.0.0", "--port", "8000"]

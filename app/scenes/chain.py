@@ -1,0 +1,679 @@
+"""The chain on a U-shaped slide, and chains on other closed tracks: models and queries."""
+
+from __future__ import annotations
+
+from math import degrees, isfinite, pi, radians
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from app.query import AngleUnit, Count, Export, Number, Query, ReplyModel, RequestModel
+from synthesis.errors import FieldError
+
+if TYPE_CHECKING:
+    from synthesis.chain_slot import Slot
+    from synthesis.chain_track import Track
+
+MAX_LINKS = 1000
+"""Links of one chain."""
+MAX_SAMPLES = 10_001
+"""Phases of one reply or export."""
+MAX_PINS = 1_000_000
+"""Samples times links of one request: every pin of every sample is placed to check its chords."""
+MAX_SEGMENTS = 50
+"""Segments of one track."""
+CHECK_PHASES = 9001
+"""Phases at which a fit's errors are measured."""
+MIN_LENGTH, MAX_LENGTH = 1e-9, 1e9
+"""Range of a length, in the user's own unit."""
+
+Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
+Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
+Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Links = Annotated[Count, Field(ge=3, le=MAX_LINKS)]
+Samples = Annotated[Count, Field(ge=3, le=MAX_SAMPLES)]
+
+
+class FitRequest(RequestModel):
+    """How the slot is represented by few numbers."""
+
+    kind: Literal["chebyshev", "spline", "fourier", "polynomial"] = "chebyshev"
+    order: Annotated[Count, Field(ge=1, le=4096)] = Field(
+        8,
+        description="Chebyshev: degree of each piece (1 to 64). Spline: knots (4 to 4096). Fourier: harmonics "
+        "(1 to 256). Polynomial: degree (1 to 100, fewer than the samples).",
+    )
+
+
+class SlotOptions(RequestModel):
+    """What every request for a slot may say beside its track."""
+
+    pitch: Length = Field(description="Length of a link, pin to pin.")
+    samples: Samples = Field(91, description="Evenly spaced phases of the slot, both ends included.")
+    fit: FitRequest | None = Field(FitRequest(), description="null: no fit.")
+    roller_radius: Length | None = Field(None, description="Radius of the rollers that run in the slot.")
+    angle_unit: AngleUnit = "deg"
+
+
+class ChainSlotRequest(SlotOptions):
+    """The crescent: an upper and a lower arc joined by two wheels."""
+
+    links: Links = Field(description="Number of links.")
+    upper_radius: Length = Field(description="R1, radius of the upper arc.")
+    wheel_radius: Length | None = Field(None, description="R0; null: pitch/sqrt(2), four pins a turn.")
+    lower_radius: Length | None = Field(None, description="R2; null: from the critical closure.")
+    eccentricity: Length | None = Field(
+        None,
+        description="b, height of the lower arc's centre over the upper one's. Only one of lower_radius and "
+        "eccentricity given: the other puts the wheels at the height of the upper arc's centre.",
+    )
+    phase_start: Number | None = Field(
+        None, description="Angle theta1 at which the window starts; null: where the chain is least slack."
+    )
+
+
+class StadiumTrack(RequestModel):
+    """Two half circles joined by lines."""
+
+    radius: Length
+    straight: Length | None = Field(None, description="Distance of the centres; null: from the critical closure.")
+
+
+class LineSegment(RequestModel):
+    """A straight run."""
+
+    kind: Literal["line"]
+    start: Point
+    end: Point
+
+
+class ArcSegment(RequestModel):
+    """An arc; a positive sweep turns left."""
+
+    kind: Literal["arc"]
+    centre: Point
+    radius: Length
+    start_angle: Number
+    sweep: Number
+
+
+Segments = Annotated[
+    list[Annotated[LineSegment | ArcSegment, Field(discriminator="kind")]],
+    Field(min_length=1, max_length=MAX_SEGMENTS),
+]
+
+
+class ChainTrackRequest(SlotOptions):
+    """Any closed track of tangent arcs and lines."""
+
+    stadium: StadiumTrack | None = None
+    segments: Segments | None = Field(None, description="In order of travel, each tangent to the next; or a stadium.")
+    links: Links | None = Field(None, description="null: the smallest number that is not stretched.")
+    driver_segment: Annotated[Count, Field(ge=0, lt=MAX_SEGMENTS)] | None = Field(
+        None, description="Segment along which P1 is moved; null: the first that holds a link."
+    )
+    free_segment: Annotated[Count, Field(ge=0, lt=MAX_SEGMENTS)] | None = Field(
+        None, description="Segment with the slot; null: the tightest arc that holds two links."
+    )
+    side: Literal["left", "right"] = Field("left", description="Side of a slot on a line; on an arc it is outside.")
+
+
+class GeometryReply(ReplyModel):
+    """The crescent."""
+
+    wheel_radius: float
+    upper_radius: float
+    lower_radius: float
+    eccentricity: float
+    xi: float
+    alpha: float
+    epsilon: float = Field(description="Angle of the wheels' centres over the upper arc's centre.")
+    delta_wheel: float = Field(description="Angle of one link on a wheel: the period of theta1.")
+    delta_upper: float
+    delta_lower: float
+    phase_start: float
+    tangency_residual: float
+    track_length: float
+
+
+class CrossingReply(ReplyModel):
+    """A pin passes from one segment to the next."""
+
+    theta1: float
+    pin: int
+    to: Literal["left_wheel", "lower_arc", "right_wheel", "upper_arc"]
+
+
+class SlotReply(ReplyModel):
+    """The slot over one period."""
+
+    theta1: list[float]
+    xy: list[list[float]]
+    free_pin: int
+    depth_max: float
+    defect_max: float = Field(description="Largest 2 delta_upper - (theta13 - theta15).")
+    defect_min: float
+    defect_max_theta1: float
+    radius_min: float | None = Field(description="Smallest curvature radius of the path; null: straight.")
+    end_step: float = Field(description="Distance of the slot's ends from the bare track.")
+
+
+class FitReply(ReplyModel):
+    """A representation, and its errors over 9001 phases. Its phases are angles theta1, or P1's way on a track."""
+
+    kind: str
+    order: int
+    unknowns: int
+    condition: float
+    max_normal: float
+    max_chord: float
+    pieces: list[dict[str, Any]] | None = None
+    coefficients: dict[str, Any] | None = None
+    origin: list[float] | None = None
+
+
+class WithoutSlotReply(ReplyModel):
+    """What happens to a chain whose free pin is held on the bare track."""
+
+    chord_error_max: float
+    slack_max: float
+
+
+class ChecksReply(ReplyModel):
+    """What the slot does to chain and roller."""
+
+    stretched: bool = Field(description="Always false in a reply: a stretched chain is an error.")
+    slack: bool = Field(description="The ends have a step: no phase has the chain exactly on the bare track.")
+    chord_error_max: float = Field(description="Over all links and all samples.")
+    single_valued: bool = Field(description="The slot is a function y(x) in its own frame.")
+    roller_radius_max: float | None = Field(description="The path's smallest curvature radius; null: straight.")
+    roller_fits: bool | None = Field(description="null: no roller was given.")
+    clearance: float | None = Field(description="Distance of the path from the segments that it does not replace.")
+    condition: float | None = Field(description="Change of the free pin per change of a link; null: without bound.")
+    free_pin_speed: list[float] = Field(description="Least and largest, per speed of P1.")
+
+
+class ChainSlotReply(ReplyModel):
+    """The crescent's slot."""
+
+    status: Literal["closed", "slack"] = Field(
+        description="closed: the slot's ends lie on the track. slack: they have a step."
+    )
+    pitch: float
+    links: int
+    angle_unit: AngleUnit
+    geometry: GeometryReply
+    events: list[float]
+    crossings: list[CrossingReply]
+    slot: SlotReply
+    fit: FitReply | None
+    without_slot: WithoutSlotReply
+    wheel_phase_conflict: float
+    checks: ChecksReply
+
+
+class TrackCrossingReply(ReplyModel):
+    """A pin passes onto a segment."""
+
+    position: float
+    pin: int
+    to_segment: int
+
+
+class TrackSlotReply(ReplyModel):
+    """The slot over one period; the phase is the way of P1 along the driving segment."""
+
+    position: list[float]
+    xy: list[list[float]]
+    free_pin: int
+    depth_max: float
+    slack_max: float
+    slack_min: float
+    radius_min: float | None
+    end_step: float
+
+
+class ChainTrackReply(ReplyModel):
+    """The slot of a chain on any track."""
+
+    status: Literal["closed", "slack"]
+    pitch: float
+    links: int
+    angle_unit: AngleUnit
+    track_length: float
+    straight: float | None = Field(description="Of a stadium.")
+    driver_segment: int
+    free_segment: int
+    replaced_segments: list[int]
+    position_start: float
+    crossings: list[TrackCrossingReply]
+    slot: TrackSlotReply
+    fit: FitReply | None
+    without_slot: WithoutSlotReply
+    checks: ChecksReply
+
+
+WHEEL_NAMES = ("left_wheel", "lower_arc", "right_wheel", "upper_arc")
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def _angle(request: SlotOptions) -> Any:
+    """From radians to the request's unit."""
+    return degrees if request.angle_unit == "deg" else float
+
+
+def _phases(slot: Slot, samples: int) -> Any:
+    import numpy as np
+
+    return np.linspace(slot.start, slot.end, samples)
+
+
+def _check_size(request: SlotOptions, links: int) -> None:
+    if request.samples * links > MAX_PINS:
+        most = MAX_PINS // links
+        raise FieldError("/samples", f"with {links} links at most {most} samples are computed in one request")
+
+
+def _fit(slot: Slot, request: SlotOptions, scale: float) -> FitReply | None:
+    """The fit's reply; its phases are multiplied by ``scale``, and slopes by the phase divided."""
+    from synthesis.chain_fit import fit_error, fit_slot
+
+    if request.fit is None:
+        return None
+    fit = fit_slot(slot, request.fit.kind, request.fit.order, _phases(slot, request.samples))
+    error = fit_error(slot, fit, _phases(slot, CHECK_PHASES))
+    data = dict(fit.data)
+    name = "theta1" if isinstance(request, ChainSlotRequest) else "position"
+    extra: dict[str, Any] = {}
+    if fit.kind == "chebyshev":
+        extra["origin"] = data["origin"]
+        extra["pieces"] = [
+            {name: [bound * scale for bound in piece["phase"]], "x": piece["x"], "y": piece["y"]}
+            for piece in data["pieces"]
+        ]
+    else:
+        if "phase" in data:
+            data[name] = [phase * scale for phase in data.pop("phase")]
+        if "slope" in data:
+            data["slope"] /= scale
+            data[f"{name}_start"], data["period"] = slot.start * scale, slot.chain.period * scale
+            del data["segment"]
+        if "angle" in data:
+            data["angle"] = _angle(request)(data["angle"])
+        extra["coefficients"] = data
+    return FitReply(
+        kind=fit.kind,
+        order=fit.order,
+        unknowns=fit.unknowns,
+        condition=fit.condition,
+        max_normal=error.normal,
+        max_chord=error.chord,
+        **extra,
+    )
+
+
+def _common(slot: Slot, request: SlotOptions, scale: float) -> tuple[Any, dict[str, Any]]:
+    """The report on a slot, and the reply's fields that do not depend on the kind of track."""
+    from synthesis.chain_closure import STRETCH_TOLERANCE
+    from synthesis.chain_report import report
+
+    facts = report(slot, _phases(slot, request.samples))
+    slack = facts.slack_min > STRETCH_TOLERANCE * request.pitch
+    roller = request.roller_radius
+    common = {
+        "status": "slack" if slack else "closed",
+        "pitch": request.pitch,
+        "links": slot.chain.links,
+        "angle_unit": request.angle_unit,
+        "fit": _fit(slot, request, scale),
+        "without_slot": WithoutSlotReply(
+            chord_error_max=facts.held_chord_error, slack_max=max(facts.slack_max.value, 0.0)
+        ),
+        "checks": ChecksReply(
+            stretched=False,
+            slack=slack,
+            chord_error_max=facts.chord_error,
+            single_valued=facts.single_valued,
+            roller_radius_max=_finite(facts.radius_min),
+            roller_fits=None if roller is None else roller < facts.radius_min,
+            clearance=_finite(facts.clearance),
+            condition=_finite(facts.condition),
+            free_pin_speed=list(facts.free_speed),
+        ),
+    }
+    return facts, common
+
+
+def _crescent(request: ChainSlotRequest) -> Any:
+    from synthesis.chain import crescent_slot
+
+    _check_size(request, request.links)
+    start = request.phase_start
+    if start is not None and request.angle_unit == "deg":
+        start = radians(start)
+    return crescent_slot(
+        request.pitch,
+        request.links,
+        request.upper_radius,
+        request.wheel_radius,
+        request.lower_radius,
+        request.eccentricity,
+        start,
+    )
+
+
+def answer_slot(request: ChainSlotRequest, resources: Any) -> ChainSlotReply:
+    """The crescent's closure and slot."""
+    from synthesis.chain import RIGHT_WHEEL
+    from synthesis.chain_report import wheel_conflict
+
+    crescent, slot = _crescent(request)
+    angle = _angle(request)
+    radius = crescent.wheel_radius
+    # theta1 is P1's way along the left wheel over the wheel's radius.
+    facts, common = _common(slot, request, angle(1.0) / radius)
+    wheel, upper, lower = crescent.link_angles(request.pitch)
+    phases = _phases(slot, request.samples)
+    conflict = wheel_conflict(slot, RIGHT_WHEEL).value * wheel
+    return ChainSlotReply(
+        **common,
+        geometry=GeometryReply(
+            wheel_radius=radius,
+            upper_radius=crescent.upper_radius,
+            lower_radius=crescent.lower_radius,
+            eccentricity=crescent.eccentricity,
+            xi=angle(crescent.xi),
+            alpha=angle(crescent.alpha),
+            epsilon=angle(crescent.eps),
+            delta_wheel=angle(wheel),
+            delta_upper=angle(upper),
+            delta_lower=angle(lower),
+            phase_start=angle(slot.start / radius),
+            tangency_residual=crescent.tangency_residual,
+            track_length=slot.chain.track.total,
+        ),
+        events=[angle(crossing.phase / radius) for crossing in slot.crossings],
+        crossings=[
+            CrossingReply(theta1=angle(crossing.phase / radius), pin=crossing.pin, to=WHEEL_NAMES[crossing.segment])
+            for crossing in slot.crossings
+        ],
+        slot=SlotReply(
+            theta1=[angle(phase / radius) for phase in phases.tolist()],
+            xy=slot.path(phases).tolist(),
+            free_pin=slot.free,
+            depth_max=facts.depth_max.value,
+            defect_max=angle(facts.slack_max.value / crescent.upper_radius),
+            defect_min=angle(facts.slack_min / crescent.upper_radius),
+            defect_max_theta1=angle(facts.slack_max.phase / radius),
+            radius_min=_finite(facts.radius_min),
+            end_step=facts.end_step,
+        ),
+        wheel_phase_conflict=angle(conflict),
+    )
+
+
+def _track(request: ChainTrackRequest) -> Track:
+    from synthesis.chain import critical_stadium
+    from synthesis.chain_track import Track, TrackError, arc, line, stadium
+
+    if (request.stadium is None) == (request.segments is None):
+        raise FieldError("/segments", "either 'segments' or 'stadium' is wanted, and not both")
+    if request.stadium is not None:
+        if request.stadium.straight is not None:
+            return stadium(request.stadium.radius, request.stadium.straight)
+        if request.links is None:
+            raise FieldError("/links", "the critical straight of a stadium needs the number of links")
+        return critical_stadium(request.pitch, request.links, request.stadium.radius)
+    rows = []
+    unit = pi / 180 if request.angle_unit == "deg" else 1.0
+    for index, part in enumerate(request.segments or ()):
+        if isinstance(part, LineSegment):
+            rows.append(line(*part.start, *part.end))
+        elif not 0 < abs(part.sweep * unit) <= 2 * pi * (1 + 1e-12):
+            raise FieldError(f"/segments/{index}/sweep", "an arc turns by more than 0 and at most once round")
+        else:
+            rows.append(arc(*part.centre, part.radius, part.start_angle * unit, part.sweep * unit))
+    try:
+        return Track(rows)
+    except TrackError as error:
+        raise FieldError(
+            f"/segments/{error.segment}", str(error), constraint="closed_tangent_track", amount=error.amount
+        ) from None
+
+
+def _track_slot(request: ChainTrackRequest) -> tuple[Slot, int, int]:
+    """The slot, and the driving and the free segment in the request's own numbering."""
+    from synthesis.chain import RADIUS_RATIO, driving_segment, tightest_room, track_slot
+    from synthesis.chain_closure import closing_links
+    from synthesis.chain_track import ChordError
+
+    if request.links is not None:
+        _check_size(request, request.links)
+    track = _track(request)
+    if track.total > RADIUS_RATIO * request.pitch:
+        raise FieldError(
+            "/pitch",
+            f"the track may be at most {RADIUS_RATIO:.0e} pitches long, found {track.total / request.pitch:.6g}",
+        )
+    for name in ("driver_segment", "free_segment"):
+        chosen = getattr(request, name)
+        if chosen is not None and chosen >= track.count:
+            raise FieldError(f"/{name}", f"the track has {track.count} segments, numbered from 0; found {chosen}")
+    driver = request.driver_segment
+    driver = driving_segment(track, request.pitch) if driver is None else driver
+    if not track.link_lengths(request.pitch)[driver] <= track.length[driver]:
+        raise FieldError("/driver_segment", "the driving segment must be long enough for one link")
+    free = request.free_segment
+    free = tightest_room(track, request.pitch, driver) if free is None else free
+    turned = track.starting_at(driver)
+    links = request.links
+    if links is None:
+        try:
+            links = closing_links(turned, request.pitch)
+        except ChordError as error:
+            raise FieldError("/pitch", str(error), constraint=error.fault.name.lower()) from None
+        if not 3 <= links <= MAX_LINKS:
+            raise FieldError("/links", f"{links} links close; between 3 and {MAX_LINKS} are computed")
+        _check_size(request, links)
+    index = (free - driver) % track.count
+    middle = float(turned.joints[index] + 0.5 * turned.length[index])
+    side = 1 if request.side == "left" else -1
+    return track_slot(turned, request.pitch, links, middle, side), driver, free
+
+
+def answer_track(request: ChainTrackRequest, resources: Any) -> ChainTrackReply:
+    """Closure and slot on any track."""
+    slot, driver, free = _track_slot(request)
+    facts, common = _common(slot, request, 1.0)
+    phases = _phases(slot, request.samples)
+    track = slot.chain.track
+    straight = None
+    if request.stadium is not None:
+        straight = max(segment.length for segment in track.segments if segment.curvature == 0)
+    return ChainTrackReply(
+        **common,
+        track_length=track.total,
+        straight=straight,
+        driver_segment=driver,
+        free_segment=free,
+        replaced_segments=[(segment + driver) % track.count for segment, _ in slot.base],
+        position_start=slot.start,
+        crossings=[
+            TrackCrossingReply(
+                position=crossing.phase, pin=crossing.pin, to_segment=(crossing.segment + driver) % track.count
+            )
+            for crossing in slot.crossings
+        ],
+        slot=TrackSlotReply(
+            position=phases.tolist(),
+            xy=slot.path(phases).tolist(),
+            free_pin=slot.free,
+            depth_max=facts.depth_max.value,
+            slack_max=facts.slack_max.value,
+            slack_min=facts.slack_min,
+            radius_min=_finite(facts.radius_min),
+            end_step=facts.end_step,
+        ),
+    )
+
+
+def _slot_of(request: Any) -> tuple[Slot, str, float]:
+    """The slot, and name and scale of the phase."""
+    if isinstance(request, ChainSlotRequest):
+        crescent, slot = _crescent(request)
+        return slot, f"theta1_{request.angle_unit}", _angle(request)(1.0) / crescent.wheel_radius
+    return _track_slot(request)[0], "position", 1.0
+
+
+def _walls(slot: Slot, request: Any) -> Any:
+    from synthesis.chain_export import roller_walls
+    from synthesis.chain_report import smallest_radius
+
+    if request.roller_radius is None:
+        return None
+    return roller_walls(slot, _phases(slot, request.samples), request.roller_radius, smallest_radius(slot))
+
+
+def render_csv(request: Any, resources: Any) -> bytes:
+    """The slot and a roller's walls as a table."""
+    from synthesis.chain_export import to_csv
+
+    slot, name, scale = _slot_of(request)
+    return to_csv(slot, _phases(slot, request.samples), name, scale, _walls(slot, request)).encode()
+
+
+def render_svg(request: Any, resources: Any) -> bytes:
+    """Track, pins, slot and a roller's walls as a drawing."""
+    from synthesis.chain_export import to_svg
+
+    slot, *_ = _slot_of(request)
+    _walls(slot, request)
+    return to_svg(slot, request.samples, request.roller_radius).encode()
+
+
+def render_dxf(request: Any, resources: Any) -> bytes:
+    """Track, pins, slot and a roller's walls for CAD."""
+    from synthesis.chain_export import to_dxf
+
+    slot, *_ = _slot_of(request)
+    _walls(slot, request)
+    return to_dxf(slot, request.samples, request.roller_radius).encode()
+
+
+def _rows(rows: list[tuple[str, str]]) -> str:
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+
+
+def _shared_rows(reply: Any) -> list[tuple[str, str]]:
+    checks = reply.checks
+    rows = [("largest depth", f"{reply.slot.depth_max:.6f}"), ("step at the ends", f"{reply.slot.end_step:.3g}")]
+    radius = "straight" if reply.slot.radius_min is None else f"{reply.slot.radius_min:.6g}"
+    rows.append(("smallest curvature radius", radius))
+    if checks.roller_fits is not None:
+        rows.append(("roller", "fits" if checks.roller_fits else "too large for the slot"))
+    rows.append(("slot is a function y(x)", "yes" if checks.single_valued else "no"))
+    rows.append(("largest chord error", f"{checks.chord_error_max:.2g}"))
+    rows.append(("without the slot", f"chords {reply.without_slot.chord_error_max:.6g} too short"))
+    rows.append(("", f"{reply.without_slot.slack_max:.6g} slack"))
+    if reply.fit is not None:
+        fit = reply.fit
+        rows.append((f"{fit.kind} fit, order {fit.order}", f"{fit.unknowns} numbers"))
+        rows.append(("", f"normal error {fit.max_normal:.3g}, chord error {fit.max_chord:.3g}"))
+    return rows
+
+
+def table_slot(reply: ChainSlotReply) -> str:
+    """The crescent as text."""
+    geometry, unit = reply.geometry, reply.angle_unit
+    return _rows(
+        [
+            ("status", reply.status),
+            ("links, pitch", f"{reply.links}, {reply.pitch:g}"),
+            ("wheel radius R0", f"{geometry.wheel_radius:.6f}"),
+            ("upper radius R1", f"{geometry.upper_radius:.6f}"),
+            ("lower radius R2", f"{geometry.lower_radius:.6f}"),
+            ("eccentricity b", f"{geometry.eccentricity:.6f}"),
+            ("xi, alpha", f"{geometry.xi:.6f}, {geometry.alpha:.6f} {unit}"),
+            ("window of theta1", f"{geometry.phase_start:.6f} + {geometry.delta_wheel:.6f} {unit}"),
+            ("joint crossings", ", ".join(f"{event:.4f}" for event in reply.events)),
+            ("free pin", f"P{reply.slot.free_pin}"),
+            ("closure defect", f"{reply.slot.defect_min:.3g} .. {reply.slot.defect_max:.6f} {unit}"),
+            *_shared_rows(reply),
+            ("wheel phase conflict", f"{reply.wheel_phase_conflict:.6g} {unit}"),
+        ]
+    )
+
+
+def table_track(reply: ChainTrackReply) -> str:
+    """The slot of any track as text."""
+    rows = [
+        ("status", reply.status),
+        ("links, pitch", f"{reply.links}, {reply.pitch:g}"),
+        ("track length", f"{reply.track_length:.6f}"),
+        ("free pin", f"P{reply.slot.free_pin} on segment {reply.free_segment}"),
+        ("slack", f"{reply.slot.slack_min:.3g} .. {reply.slot.slack_max:.6g}"),
+        *_shared_rows(reply),
+    ]
+    if reply.straight is not None:
+        rows.insert(3, ("straight", f"{reply.straight:.6f}"))
+    return _rows(rows)
+
+
+EXPORTS = {
+    "csv": Export("text/csv; charset=utf-8", render_csv),
+    "svg": Export("image/svg+xml", render_svg),
+    "dxf": Export("image/vnd.dxf", render_dxf),
+}
+
+QUERIES = (
+    Query(
+        path="/v1/chain/slot",
+        command="chain slot",
+        summary="The slot that lets a constant-pitch chain run round a crescent of two arcs and two wheels.",
+        request=ChainSlotRequest,
+        reply=ChainSlotReply,
+        answer=answer_slot,
+        table=table_slot,
+        examples={
+            "published": {"pitch": 131, "links": 16, "upper_radius": 181.78, "samples": 91},
+            "as-printed": {
+                "pitch": 131,
+                "links": 16,
+                "upper_radius": 181.78,
+                "wheel_radius": 92.63,
+                "lower_radius": 381.5,
+                "eccentricity": 90.22,
+                "fit": {"kind": "polynomial", "order": 8},
+            },
+            "roller": {"pitch": 131, "links": 16, "upper_radius": 181.78, "roller_radius": 20},
+        },
+        exports=EXPORTS,
+    ),
+    Query(
+        path="/v1/chain/track",
+        command="chain track",
+        summary="The slot of a constant-pitch chain on any closed track of tangent arcs and lines.",
+        request=ChainTrackRequest,
+        reply=ChainTrackReply,
+        answer=answer_track,
+        table=table_track,
+        examples={
+            "stadium": {"pitch": 50, "links": 16, "stadium": {"radius": 60}},
+            "four-arcs": {
+                "pitch": 20,
+                "segments": [
+                    {"kind": "line", "start": [0, 0], "end": [300, 0]},
+                    {"kind": "arc", "centre": [300, 80], "radius": 80, "start_angle": -90, "sweep": 180},
+                    {"kind": "line", "start": [300, 160], "end": [0, 160]},
+                    {"kind": "arc", "centre": [0, 80], "radius": 80, "start_angle": 90, "sweep": 180},
+                ],
+                "fit": {"kind": "spline", "order": 90},
+            },
+        },
+        exports=EXPORTS,
+    ),
+)

@@ -1,0 +1,295 @@
+"""The chain over HTTP and on the command line: names, units, errors, exports, hostile requests."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas
+from app.main import create_app
+
+PUBLISHED = {"pitch": 131, "links": 16, "upper_radius": 181.78}
+
+
+@pytest.fixture(scope="module")
+def client():
+    with TestClient(create_app(), raise_server_exceptions=False) as client:
+        yield client
+
+
+def numbers(value):
+    """All numbers of a reply; a NaN or an infinity would be a string."""
+    if isinstance(value, dict):
+        for item in value.values():
+            yield from numbers(item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from numbers(item)
+    elif isinstance(value, str):
+        assert value not in ("NaN", "Infinity", "-Infinity")
+    elif isinstance(value, float):
+        yield value
+
+
+def test_the_contracts_request_and_reply(client) -> None:
+    body = {
+        **PUBLISHED,
+        "wheel_radius": None,
+        "lower_radius": None,
+        "eccentricity": None,
+        "samples": 91,
+        "fit": {"kind": "chebyshev", "order": 8},
+    }
+    response = client.post("/v1/chain/slot", json=body)
+    assert response.status_code == 200, response.text
+    reply = response.json()
+    assert all(math.isfinite(number) for number in numbers(reply))
+    assert reply["status"] == "closed"
+    geometry = reply["geometry"]
+    assert geometry["lower_radius"] == pytest.approx(381.494324181, abs=1e-6)
+    assert geometry["xi"] + geometry["alpha"] == pytest.approx(90, abs=1e-9)
+    assert geometry["delta_upper"] == pytest.approx(42.240395554, abs=1e-6)
+    assert geometry["phase_start"] == pytest.approx(29.553192123, abs=1e-6)
+    assert abs(geometry["tangency_residual"]) < 1e-12
+    assert reply["events"] == pytest.approx([41.828536, 62.659546, 90, 108.200703], abs=1e-6)
+    slot = reply["slot"]
+    assert len(slot["theta1"]) == len(slot["xy"]) == 91
+    assert slot["theta1"][0] == geometry["phase_start"] and slot["theta1"][-1] == pytest.approx(119.553192123)
+    assert slot["xy"][10] == pytest.approx([50.921773, -174.528496], abs=1e-6)
+    assert slot["depth_max"] == pytest.approx(4.202755, abs=1e-5)
+    assert slot["defect_max"] == pytest.approx(1.050092, abs=1e-5) and abs(slot["defect_min"]) < 1e-9
+    assert slot["radius_min"] == pytest.approx(52.09, abs=0.05) and slot["end_step"] < 1e-9
+    assert len(reply["fit"]["pieces"]) == 5 and reply["fit"]["max_normal"] < 2e-5
+    assert reply["without_slot"] == pytest.approx({"chord_error_max": 1.555, "slack_max": 3.332}, abs=1e-3)
+    assert reply["wheel_phase_conflict"] == pytest.approx(4.199, abs=0.005)
+
+
+def test_radians(client) -> None:
+    degrees, radians = (
+        client.post("/v1/chain/slot", json={**PUBLISHED, "samples": 5, "angle_unit": unit}).json()
+        for unit in ("deg", "rad")
+    )
+    assert radians["events"] == pytest.approx([math.radians(event) for event in degrees["events"]])
+    assert radians["geometry"]["xi"] == pytest.approx(math.radians(degrees["geometry"]["xi"]))
+    assert radians["wheel_phase_conflict"] == pytest.approx(math.radians(degrees["wheel_phase_conflict"]))
+    assert radians["slot"]["xy"] == degrees["slot"]["xy"]
+    assert radians["fit"]["pieces"][0]["theta1"] == pytest.approx(
+        [math.radians(bound) for bound in degrees["fit"]["pieces"][0]["theta1"]]
+    )
+    start = {**PUBLISHED, "samples": 5, "phase_start": 45}
+    asked = client.post("/v1/chain/slot", json=start).json()
+    same = client.post("/v1/chain/slot", json={**start, "phase_start": math.pi / 4, "angle_unit": "rad"}).json()
+    assert same["slot"]["end_step"] == pytest.approx(asked["slot"]["end_step"]) == pytest.approx(0.061, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["spline", "fourier", "polynomial"])
+def test_other_fits_give_coefficients(kind, client) -> None:
+    reply = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"kind": kind, "order": 12}}).json()
+    assert reply["fit"]["coefficients"] and reply["fit"]["pieces"] is None
+    assert reply["fit"]["max_chord"] < reply["fit"]["max_normal"] < 0.1
+
+
+def test_a_closed_chain_stays_closed_when_its_layout_is_given_back(client) -> None:
+    first = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": None}).json()
+    radii = {name: first["geometry"][name] for name in ("wheel_radius", "lower_radius", "eccentricity")}
+    again = client.post("/v1/chain/slot", json={**PUBLISHED, **radii, "fit": None}).json()
+    assert again["status"] == "closed"
+    assert again["slot"]["depth_max"] == pytest.approx(first["slot"]["depth_max"], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("change", "nearest", "key"),
+    [
+        ({"links": 14}, 15, "missing_length"),
+        ({"links": 18}, 17, "excess_length"),
+        ({"links": 15, "wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}, 16, "missing_length"),
+        ({"links": 17, "wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}, 16, "excess_length"),
+        ({"lower_radius": 381.0, "eccentricity": 90.22}, 17, "missing_length"),
+        ({"pitch": 1e-3, "upper_radius": 999, "links": 5}, None, "missing_length"),
+    ],
+)
+def test_layouts_that_cannot_close(change, nearest, key, client, capsys, tmp_path) -> None:
+    body = {**PUBLISHED, **change}
+    response = client.post("/v1/chain/slot", json=body)
+    assert response.status_code == 422
+    assert response.headers["content-type"] == "application/problem+json"
+    row = response.json()["errors"][0]
+    assert row["pointer"] == "#/links" and row["constraint"] == "closure"
+    assert row[key] == row["amount"] > 0
+    assert nearest is None or row["nearest_links"] == nearest
+    assert str(row["nearest_links"]) in row["detail"]
+    file = tmp_path / "request.json"
+    file.write_text(json.dumps(body))
+    assert linkage_atlas.main(["chain", "slot", str(file)]) == 2
+    assert str(row["nearest_links"]) in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "pointer"),
+    [
+        ({"pitch": 0}, "/pitch"),
+        ({"pitch": -1}, "/pitch"),
+        ({"pitch": "131"}, "/pitch"),
+        ({"pitch": True}, "/pitch"),
+        ({"pitch": 1e308}, "/pitch"),
+        ({"pitch": 1e-300}, "/pitch"),
+        ({"links": 2}, "/links"),
+        ({"links": 16.0}, "/links"),
+        ({"links": 10**6}, "/links"),
+        ({"upper_radius": 60}, "/upper_radius"),
+        ({"upper_radius": 1e9}, "/upper_radius"),
+        ({"wheel_radius": 65.5}, "/wheel_radius"),
+        ({"lower_radius": 300.0}, "/lower_radius"),
+        ({"eccentricity": 0}, "/eccentricity"),
+        ({"lower_radius": 1e9, "eccentricity": 1e-9}, "/lower_radius"),
+        ({"samples": 2}, "/samples"),
+        ({"samples": 10_002}, "/samples"),
+        ({"fit": {"kind": "wavelet"}}, "/fit/kind"),
+        ({"fit": {"kind": "polynomial", "order": 91}}, "/fit/order"),
+        ({"fit": {"kind": "chebyshev", "order": 0}}, "/fit/order"),
+        ({"angle_unit": "grad"}, "/angle_unit"),
+        ({"roller_radius": -3}, "/roller_radius"),
+        ({"phase_start": "now"}, "/phase_start"),
+        ({"no_such": 1}, "/no_such"),
+    ],
+)
+def test_bad_requests_name_the_field(change, pointer, client) -> None:
+    body = {**PUBLISHED, **change}
+    if change.get("upper_radius") == 1e9:
+        body["pitch"] = 1.0
+    response = client.post("/v1/chain/slot", json=body)
+    assert response.status_code == 422, response.text
+    assert response.json()["errors"][0]["pointer"].startswith("#" + pointer)
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999", "[]", "{}", "null"])
+def test_hostile_numbers(number, client) -> None:
+    content = '{"pitch": 131, "links": 16, "upper_radius": ' + number + "}"
+    response = client.post("/v1/chain/slot", content=content, headers={"content-type": "application/json"})
+    assert 400 <= response.status_code < 500
+
+
+def test_a_request_cannot_ask_for_gigabytes(client) -> None:
+    body = {"pitch": 1, "links": 1000, "upper_radius": 80, "wheel_radius": 50, "samples": 10_001}
+    response = client.post("/v1/chain/slot", json=body)
+    assert response.status_code == 422 and response.json()["errors"][0]["pointer"] == "#/samples"
+
+
+def test_a_roller(client) -> None:
+    fits = client.post("/v1/chain/slot", json={**PUBLISHED, "roller_radius": 52.0}).json()
+    assert fits["checks"]["roller_fits"] is True
+    large = {**PUBLISHED, "roller_radius": 53.0}
+    assert client.post("/v1/chain/slot", json=large).json()["checks"]["roller_fits"] is False
+    refused = client.post("/v1/chain/slot.dxf", json=large)
+    assert refused.status_code == 422 and refused.json()["errors"][0]["pointer"] == "#/roller_radius"
+
+
+def test_exports_alike_over_http_and_on_the_command_line(client, tmp_path) -> None:
+    file = tmp_path / "request.json"
+    for path, body in (
+        ("slot", {**PUBLISHED, "roller_radius": 20, "samples": 21}),
+        ("track", {"pitch": 50, "links": 16, "stadium": {"radius": 60}, "samples": 21}),
+    ):
+        file.write_text(json.dumps(body))
+        for name, start in (("csv", b"theta1_deg,x" if path == "slot" else b"position,x"), ("svg", b"<svg ")):
+            response = client.post(f"/v1/chain/{path}.{name}", json=body)
+            assert response.status_code == 200 and response.content.startswith(start)
+            target = tmp_path / f"slot.{name}"
+            assert linkage_atlas.main(["chain", path, str(file), "--export", str(target)]) == 0
+            assert target.read_bytes() == response.content
+        response = client.post(f"/v1/chain/{path}.dxf", json=body)
+        assert response.status_code == 200 and b"SPLINE" in response.content
+
+
+# Other tracks
+
+
+def test_a_stadium_with_its_critical_straight(client) -> None:
+    body = {"pitch": 50, "links": 16, "stadium": {"radius": 60}, "fit": {"kind": "fourier", "order": 8}}
+    reply = client.post("/v1/chain/track", json=body).json()
+    assert reply["status"] == "closed" and reply["slot"]["end_step"] < 1e-9
+    given = {**body, "stadium": {"radius": 60, "straight": reply["straight"]}, "links": None}
+    again = client.post("/v1/chain/track", json=given).json()
+    assert again["links"] == 16
+    assert again["slot"]["depth_max"] == pytest.approx(reply["slot"]["depth_max"], abs=1e-8)
+
+
+def crescent_segments(geometry):
+    """The crescent as a list of arcs, in degrees."""
+    r0, r1, r2 = geometry["wheel_radius"], geometry["upper_radius"], geometry["lower_radius"]
+    b, xi = geometry["eccentricity"], geometry["xi"]
+
+    def arc(x, y, radius, start, sweep):
+        return {"kind": "arc", "centre": [x, y], "radius": radius, "start_angle": start, "sweep": sweep}
+
+    return [
+        arc(-r1 - r0, 0, r0, 0, 180 + xi),
+        arc(0, b, r2, 180 + xi, 180 - 2 * xi),
+        arc(r1 + r0, 0, r0, -xi, 180 + xi),
+        arc(0, 0, r1, 0, -180),
+    ]
+
+
+def test_the_crescent_as_any_track_gives_the_same_slot(client) -> None:
+    crescent = client.post("/v1/chain/slot", json={**PUBLISHED, "samples": 31}).json()
+    body = {
+        "pitch": 131,
+        "segments": crescent_segments(crescent["geometry"]),
+        "free_segment": 3,
+        "samples": 31,
+    }
+    reply = client.post("/v1/chain/track", json=body).json()
+    assert reply["links"] == 16 and reply["free_segment"] == 3 and reply["replaced_segments"] == [3]
+    assert reply["slot"]["depth_max"] == pytest.approx(crescent["slot"]["depth_max"], abs=1e-9)
+    worst = max(
+        math.dist(ours, theirs) for ours, theirs in zip(reply["slot"]["xy"], crescent["slot"]["xy"], strict=True)
+    )
+    assert worst < 1e-6
+    # Driven from the other wheel the same slot is found; segments keep the request's numbers.
+    other = client.post("/v1/chain/track", json={**body, "driver_segment": 2}).json()
+    assert other["driver_segment"] == 2 and other["free_segment"] == 3
+    assert other["slot"]["depth_max"] == pytest.approx(crescent["slot"]["depth_max"], abs=1e-9)
+    pairs = {(row["pin"], row["to_segment"]) for row in reply["crossings"]}
+    assert pairs == {(10, 2), (12, 3), (16, 0), (2, 1)}
+
+
+LINE = {"kind": "line", "start": [0, 0], "end": [1, 0]}
+
+
+@pytest.mark.parametrize(
+    ("body", "pointer"),
+    [
+        ({}, "#/segments"),
+        ({"stadium": {"radius": 60}, "segments": [LINE]}, "#/segments"),
+        ({"stadium": {"radius": 60}}, "#/links"),
+        ({"stadium": {"radius": 20}, "links": 9}, "#/stadium/radius"),
+        ({"stadium": {"radius": 60}, "links": 3}, "#/links"),
+        ({"segments": []}, "#/segments"),
+        ({"segments": [LINE]}, "#/segments/0"),
+        ({"segments": [LINE] * 51}, "#/segments"),
+        ({"segments": [{**LINE, "end": [0, 0]}]}, "#/segments/0"),
+        ({"segments": [{**LINE, "end": [1]}]}, "#/segments/0"),
+        (
+            {"segments": [{"kind": "arc", "centre": [0, 0], "radius": 1, "start_angle": 0, "sweep": 0}]},
+            "#/segments/0",
+        ),
+        (
+            {"segments": [{"kind": "arc", "centre": [0, 0], "radius": 1, "start_angle": 0, "sweep": 1e300}]},
+            "#/segments/0",
+        ),
+        ({"segments": [{"kind": "spiral"}]}, "#/segments/0"),
+        ({"stadium": {"radius": 60, "straight": 216}, "driver_segment": 4}, "#/driver_segment"),
+        ({"stadium": {"radius": 60, "straight": 216}, "free_segment": 4}, "#/free_segment"),
+        ({"stadium": {"radius": 60, "straight": 20}, "driver_segment": 1}, "#/driver_segment"),
+        ({"stadium": {"radius": 1e-9, "straight": 1e-9}}, "#/pitch"),
+        ({"stadium": {"radius": 1e9, "straight": 1e9}}, "#/pitch"),
+        ({"stadium": {"radius": 20, "straight": 100}}, "#/pitch"),
+    ],
+)
+def test_tracks_that_are_none(body, pointer, client) -> None:
+    response = client.post("/v1/chain/track", json={"pitch": 50, **body})
+    assert response.status_code == 422, response.text
+    assert response.json()["errors"][0]["pointer"].startswith(pointer), response.text

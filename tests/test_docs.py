@@ -1,0 +1,182 @@
+"""What the documents and the container files say exists, exists."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+import linkage_atlas
+from app.cli import _parser
+from app.main import create_app
+from app.openapi import description
+from app.settings import Settings
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+HTTP = (ROOT / "docs" / "http.md").read_text()
+
+
+def names(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def commands(text: str) -> list[str]:
+    """Lines of code blocks, fenced or indented, and code spans; a line that goes on is joined."""
+    text = text.replace("\\\n", " ")
+    fenced = re.findall(r"^```.*?\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    rest = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    lines = [line for block in fenced for line in block.splitlines()]
+    lines += re.findall(r"^    (\S.*)$", rest, re.MULTILINE)
+    lines += re.findall(r"`([^`\n]+)`", rest)
+    return [re.sub(r"\s#.*", "", line).strip().removeprefix("$ ") for line in lines]
+
+
+# -- docs/http.md -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", Settings.model_fields)
+def test_every_setting_is_documented(name) -> None:
+    default = Settings.model_fields[name].default
+    default = f"{default:g}" if isinstance(default, float) and default < 1e6 else str(default)
+    row = f"| `{name}` | `LINKAGE_ATLAS_{name.upper()}` | `{default}` |"
+    assert row in HTTP, f"docs/http.md lacks the line {row} ..."
+
+
+def test_no_setting_is_documented_that_does_not_exist() -> None:
+    documented = set(re.findall(r"LINKAGE_ATLAS_([A-Z_]+)", HTTP))
+    assert {name.lower() for name in documented} == set(Settings.model_fields)
+
+
+def test_every_route_and_field_is_documented() -> None:
+    document = create_app(Settings.model_construct()).openapi()
+    every = "".join(path.read_text() for path in DOCUMENTS)
+    for path, methods in document["paths"].items():
+        text = HTTP if path in ("/v1/match", "/v1/synthesize") or "get" in methods else every
+        route = f"{next(iter(methods)).upper()} {path}"
+        assert re.search(rf"{re.escape(route)}(?![\w/])", text), f"{route} is documented nowhere"
+    for model in ("MatchRequest", "SynthesizeRequest", "LimitsRequest"):
+        for field in document["components"]["schemas"][model]["properties"]:
+            assert re.search(rf"`(limits\.)?{field}`", HTTP), f"{model}.{field}"
+
+
+def test_the_documented_bounds_are_those_of_the_description() -> None:
+    assert '"maximum": 1e+50' in description() and "1e50" in HTTP
+    assert '"maxItems": 1024' in description() and "1,024" in HTTP
+
+
+# -- commands and links -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=names)
+def test_every_linked_file_exists(path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", path.read_text()):
+        if not re.match(r"[a-z]+:|#", target):
+            assert (path.parent / target.partition("#")[0]).exists(), f"{names(path)} links to {target}"
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=names)
+def test_every_command_exists(path) -> None:
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    verbs = set(_parser(linkage_atlas.BATCH_COMMANDS, "")._subparsers._group_actions[0].choices)
+    for line in commands(path.read_text()):
+        for target in re.findall(r"^make ([a-z]\S*)", line):
+            assert target in targets, f"{names(path)}: {line}"
+        for verb in re.findall(r"(?:^|\| |/)linkage-atlas ([a-z]\S*)", line):
+            assert verb in verbs, f"{names(path)}: {line}"
+        for module in re.findall(r"python3? -m ([\w.]+)", line):
+            assert importlib.util.find_spec(module), f"{names(path)}: {line}"
+        for file in re.findall(r"\s@?((?:app|docs|tests|benchmarks|deploy|synthesis)/[\w./]+\w)", line):
+            assert (ROOT / file).exists(), f"{names(path)}: {line}"
+
+
+# -- container --------------------------------------------------------------------------------------------------------
+
+
+def instructions() -> list[tuple[str, str]]:
+    """The Dockerfile as (instruction, arguments)."""
+    text = re.sub(r"^#.*\n", "", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE).replace("\\\n", " ")
+    return [tuple(line.split(maxsplit=1)) for line in text.splitlines() if line.strip()]
+
+
+def stages() -> list[list[tuple[str, str]]]:
+    parts: list[list[tuple[str, str]]] = []
+    for instruction in instructions():
+        if instruction[0] == "FROM":
+            parts.append([])
+        parts[-1].append(instruction)
+    return parts
+
+
+def allowed_in_context(path: str) -> bool:
+    rules = [line for line in (ROOT / ".dockerignore").read_text().splitlines() if line and line[0] != "#"]
+    return rules[0] == "*" and f"!{path}" in rules
+
+
+def test_the_dockerfile_copies_what_exists() -> None:
+    build, final = stages()
+    copied = [word for name, words in build if name == "COPY" for word in words.split()[:-1]]
+    for path in copied:
+        assert (ROOT / path).exists() and allowed_in_context(path), path
+    project = (ROOT / "pyproject.toml").read_text()
+    for needed in ("linkage_atlas.py", "synthesis", "data_build", "app", "README.md", "LICENSE", "pyproject.toml"):
+        assert needed in copied
+        assert needed == "pyproject.toml" or needed.removesuffix(".py") in project
+    assert all(words.startswith("--from=build /opt/") for name, words in final if name == "COPY")
+
+
+def test_the_dockerfile_is_slim_in_two_stages_and_not_root() -> None:
+    build, final = stages()
+    assert all(stage[0][1].startswith("python:3.12-slim") for stage in (build, final))
+    assert any(
+        name == "RUN" and "linkage-atlas build --out /opt/linkage-atlas/atlas.h5" in words for name, words in build
+    )
+    order = [name for name, _ in final]
+    assert dict(final)["USER"] not in ("root", "0")
+    assert order.index("USER") < order.index("CMD")
+    assert "LINKAGE_ATLAS_ATLAS=/opt/linkage-atlas/atlas.h5" in dict(final)["ENV"]
+    assert "/readyz" in dict(final)["HEALTHCHECK"] and "urllib.request" in dict(final)["HEALTHCHECK"]
+
+
+def test_what_the_dockerfile_runs_is_a_command_with_these_options() -> None:
+    parser = _parser(linkage_atlas.BATCH_COMMANDS, "")
+    run = re.findall(r'"([^"]*)"', dict(stages()[1])["CMD"])
+    assert run[0] == "linkage-atlas"
+    options = parser.parse_args(run[1:])
+    assert (options.host, options.port) == ("0.0.0.0", 8000)
+    assert dict(stages()[1])["EXPOSE"] == "8000"
+    for name, words in instructions():
+        for verb in re.findall(r"bin/linkage-atlas (\w+)", words) if name == "RUN" else []:
+            assert verb in linkage_atlas.BATCH_COMMANDS
+    health = re.findall(r'"([^"]*)"', dict(stages()[1])["HEALTHCHECK"])
+    compile(health[2], "HEALTHCHECK", "exec")
+
+
+def test_the_proxy_stands_in_front_with_read_timeouts() -> None:
+    services = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
+    assert "ports" not in services["atlas"], "only the proxy is reached from outside"
+    proxy = services["proxy"]
+    assert proxy["ports"] and proxy["image"].startswith("nginx")
+    source = proxy["volumes"][0].split(":")[0]
+    text = (ROOT / source).read_text()
+    assert text.count("{") == text.count("}")
+    for directive in (
+        "client_header_timeout",
+        "client_body_timeout",
+        "send_timeout",
+        "proxy_read_timeout",
+        "keepalive_timeout",
+    ):
+        assert re.search(rf"^\s*{directive} \d+s;", text, re.MULTILINE), directive
+    assert "server atlas:8000;" in text
+    limit = int(re.search(r"client_max_body_size (\d+);", text)[1])
+    assert limit == Settings.model_fields["max_body_bytes"].default
+    published = proxy["ports"][0].split(":")[-1]
+    assert f"listen {published};" in text
+    wait = int(re.search(r"proxy_read_timeout (\d+)s", text)[1])
+    assert wait * 1000 > Settings.model_fields["max_budget_ms"].default
+    for name in services["atlas"]["environment"]:
+        assert name.removeprefix("LINKAGE_ATLAS_").lower() in Settings.model_fields

@@ -1,0 +1,748 @@
+"""The HTTP contract, route by route, and what a hostile client gets."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+from app.main import create_app
+from app.queries import all_queries, worked_example
+from app.resources import ServiceResources
+from app.scenes import scene_queries
+from app.settings import Settings
+
+EXAMPLE = worked_example()
+ROTATION, POSITION = EXAMPLE["rotation"], EXAMPLE["position"]
+JSON = {"content-type": "application/json"}
+BODY_LIMIT = 200_000
+
+
+@pytest.fixture(scope="module")
+def client(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    """The service with an atlas of few types: for everything that does not ask for the published one."""
+    path = tmp_path_factory.mktemp("http") / "small.h5"
+    path.write_bytes(small_bytes)
+    with TestClient(create_app(Settings(atlas=path, max_body_bytes=BODY_LIMIT)), follow_redirects=False) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def paper(atlas_path: Path) -> Iterator[TestClient]:
+    """The service with the published atlas of 101,408 types."""
+    with TestClient(create_app(Settings(atlas=atlas_path))) as client:
+        yield client
+
+
+def numbers(value: Any, place: str = "") -> Iterator[tuple[str, float]]:
+    """All numbers of a reply with their place."""
+    if isinstance(value, dict):
+        for name, part in value.items():
+            yield from numbers(part, f"{place}/{name}")
+    elif isinstance(value, list):
+        for k, part in enumerate(value):
+            yield from numbers(part, f"{place}/{k}")
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield place, value
+    else:
+        assert value not in ("NaN", "Infinity", "-Infinity"), place
+
+
+def ask(client: TestClient, path: str, **fields: Any) -> dict[str, Any]:
+    """The reply to a good request; every number in it is finite."""
+    reply = client.post(path, json=fields)
+    assert reply.status_code == 200, reply.text
+    assert reply.headers["content-type"] == "application/json"
+    values = json.loads(reply.text, parse_constant=lambda name: pytest.fail(f"{name} in a reply"))
+    assert all(math.isfinite(value) for _, value in numbers(values))
+    return values
+
+
+def refusal(client: TestClient, path: str, body: str | bytes | dict[str, Any], **options: Any) -> dict[str, Any]:
+    """The problem that a bad request gets: a 4xx of the right form."""
+    content = json.dumps(body) if isinstance(body, dict) else body
+    return problem(client.post(path, content=content, headers=options.pop("headers", JSON), **options))
+
+
+def problem(reply: Any, statuses: range = range(400, 500)) -> dict[str, Any]:
+    assert reply.status_code in statuses, reply.text
+    assert reply.headers["content-type"] == "application/problem+json"
+    values = reply.json()
+    assert values["status"] == reply.status_code and values["title"] and values["detail"]
+    assert len(reply.content) < 10_000
+    for row in values.get("errors", []):
+        assert row["pointer"].startswith("#") and row["detail"]
+    return values
+
+
+def pointers(values: dict[str, Any]) -> list[str]:
+    return [row["pointer"] for row in values["errors"]]
+
+
+# -- the worked example -----------------------------------------------------------------------------------------------
+
+
+def test_match_ranks_the_published_type_first(paper) -> None:
+    reply = ask(paper, "/v1/match", rotation=ROTATION, crank_span=70)
+    assert len(reply["matches"]) == 10
+    first = reply["matches"][0]
+    assert first["type"] == {"number": 45185, "lengths": [19, 72, 144, 165]}
+    assert (first["rank"], first["start_angle"], first["branch"]) == (1, 30.0, 1)
+    assert first["similarity"] < 1e-4
+    assert first["offset"] == pytest.approx(np.rad2deg(-0.8012), abs=1e-3)
+    order = [(m["similarity"], m["type"]["number"], m["start_angle"], -m["branch"]) for m in reply["matches"]]
+    assert order == sorted(order)
+    assert [m["rank"] for m in reply["matches"]] == list(range(1, 11))
+    assert reply["report"]["windows"] == 101_408 * 2 * 360
+
+
+@pytest.mark.parametrize("effort", ["atlas", "refine"])
+def test_synthesize_recovers_the_published_linkage(effort, paper) -> None:
+    reply = ask(paper, "/v1/synthesize", **EXAMPLE, effort=effort, top=2)
+    best = reply["solutions"][0]
+    assert reply["status"] == "reached" and reply["report"]["stopped_by"] == "tolerance"
+    mount, near = best["mount"], {"abs": 1e-6}
+    assert list(best["links"].values()) == pytest.approx([19, 72, 144, 165], **near)
+    assert mount["coupler_point"] == pytest.approx({"radius": 20, "angle": 60}, **near)
+    assert (mount["ground_angle"], mount["L_B"], mount["beta"]) == pytest.approx((30, 10, 45), **near)
+    assert mount["pivot_a"] == pytest.approx([10 * math.cos(math.pi / 4)] * 2, **near)
+    ends = [mount["pivot_a"][k] + 165 * f(math.radians(30)) for k, f in enumerate((math.cos, math.sin))]
+    assert mount["pivot_b"] == pytest.approx(ends, **near)
+    assert best["start_angle"] == pytest.approx(30, **near) and best["branch"] == 1
+    assert best["errors"]["objective"] < 1e-10 and best["errors"]["position_max"] < 1e-8
+    if effort == "atlas":
+        assert (best["source"], best["type"]["number"]) == ("atlas", 45185)
+        assert reply["report"]["exhaustive"] and reply["report"]["windows"] == 101_408 * 720
+    else:
+        assert (best["source"], best["type"]) == ("refined", None)
+
+
+def test_atlas_routes_describe_what_is_loaded(paper) -> None:
+    atlas = paper.get("/v1/atlas").json()
+    assert (atlas["types"], atlas["schema_version"]) == (101_408, 1)
+    assert len(atlas["content_sha256"]) == 64 and atlas["parameters"]["perimeter"] == 400
+    one = paper.get("/v1/types/45185").json()
+    assert (one["number"], one["lengths"], one["family"]) == (45185, [19, 72, 144, 165], "crank_rocker")
+    assert one["samples"] == len(one["details"]) + 1 == atlas["parameters"]["samples"]
+    assert one["unit"] == "rad" and one["normalisation"] == "mean" and -math.pi < one["average"] < math.pi
+    assert paper.get("/v1/types/1").json()["lengths"] == [2, 5, 196, 197]
+    assert paper.get("/v1/types/101408").status_code == 200
+    assert "1 to 101408" in problem(paper.get("/v1/types/101409"), range(404, 405))["detail"]
+
+
+# -- match ------------------------------------------------------------------------------------------------------------
+
+
+def matches(client: TestClient, **fields: Any) -> list[dict[str, Any]]:
+    return ask(client, "/v1/match", **fields)["matches"]
+
+
+def in_radians(request: dict[str, Any]) -> dict[str, Any]:
+    angles = {"rotation", "crank_span", "crank_angle"}
+    turned = {k: np.deg2rad(v).tolist() if k in angles else v for k, v in request.items()}
+    return {**turned, "angle_unit": "rad"}
+
+
+def test_radians_and_degrees_agree(client) -> None:
+    request = {"rotation": ROTATION, "crank_span": 70, "top": 5, "features": True}
+    for a, b in zip(matches(client, **request), matches(client, **in_radians(request)), strict=True):
+        assert (a["type"], a["branch"]) == (b["type"], b["branch"])
+        for name in ("start_angle", "offset", "similarity"):
+            assert math.radians(a[name]) == pytest.approx(b[name], rel=1e-9, abs=1e-12)
+        assert np.deg2rad(a["features"]["details"]) == pytest.approx(b["features"]["details"], abs=1e-12)
+    request = {**EXAMPLE, "top": 1, "limits": {"transmission_angle_min": 20}}
+    turned = {**in_radians(request), "limits": {"transmission_angle_min": math.radians(20)}}
+    a, b = (ask(client, "/v1/synthesize", **fields)["solutions"][0] for fields in (request, turned))
+    assert math.radians(a["mount"]["beta"]) == pytest.approx(b["mount"]["beta"], abs=1e-7)
+    assert math.radians(a["transmission_angle_min"]) == pytest.approx(b["transmission_angle_min"], abs=1e-7)
+    assert a["links"] == pytest.approx(b["links"], rel=1e-6)
+
+
+def test_crank_angles_from_any_zero_are_a_crank_span(client) -> None:
+    spans = matches(client, rotation=ROTATION, crank_span=70, top=3)
+    angles = matches(client, rotation=ROTATION, crank_angle=np.linspace(123, 193, 16).tolist(), top=3)
+    for a, b in zip(spans, angles, strict=True):
+        assert (a["type"], a["branch"], a["start_angle"]) == (b["type"], b["branch"], b["start_angle"])
+        assert a["similarity"] == pytest.approx(b["similarity"], abs=1e-9)
+
+
+def test_uneven_crank_angles_count(client) -> None:
+    uneven = [0.0, 1.0, *np.linspace(30, 70, 14)]
+    a = matches(client, rotation=ROTATION, crank_angle=uneven, top=1)[0]
+    b = matches(client, rotation=ROTATION, crank_span=70, top=1)[0]
+    assert a["similarity"] > 10 * b["similarity"]
+
+
+def test_a_clockwise_crank_is_the_mirror_image(client) -> None:
+    forward = matches(client, rotation=ROTATION, crank_span=70, top=5)
+    mirrored = matches(client, rotation=[-value for value in ROTATION], crank_span=-70, top=5)
+    for a, b in zip(forward, mirrored, strict=True):
+        assert a["similarity"] == pytest.approx(b["similarity"], abs=1e-9)
+    a, b = forward[0], mirrored[0]
+    assert (a["type"], a["branch"]) == (b["type"], -b["branch"])
+    assert (a["start_angle"] + b["start_angle"]) % 360 == 0
+
+
+def test_features_come_with_the_reply_and_are_resampled(client) -> None:
+    reply = ask(client, "/v1/match", rotation=ROTATION, crank_span=70, top=2, features=True)
+    own = reply["report"]["features"]
+    assert own["samples"] == 16 and not own["resampled"]
+    assert np.deg2rad(own["details"][:3]) == pytest.approx([0.0825, 0.0422, 0.0383], abs=5e-5)
+    assert math.radians(own["average"]) == pytest.approx(0.2376, abs=5e-5)
+    for match in reply["matches"]:
+        theirs = match["features"]
+        assert len(theirs["details"]) == theirs["samples"] - 1 == 15
+        assert theirs["average"] + match["offset"] == pytest.approx(own["average"], abs=1e-9)
+    short = ask(client, "/v1/match", rotation=ROTATION[:11], crank_span=70 * 10 / 15, top=1, features=True)
+    assert short["report"]["features"]["samples"] == 16 and short["report"]["features"]["resampled"]
+    assert ask(client, "/v1/match", rotation=ROTATION, crank_span=70)["report"]["features"] is None
+
+
+@pytest.mark.parametrize("samples", [3, 1024])
+def test_the_fewest_and_the_most_samples(samples, client) -> None:
+    curve = np.linspace(0, 40, samples).tolist()
+    assert matches(client, rotation=curve, crank_span=60, top=1)
+    path = [[value, value**2 / 40] for value in curve]
+    reply = ask(client, "/v1/synthesize", rotation=curve, position=path, crank_span=60, top=1, budget_ms=100)
+    assert reply["solutions"]
+
+
+@pytest.mark.parametrize("top", [1, 7])
+def test_top_limits_the_answer(top, client) -> None:
+    assert len(matches(client, rotation=ROTATION, crank_span=70, top=top)) == top
+    reply = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", top=top)
+    assert len(reply["solutions"]) == top
+
+
+def test_a_wrapped_rotation_is_noted(client) -> None:
+    wrapped = [(value + 345) % 360 - 180 for value in np.linspace(0, 40, 16)]
+    assert "unwrap" in ask(client, "/v1/match", rotation=wrapped, crank_span=70)["report"]["notes"][0]
+
+
+# -- synthesize -------------------------------------------------------------------------------------------------------
+
+
+def rotation_error(solution: dict[str, Any], crank_span: float) -> float:
+    """Largest rotation error, the coupler angle by the law of cosines: another way than the service's."""
+    crank, coupler, rocker, ground = solution["links"].values()
+    crank_angle = np.deg2rad(solution["start_angle"] + np.linspace(0, crank_span, len(ROTATION)))
+    diagonal = ground - crank * np.exp(1j * crank_angle)
+    r = np.abs(diagonal)
+    at_pin = np.arccos((coupler**2 + r**2 - rocker**2) / (2 * coupler * r))
+    theta2 = np.unwrap(np.angle(diagonal) + solution["branch"] * at_pin)
+    theta4 = math.radians(solution["mount"]["ground_angle"]) if solution["mount"] else 0.0
+    rest = np.deg2rad(ROTATION) - theta2 - theta4 - math.radians(solution["body_offset"])
+    return float(np.max(np.abs((rest + np.pi) % (2 * np.pi) - np.pi)))
+
+
+@pytest.mark.parametrize("effort", ["atlas", "refine"])
+def test_rotation_only_computes_no_mounting(effort, client) -> None:
+    reply = ask(client, "/v1/synthesize", rotation=ROTATION, crank_span=70, top=3, effort=effort)
+    for solution in reply["solutions"]:
+        assert solution["mount"] is None and solution["links"]["ground"] == 1
+        errors = solution["errors"]
+        assert errors["position_rms"] is None and errors["position_max"] is None
+        assert errors["rotation_max"] == pytest.approx(np.rad2deg(rotation_error(solution, 70)), abs=1e-7)
+        assert errors["objective"] == pytest.approx(math.radians(errors["rotation_rms"]), rel=1e-9)
+    assert reply["report"]["length_scale"] is None
+
+
+@pytest.mark.parametrize("effort", ["atlas", "refine"])
+def test_position_only_computes_no_rotation_error(effort, client) -> None:
+    reply = ask(client, "/v1/synthesize", position=POSITION, crank_span=70, top=3, effort=effort)
+    for solution in reply["solutions"]:
+        assert solution["body_offset"] is None
+        assert solution["errors"]["rotation_rms"] is None and solution["errors"]["rotation_max"] is None
+        scaled = solution["errors"]["position_rms"] / reply["report"]["length_scale"]
+        assert solution["errors"]["objective"] == pytest.approx(scaled, rel=1e-9)
+
+
+def test_solutions_are_sorted_and_differ(client) -> None:
+    reply = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", top=20)
+    objectives = [solution["errors"]["objective"] for solution in reply["solutions"]]
+    assert objectives == sorted(objectives) and len(objectives) == 20
+    links = np.array([list(solution["links"].values()) for solution in reply["solutions"]])
+    starts = np.array([[s["start_angle"], s["branch"]] for s in reply["solutions"]])
+    rows = np.hstack([links, starts])
+    gaps = np.abs(rows[:, None] - rows[None]).max(axis=2) + np.eye(len(rows))
+    assert gaps.min() > 1e-6
+    for solution in reply["solutions"]:
+        assert solution["errors"]["rotation_max"] == pytest.approx(np.rad2deg(rotation_error(solution, 70)), abs=1e-6)
+
+
+def test_the_mounting_poses_reproduce_the_positions(client) -> None:
+    reply = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", top=3)
+    for solution in reply["solutions"]:
+        mount, (crank, coupler, rocker, ground) = solution["mount"], solution["links"].values()
+        theta1 = np.deg2rad(solution["start_angle"] + np.linspace(0, 70, 16))
+        diagonal = ground - crank * np.exp(1j * theta1)
+        r = np.abs(diagonal)
+        theta2 = np.angle(diagonal) + solution["branch"] * np.arccos(
+            (coupler**2 + r**2 - rocker**2) / (2 * coupler * r)
+        )
+        theta4 = math.radians(mount["ground_angle"])
+        pin = complex(*mount["pivot_a"]) + crank * np.exp(1j * (theta1 + theta4))
+        angle = math.radians(mount["coupler_point"]["angle"])
+        point = pin + mount["coupler_point"]["radius"] * np.exp(1j * (angle + theta2 + theta4))
+        wanted = np.array([complex(*xy) for xy in POSITION])
+        assert np.abs(point - wanted).max() == pytest.approx(solution["errors"]["position_max"], abs=1e-8)
+        a, b = complex(*mount["pivot_a"]), complex(*mount["pivot_b"])
+        assert abs(b - a) == pytest.approx(ground) and np.angle(b - a) == pytest.approx(theta4)
+        assert a == pytest.approx(mount["L_B"] * np.exp(1j * math.radians(mount["beta"])))
+
+
+def test_tolerance_decides_the_status(client) -> None:
+    loose = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", tolerance=0.5, top=1)
+    assert (loose["status"], loose["report"]["stopped_by"]) == ("reached", "tolerance")
+    strict = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", tolerance=0, top=1)
+    assert (strict["status"], strict["report"]["stopped_by"]) == ("closest", "converged")
+    impossible = {"crank_span": 10, "effort": "atlas", "limits": {"link_max": 1e-3}}
+    none = ask(client, "/v1/synthesize", rotation=ROTATION[:3], **impossible)
+    assert (none["status"], none["solutions"]) == ("infeasible", [])
+    refined = ask(client, "/v1/synthesize", **EXAMPLE, tolerance=1e-3, top=1)
+    assert refined["status"] == "reached" and refined["solutions"][0]["errors"]["objective"] < 1e-3
+
+
+class TickingResources(ServiceResources):
+    """A clock that goes on by ten milliseconds whenever it is looked at: the same budget on every machine."""
+
+    now = 0.0
+
+    def clock(self) -> float:
+        self.now += 0.01
+        return self.now
+
+
+def ticking(**settings: Any) -> TestClient:
+    return TestClient(create_app(resources=TickingResources(Settings(atlas=Path("none"), **settings))))
+
+
+ZIGZAG = {"rotation": [10.0 * (k % 2) for k in range(16)], "crank_span": 300, "top": 1}
+"""A motion that no four-bar comes near to."""
+
+
+def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
+    with ticking() as client:
+        reply = ask(client, "/v1/synthesize", **ZIGZAG, budget_ms=500)
+        longer = ask(client, "/v1/synthesize", **ZIGZAG, budget_ms=1000)
+    report = reply["report"]
+    assert reply["status"] == "closest" and report["stopped_by"] == longer["report"]["stopped_by"] == "budget"
+    assert 500 <= report["elapsed_ms"]["total"] < 700 < longer["report"]["elapsed_ms"]["total"]
+    assert set(report["elapsed_ms"]) >= {"screen", "refine", "total"}
+    times, objectives = zip(*report["trace"], strict=True)
+    assert list(times) == sorted(times)
+    # the last entry is recomputed from the reply's numbers: it may differ by rounding
+    assert all(later <= earlier * (1 + 1e-9) for earlier, later in pairwise(objectives))
+    assert objectives[-1] == pytest.approx(reply["solutions"][0]["errors"]["objective"], rel=1e-6)
+    assert longer["solutions"][0]["errors"]["objective"] <= objectives[-1] * (1 + 1e-9)
+
+
+def test_no_request_computes_longer_than_the_service_allows() -> None:
+    with ticking(max_budget_ms=500) as hasty:
+        reply = ask(hasty, "/v1/synthesize", **ZIGZAG, budget_ms=60_000)
+    assert reply["report"]["stopped_by"] == "budget" and reply["report"]["elapsed_ms"]["total"] < 700
+
+
+@pytest.mark.parametrize("effort", ["atlas", "refine"])
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"transmission_angle_min": 45},
+        {"link_min": 15, "link_max": 300},
+        {"pivot_box": [-60, -60, 260, 260]},
+        {"family": "crank_rocker"},
+        {"family": "double_crank"},
+        {"family": "any"},
+    ],
+    ids=json.dumps,
+)
+def test_every_solution_keeps_the_limits(limits, effort, client) -> None:
+    fields = {**EXAMPLE, "top": 3, "effort": effort, "limits": limits, "budget_ms": 2_000}
+    reply = ask(client, "/v1/synthesize", **fields)
+    assert reply["solutions"] or reply["status"] == "infeasible"
+    for solution in reply["solutions"]:
+        links = list(solution["links"].values())
+        assert solution["transmission_angle_min"] >= limits.get("transmission_angle_min", 0)
+        assert limits.get("link_min", 0) <= min(links) and max(links) <= limits.get("link_max", math.inf)
+        low_x, low_y, high_x, high_y = limits.get("pivot_box", [-math.inf, -math.inf, math.inf, math.inf])
+        for pivot in ("pivot_a", "pivot_b"):
+            x, y = solution["mount"][pivot]
+            assert low_x <= x <= high_x and low_y <= y <= high_y
+        if limits.get("family", "any") != "any":
+            assert solution["family"] == limits["family"]
+
+
+def test_length_scale_weighs_positions(client) -> None:
+    reply = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", length_scale=1000, top=1)
+    errors = reply["solutions"][0]["errors"]
+    assert reply["report"]["length_scale"] == 1000
+    parts = math.hypot(math.radians(errors["rotation_rms"]), errors["position_rms"] / 1000)
+    assert errors["objective"] == pytest.approx(parts, rel=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1e-45, 1e-6, 1e6, 1e45])
+def test_the_unit_of_length_does_not_matter(factor, client) -> None:
+    position = [[x * factor, y * factor] for x, y in POSITION]
+    reply = ask(client, "/v1/synthesize", **{**EXAMPLE, "position": position}, top=1)
+    assert list(reply["solutions"][0]["links"].values()) == pytest.approx(
+        [19 * factor, 72 * factor, 144 * factor, 165 * factor], rel=1e-6
+    )
+
+
+def test_round_to_puts_the_links_on_the_grid(client) -> None:
+    best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, round_to=5)["solutions"][0]
+    rounded = best["rounded"]
+    assert rounded["closes"] and list(rounded["links"].values()) == [20, 70, 145, 165]
+    assert rounded["errors"]["objective"] > best["errors"]["objective"]
+    assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["solutions"][0]["rounded"] is None
+
+
+def test_sensitivity_is_the_derivative_by_each_length(client) -> None:
+    best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, sensitivity=True)["solutions"][0]
+    assert len(best["sensitivity"]["rotation"]) == len(best["sensitivity"]["position"]) == 4
+    links, start = list(best["links"].values()), best["start_angle"]
+    theta1 = np.deg2rad(start + np.linspace(0, 70, 16))
+
+    def theta2(lengths: list[float]) -> np.ndarray:
+        crank, coupler, rocker, ground = lengths
+        diagonal = ground - crank * np.exp(1j * theta1)
+        r = np.abs(diagonal)
+        return np.angle(diagonal) + np.arccos((coupler**2 + r**2 - rocker**2) / (2 * coupler * r))
+
+    for k, claimed in enumerate(best["sensitivity"]["rotation"]):
+        ahead, behind = (theta2([v + (i == k) * step for i, v in enumerate(links)]) for step in (1e-4, -1e-4))
+        slope = np.rad2deg((ahead - behind) / 2e-4)
+        assert claimed == pytest.approx(np.sqrt(np.mean(slope**2)), rel=1e-5)
+    assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["solutions"][0]["sensitivity"] is None
+
+
+# -- malformed requests -----------------------------------------------------------------------------------------------
+
+MATCH = json.dumps({"rotation": ROTATION, "crank_span": 70, "top": 3})
+"""A good request as text, to be spoilt."""
+MARK = "never_echo_this"
+
+
+def spoilt(old: str, new: str) -> str:
+    assert MATCH.count(old) == 1
+    return MATCH.replace(old, new)
+
+
+@pytest.mark.parametrize("literal", ["NaN", "Infinity", "-Infinity", "1e999", "-1e999", '"70"', "true", "[70]", "{}"])
+def test_what_is_no_finite_number_is_pointed_at(literal, client) -> None:
+    assert pointers(refusal(client, "/v1/match", spoilt("70", literal))) == ["#/crank_span"]
+    in_list = '{"crank_span": 70, "rotation": [1, 2, ' + literal + ", 3]}"
+    assert pointers(refusal(client, "/v1/match", in_list)) == ["#/rotation/2"]
+    in_path = '{"crank_span": 70, "position": [[1, 2], [3, ' + literal + "], [5, 6]]}"
+    assert pointers(refusal(client, "/v1/synthesize", in_path)) == ["#/position/1/1"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "",
+        " ",
+        "[",
+        "{",
+        '{"rotation"',
+        "nonsense",
+        MATCH + "x",
+        "\0",
+        b"\xff\xfe{}",
+        '{"rotation": "\xff"}'.encode("latin-1"),
+    ],
+    ids=lambda body: repr(body)[:24],
+)
+@pytest.mark.parametrize("path", ["/v1/match", "/v1/synthesize"])
+def test_what_is_no_json_is_refused(path, body, client) -> None:
+    assert pointers(refusal(client, path, body)) == ["#"]
+
+
+@pytest.mark.parametrize("body", ["null", "[]", "3", '"text"', "true", '{"\\ud800": 1}'])
+def test_what_is_no_object_is_refused(body, client) -> None:
+    for path in ("/v1/match", "/v1/synthesize"):
+        assert pointers(refusal(client, path, body)) == ["#"]
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"rotation":' * 10_000, "[" * 90_000 + "]" * 90_000])
+def test_deep_nesting_is_refused(text, client) -> None:
+    refusal(client, "/v1/match", text)
+    refusal(client, "/v1/synthesize", '{"crank_span": 70, "position": ' + text + "}")
+
+
+@pytest.mark.parametrize("field", ["70", '"top": 3'])
+def test_a_number_of_5000_digits_is_refused(field, client) -> None:
+    digits = "9" * 5000
+    values = refusal(client, "/v1/match", spoilt(field, field.replace("70", digits).replace("3", digits)))
+    assert "9999" not in json.dumps(values)
+
+
+@pytest.mark.parametrize(
+    ("fields", "place"),
+    [
+        ({"rotation": [1, 2]}, "#/rotation"),
+        ({"rotation": [1.0] * 2000}, "#/rotation"),
+        ({"rotation": []}, "#/rotation"),
+        ({"rotation": {"0": 1}}, "#/rotation"),
+        ({"rotation": MARK}, "#/rotation"),
+        ({"rotation": None}, "#/rotation"),
+        ({"rotation": [[1], [2], [3]]}, "#/rotation/0"),
+        ({"rotation": [1, MARK, 3]}, "#/rotation/1"),
+        ({"rotation": [0, 1, 1e308]}, "#/rotation/2"),
+        ({"crank_span": None}, "#/crank_span"),
+        ({"crank_span": 0}, "#/crank_span"),
+        ({"crank_span": 0.01}, "#/crank_span"),
+        ({"crank_span": 1e308}, "#/crank_span"),
+        ({"crank_angle": list(range(16))}, "#/crank_span"),
+        ({"crank_span": None, "crank_angle": [0, 1, 2]}, "#/crank_angle"),
+        ({"crank_span": None, "crank_angle": [*range(15), 7]}, "#/crank_angle/15"),
+        ({"crank_span": None, "crank_angle": [0, *(k * 1e-300 for k in range(1, 15)), 70]}, "#/crank_angle/1"),
+        ({"crank_span": None, "crank_angle": [-1e308, 1e308, *range(14)]}, "#/crank_angle"),
+        ({"top": 0}, "#/top"),
+        ({"top": 1001}, "#/top"),
+        ({"top": 1.5}, "#/top"),
+        ({"top": "3"}, "#/top"),
+        ({"top": True}, "#/top"),
+        ({"features": 1}, "#/features"),
+        ({"features": "yes"}, "#/features"),
+        ({"angle_unit": MARK}, "#/angle_unit"),
+        ({"angle_unit": "\ud800"}, "#/angle_unit"),
+        ({"budget_ms": 5}, "#/budget_ms"),
+        ({"a/b~c d": 5}, "#/a~1b~0c%20d"),
+        ({"body": 5}, "#/body"),
+        ({"\u00e9": 5}, "#/%C3%A9"),
+    ],
+    ids=lambda value: json.dumps(value)[:40],
+)
+def test_a_bad_field_of_match_is_pointed_at(fields, place, client) -> None:
+    values = refusal(client, "/v1/match", {"rotation": ROTATION, "crank_span": 70, **fields})
+    assert pointers(values)[0] == place
+    assert MARK not in json.dumps(values)
+
+
+@pytest.mark.parametrize(
+    ("fields", "place"),
+    [
+        ({"rotation": None, "position": None}, "#"),
+        ({"position": POSITION[:2]}, "#/position"),
+        ({"position": [[1, 2]] * 2000}, "#/position"),
+        ({"position": POSITION[:15]}, "#/position"),
+        ({"position": [1, 2, 3]}, "#/position/0"),
+        ({"position": [[1, 2, 3]] * 16}, "#/position/0"),
+        ({"position": [[1, 2]] * 16}, "#/position"),
+        ({"position": [[1e308, -1e308]] * 16}, "#/position/0/0"),
+        ({"position": [[k * 1e-308, 0] for k in range(16)]}, "#/position"),
+        ({"position": None, "length_scale": 1}, "#/length_scale"),
+        ({"position": None, "round_to": 1}, "#/round_to"),
+        ({"position": None, "limits": {"pivot_box": [0, 0, 1, 1]}}, "#/limits/pivot_box"),
+        ({"length_scale": 0}, "#/length_scale"),
+        ({"length_scale": 1e300}, "#/length_scale"),
+        ({"round_to": -1}, "#/round_to"),
+        ({"round_to": 1e300}, "#/round_to"),
+        ({"round_to": 1e-320}, "#/round_to"),
+        ({"top": 101}, "#/top"),
+        ({"effort": MARK}, "#/effort"),
+        ({"tolerance": -1}, "#/tolerance"),
+        ({"tolerance": 1e308}, "#/tolerance"),
+        ({"budget_ms": 0}, "#/budget_ms"),
+        ({"sensitivity": "yes"}, "#/sensitivity"),
+        ({"limits": None}, "#/limits"),
+        ({"limits": []}, "#/limits"),
+        ({"limits": {MARK: 1}}, f"#/limits/{MARK}"),
+        ({"limits": {"family": "crank"}}, "#/limits/family"),
+        ({"limits": {"transmission_angle_min": -1}}, "#/limits/transmission_angle_min"),
+        ({"limits": {"transmission_angle_min": 90}}, "#/limits/transmission_angle_min"),
+        ({"limits": {"pivot_box": [0, 0, 1]}}, "#/limits/pivot_box"),
+        ({"limits": {"pivot_box": [1, 1, 0, 0]}}, "#/limits/pivot_box"),
+        ({"limits": {"pivot_box": [-1e308, 0, 1e308, 1]}}, "#/limits/pivot_box/0"),
+        ({"limits": {"link_min": 0}}, "#/limits/link_min"),
+        ({"limits": {"link_min": 1e-320}}, "#/limits/link_min"),
+        ({"limits": {"link_min": 2, "link_max": 1}}, "#/limits/link_min"),
+        ({"features": True}, "#/features"),
+    ],
+    ids=lambda value: json.dumps(value)[:40],
+)
+def test_a_bad_field_of_synthesize_is_pointed_at(fields, place, client) -> None:
+    assert pointers(refusal(client, "/v1/synthesize", {**EXAMPLE, **fields}))[0] == place
+
+
+def test_a_refusal_lists_few_errors_and_cuts_long_names(client) -> None:
+    values = refusal(client, "/v1/match", {"rotation": [MARK] * 1024, "crank_span": 70})
+    assert len(values["errors"]) == 20 and MARK not in json.dumps(values)
+    refusal(client, "/v1/match", {"x" * 100_000: 1})
+    refusal(client, "/v1/match", {"\u00e9" * 30_000: 1})
+
+
+@pytest.mark.parametrize("kind", [None, "text/plain", "application/x-www-form-urlencoded", "application/xml", "x"])
+def test_a_body_that_is_not_declared_as_json_gets_415(kind, client) -> None:
+    values = refusal(client, "/v1/match", MATCH, headers={"content-type": kind} if kind else {})
+    assert values["status"] == 415 and "application/json" in values["detail"]
+
+
+def test_json_may_be_declared_with_parameters(client) -> None:
+    for kind in ("application/json; charset=utf-8", "APPLICATION/JSON", "application/vnd.x+json"):
+        assert client.post("/v1/match", content=MATCH, headers={"content-type": kind}).status_code == 200, kind
+
+
+@pytest.mark.parametrize("declared", [True, False], ids=["content-length", "chunked"])
+def test_a_body_above_the_limit_gets_413(declared, client) -> None:
+    text = b"[" + b"1," * BODY_LIMIT + b"1]"
+    body = text if declared else (text[k : k + 1000] for k in range(0, len(text), 1000))
+    values = refusal(client, "/v1/match", body)
+    assert values["status"] == 413
+    huge = refusal(client, "/v1/match", MATCH, headers={**JSON, "content-length": "9" * 5000})
+    assert huge["status"] == 413
+
+
+def test_a_body_at_the_limit_is_read(client) -> None:
+    assert client.post("/v1/match", content=MATCH.ljust(BODY_LIMIT), headers=JSON).status_code == 200
+    assert refusal(client, "/v1/match", MATCH.ljust(BODY_LIMIT + 1))["status"] == 413
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/v1", "/v1/match/", "/v2/match", "/v1/types", "/v1/types/", "/.env", "/v1/%00"]
+)
+def test_an_unknown_route_gets_404(path, client) -> None:
+    for method in ("GET", "POST"):
+        values = problem(client.request(method, path), range(404, 405))
+        assert path.strip("/") == "" or path not in json.dumps(values)
+
+
+@pytest.mark.parametrize("method", ["GET", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "NONSENSE"])
+def test_a_wrong_method_gets_405(method, client) -> None:
+    reply = client.request(method, "/v1/match")
+    problem(reply, range(405, 406))
+    assert reply.headers["allow"] == "POST"
+    if method != "GET":
+        problem(client.request(method, "/v1/atlas"), range(405, 406))
+
+
+@pytest.mark.parametrize("number", ["0", "-1", "abc", "1.5", "1e3", "99999999999999999999", "9" * 5000, "%00", "%ff"])
+def test_an_impossible_type_is_pointed_at(number, client) -> None:
+    values = problem(client.get(f"/v1/types/{number}"), range(422, 423))
+    assert pointers(values) == ["#/number"]
+    assert number in ("0", "1.5") or number not in json.dumps(values)
+
+
+def test_a_fault_of_the_service_is_a_problem_too(client, monkeypatch) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError(MARK)
+
+    monkeypatch.setattr("app.motion.make_target", fail)
+    with TestClient(create_app(Settings(atlas=Path("none"))), raise_server_exceptions=False) as blunt:
+        reply = blunt.post("/v1/synthesize", json=EXAMPLE)
+    values = problem(reply, range(500, 501))
+    assert MARK not in json.dumps(values)
+
+
+# -- health, overload, a missing atlas --------------------------------------------------------------------------------
+
+
+def test_health(client) -> None:
+    assert client.get("/livez").json() == {"status": "ok"}
+    assert client.get("/readyz").json() == {"status": "ready"}
+
+
+@pytest.mark.parametrize("fault", ["missing", "damaged", "too large", "too many types", "folder"])
+def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None:
+    path = tmp_path / "atlas.h5"
+    settings = {"too large": {"atlas_max_bytes": 1000}, "too many types": {"atlas_max_types": 10}}.get(fault, {})
+    if fault == "folder":
+        path.mkdir()
+    elif fault != "missing":
+        path.write_bytes(small_bytes[:-1] if fault == "damaged" else small_bytes)
+    with TestClient(create_app(Settings(atlas=path, **settings))) as client:
+        assert client.get("/livez").status_code == 200
+        for reply in (
+            client.get("/readyz"),
+            client.get("/v1/atlas"),
+            client.get("/v1/types/1"),
+            client.post("/v1/match", content=MATCH, headers=JSON),
+            client.post("/v1/synthesize", json={**EXAMPLE, "effort": "atlas"}),
+        ):
+            problem(reply, range(503, 504))
+            assert int(reply.headers["retry-after"]) > 0
+        assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["status"] == "reached", "the search needs no atlas"
+        for query in scene_queries():
+            body = next(iter(query.examples.values()))
+            assert client.post(query.path, json=body).status_code == 200, query.path
+        assert refusal(client, "/v1/match", "{}")["status"] == 422
+
+
+def test_an_atlas_that_appears_later_changes_nothing_until_a_restart(small_bytes, tmp_path) -> None:
+    path = tmp_path / "atlas.h5"
+    with TestClient(create_app(Settings(atlas=path))) as client:
+        path.write_bytes(small_bytes)
+        assert client.get("/readyz").status_code == 503
+        assert client.post("/v1/match", content=MATCH, headers=JSON).status_code == 503
+
+
+def test_overload_is_refused_at_once_while_health_answers(tmp_path) -> None:
+    release, running = threading.Event(), threading.Event()
+    settings = Settings(atlas=tmp_path / "none", max_concurrent=1, max_waiting=1)
+
+    class Slow(ServiceResources):
+        def clock(self) -> float:
+            running.set()
+            assert release.wait(30)
+            return time.perf_counter()
+
+    resources = ServiceResources(settings)
+    statuses: list[int] = []
+    with TestClient(create_app(resources=resources)) as client:
+        resources.__class__ = Slow
+
+        def post() -> None:
+            statuses.append(client.post("/v1/synthesize", json={**EXAMPLE, "top": 1}).status_code)
+
+        threads = [threading.Thread(target=post) for _ in range(2)]
+        threads[0].start()
+        assert running.wait(30)
+        threads[1].start()
+        waiting = client.app.state.turnstile._limiter.statistics
+        while not waiting().tasks_waiting:
+            time.sleep(0.01)
+        reply = client.post("/v1/synthesize", json=EXAMPLE)
+        problem(reply, range(503, 504))
+        assert int(reply.headers["retry-after"]) > 0
+        assert client.get("/livez").status_code == 200
+        release.set()
+        for thread in threads:
+            thread.join(30)
+    assert statuses == [200, 200]
+
+
+# -- OpenAPI ----------------------------------------------------------------------------------------------------------
+
+EXAMPLES = [(query, name) for query in all_queries() for name in query.examples]
+
+
+@pytest.mark.parametrize(("query", "name"), EXAMPLES, ids=[f"{q.command}-{n}" for q, n in EXAMPLES])
+def test_every_example_of_the_description_is_answered(query, name, client) -> None:
+    described = client.get("/openapi.json").json()["paths"][query.path]["post"]
+    body = described["requestBody"]["content"]["application/json"]["examples"][name]["value"]
+    assert body == {key: value for key, value in query.examples[name].items() if value is not None}
+    assert ask(client, query.path, **body)
+
+
+def test_the_description_is_valid_openapi(client) -> None:
+    from schemathesis.specs.openapi.definitions import OPENAPI_31_VALIDATOR
+
+    document = client.get("/openapi.json").json()
+    assert document["openapi"].startswith("3.1")
+    assert [error.message for error in OPENAPI_31_VALIDATOR.iter_errors(document)] == []
+    for path, methods in document["paths"].items():
+        for method, described in methods.items():
+            assert described["summary"] and described["tags"], (method, path)
+            for status, answer in described["responses"].items():
+                if int(status) >= 400:
+                    assert list(answer["content"]) == ["application/problem+json"], (path, status)

@@ -1,0 +1,18 @@
+"""The API's description in the tree is the application's."""
+
+from __future__ import annotations
+
+from app.openapi import PLACE, description
+
+
+def test_the_description_in_the_tree_is_current() -> None:
+    current = PLACE.exists() and PLACE.read_text() == description()
+    assert current, (
+        "docs/openapi.json is not the application's: renew it with `python -m app.openapi`, look at the change"
+    )
+
+
+def test_the_description_does_not_depend_on_the_environment(monkeypatch) -> None:
+    before = description()
+    monkeypatch.setenv("LINKAGE_ATLAS_MAX_BODY_BYTES", "17")
+    assert description() == before

@@ -1,0 +1,150 @@
+"""Requests made from the API's own description, good and bad: never a 5xx, errors always as problem+json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import schemathesis
+from fastapi import FastAPI
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+from schemathesis import GenerationMode
+from schemathesis.checks import load_all_checks
+from schemathesis.python.asgi import get_client
+
+from app.main import create_app
+from app.settings import Settings
+
+EXAMPLES = {GenerationMode.POSITIVE: 25, GenerationMode.NEGATIVE: 40}
+"""Requests of each operation: those that follow the description are searched for, which takes time."""
+
+SHAPED = 150
+"""Requests of the right shape with numbers of any size."""
+CHECKS = [
+    "not_a_server_error",
+    "status_code_conformance",
+    "content_type_conformance",
+    "response_schema_conformance",
+    "negative_data_rejection",
+]
+SETTINGS: dict[str, Any] = {
+    "deadline": None,
+    "database": None,
+    "phases": [Phase.generate],
+    "suppress_health_check": list(HealthCheck),
+}
+DESCRIPTION = schemathesis.openapi.from_dict(create_app(Settings(atlas=Path("none"))).openapi())
+CASES = [
+    (operation.ok().label, mode)
+    for operation in DESCRIPTION.get_all_operations()
+    for mode in EXAMPLES
+    if mode is GenerationMode.POSITIVE or operation.ok().body or operation.ok().path_parameters
+]
+
+
+@pytest.fixture(scope="module")
+def api(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
+    """The application over an atlas of few types, with short searches."""
+    path = tmp_path_factory.mktemp("fuzz") / "small.h5"
+    path.write_bytes(small_bytes)
+    return create_app(Settings(atlas=path, max_budget_ms=20))
+
+
+@pytest.fixture(scope="module")
+def session(api: FastAPI) -> Iterator[Any]:
+    """A client inside the process; the application starts once."""
+    with get_client(api) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def operations(api: FastAPI) -> dict[str, Any]:
+    schema = schemathesis.openapi.from_asgi("/openapi.json", api)
+    return {operation.ok().label: operation.ok() for operation in schema.get_all_operations()}
+
+
+@pytest.mark.parametrize(("label", "mode"), CASES, ids=[f"{label}-{mode.value}" for label, mode in CASES])
+def test_no_request_of_the_description_breaks_the_service(label, mode, operations, session) -> None:
+    load_all_checks()
+    checks = schemathesis.checks.CHECKS.get_by_names(CHECKS)
+
+    @seed(20)
+    @settings(max_examples=EXAMPLES[mode], **SETTINGS)
+    @given(case=operations[label].as_strategy(generation_mode=mode))
+    def run(case: Any) -> None:
+        reply = case.call(session=session)
+        case.validate_response(reply, checks=checks)
+        if reply.status_code >= 400:
+            assert reply.headers["content-type"] == ["application/problem+json"]
+            assert reply.json()["status"] == reply.status_code
+
+    run()
+
+
+extreme = st.sampled_from([0.0, 1e-320, 1e-300, 1e-50, 1e-9, 1e-3, 90.0, 360.0, 1e6, 1e49, 1e300, 1.7e308])
+number = st.one_of(st.floats(0.5, 50), st.floats(0.5, 50), extreme)
+signed = st.builds(lambda value, sign: value * sign, number, st.sampled_from([1, -1]))
+limits = st.fixed_dictionaries(
+    {},
+    optional={
+        "family": st.sampled_from(["full_crank", "crank_rocker", "double_crank", "any"]),
+        "transmission_angle_min": st.sampled_from([0, 1e-300, 20, 89.999]),
+        "pivot_box": st.lists(signed, min_size=4, max_size=4).map(lambda box: sorted(box[:2]) + sorted(box[2:])),
+        "link_min": number,
+        "link_max": number,
+    },
+)
+
+
+def motion(samples: int) -> st.SearchStrategy[dict[str, Any]]:
+    """Requests whose shapes are right and whose numbers are not always."""
+    curve = st.one_of(
+        st.lists(signed, min_size=samples, max_size=samples),
+        st.builds(lambda a, b: [a + b * k for k in range(samples)], signed, signed),
+    )
+    path = st.one_of(
+        st.lists(st.tuples(signed, signed), min_size=samples, max_size=samples),
+        st.builds(lambda a, b, c: [(a + b * k, c * k * k) for k in range(samples)], signed, signed, signed),
+    )
+    fields = {
+        "top": st.integers(1, 5),
+        "angle_unit": st.sampled_from(["deg", "rad"]),
+        "effort": st.sampled_from(["atlas", "refine"]),
+        "tolerance": number,
+        "budget_ms": number,
+        "length_scale": number,
+        "round_to": number,
+        "sensitivity": st.booleans(),
+        "limits": limits,
+        "rotation": curve,
+        "position": path,
+        "crank_span": st.one_of(st.sampled_from([70, -350, 0.1, 3600]), signed),
+        "crank_angle": curve,
+    }
+    use = st.sampled_from([{"crank_span"}, {"crank_span"}, {"crank_span"}, {"crank_angle"}])
+    give = st.sampled_from([{"rotation"}, {"position"}, {"rotation", "position"}])
+    extra = st.sets(st.sampled_from(sorted(set(fields) - {"rotation", "position", "crank_span", "crank_angle"})))
+    return st.builds(lambda *sets: set().union(*sets), use, give, extra).flatmap(
+        lambda names: st.fixed_dictionaries({name: fields[name] for name in sorted(names)})
+    )
+
+
+def test_no_numbers_of_the_right_shape_break_the_service(session) -> None:
+    answered = []
+
+    @seed(20)
+    @settings(max_examples=SHAPED, **SETTINGS)
+    @given(body=st.sampled_from([3, 4, 9]).flatmap(motion))
+    def run(body: dict[str, Any]) -> None:
+        headers = {"content-type": "application/json"}
+        reply = session.post("/v1/synthesize", data=json.dumps(body), headers=headers)
+        assert reply.status_code in (200, 422), reply.text
+        assert "NaN" not in reply.text and "Infinity" not in reply.text
+        answered.append(reply.status_code == 200)
+
+    run()
+    assert sum(answered) > SHAPED / 5, "some requests must get through for this to say something"

@@ -1,0 +1,160 @@
+"""The exact scan against its twin that evaluates every window and sorts them all."""
+
+from __future__ import annotations
+
+import naive
+import numpy as np
+import pytest
+from conftest import make_atlas
+
+from synthesis.atlas_file import AtlasRule
+from synthesis.dimension_types import OrderRule, TypeRule
+from synthesis.fourbar import coupler_angle
+from synthesis.mounting import objective
+from synthesis.scan import STARTS, TIE, Scan, Windows, window_errors
+from synthesis.target import Target, make_target
+
+ATLASES = {
+    "increasing": AtlasRule(TypeRule(100, 14, OrderRule.INCREASING), 64),
+    "crank_shortest": AtlasRule(TypeRule(64, 9, OrderRule.CRANK_SHORTEST), 32),
+    "full_crank": AtlasRule(TypeRule(60, 9, OrderRule.FULL_CRANK), 32),
+    "coarse": AtlasRule(TypeRule(60, 9, OrderRule.FULL_CRANK), 16),
+}
+
+
+@pytest.fixture(scope="module")
+def scans() -> dict[str, Scan]:
+    return {name: Scan(make_atlas(rule)) for name, rule in ATLASES.items()}
+
+
+def every_window(scan: Scan) -> Windows:
+    """All windows in the order that breaks ties: number, start, branch +1 before -1."""
+    row, start, branch = np.meshgrid(np.arange(len(scan.lengths)), np.arange(STARTS), [1, -1], indexing="ij")
+    return Windows(row.ravel(), start.ravel(), branch.ravel(), np.zeros(row.size))
+
+
+def naive_scan(scan: Scan, target: Target, top: int) -> tuple[Windows, Windows]:
+    """The best ``top`` windows by evaluating and sorting all, and all of them."""
+    windows = every_window(scan)
+    errors = []
+    for first in range(0, windows.row.size, 1 << 14):
+        part = windows.take(np.arange(first, min(first + (1 << 14), windows.row.size)))
+        crank = np.deg2rad(part.start)[:, None] + target.crank
+        errors.append(objective(target, crank, coupler_angle(scan.lengths[part.row], part.branch, crank)))
+    windows = windows._replace(error=np.concatenate(errors))
+    order = np.argsort(np.round(windows.error / TIE), kind="stable")
+    return windows.take(order[:top]), windows
+
+
+def random_target(scan: Scan, rng: np.random.Generator, kind: str, reachable: bool) -> Target:
+    """A motion of some type of the atlas, or of nothing at all."""
+    samples = int(rng.integers(8, 65))
+    span = rng.choice([1, -1]) * np.deg2rad(rng.uniform(10, 350))
+    crank = np.linspace(0, span, samples)
+    if rng.random() < 0.4:
+        crank[1:-1] += rng.uniform(-0.4, 0.4, samples - 2) * span / samples
+    start = np.deg2rad(rng.integers(360))
+    lengths = scan.lengths[rng.integers(len(scan.lengths))]
+    theta2 = coupler_angle(lengths, rng.choice([1, -1]), start + crank)
+    rotation = theta2 + rng.uniform(-9, 9)
+    z1, z2, pivot = rng.normal(size=3) + 1j * rng.normal(size=3)
+    position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * theta2)
+    if not reachable:
+        wave = rng.normal(size=4) @ np.sin(np.outer(np.arange(1, 5), 2 * crank / span))
+        rotation = rng.uniform(0.01, 1) * wave + rng.choice([0, 1]) * crank
+        position = position * (1 + 0.3 * wave * rng.random())
+    return make_target(
+        rotation if kind != "position" else None,
+        position if kind != "rotation" else None,
+        crank_angle=crank + rng.uniform(-3, 3),
+    )
+
+
+@pytest.mark.parametrize("reachable", [True, False], ids=["reachable", "unreachable"])
+@pytest.mark.parametrize("kind", ["rotation", "both", "position"])
+@pytest.mark.parametrize("name", ATLASES)
+def test_scan_is_that_of_all_windows(scans, name, kind, reachable) -> None:
+    scan = scans[name]
+    rng = np.random.default_rng([list(ATLASES).index(name), len(kind), reachable])
+    for _ in range(1):
+        target = random_target(scan, rng, kind, reachable)
+        top = int(rng.choice([1, 10, 60]))
+        wanted, everything = naive_scan(scan, target, top)
+        found, report = scan.best(target, top)
+        assert report.exhaustive and report.windows == scan.windows == everything.row.size
+        for column in ("row", "start", "branch"):
+            assert np.array_equal(getattr(found, column), getattr(wanted, column)), column
+        assert np.allclose(found.error, wanted.error, rtol=0, atol=TIE)
+
+        # the bounds that the proof rests on: no window's bound is above its exact error
+        ids, bounds = (np.concatenate(parts) for parts in zip(*scan._bounds(target, lambda: np.inf)))
+        assert ids.size == scan.windows
+        windows = scan._windows(ids)
+        place = (windows.row * STARTS + windows.start.astype(int)) * 2 + (windows.branch < 0)
+        assert np.all(bounds <= everything.error[place] + 1e-15)
+
+
+@pytest.mark.parametrize("kind", ["rotation", "both", "position"])
+def test_errors_are_those_of_the_textbook(scans, kind) -> None:
+    scan, rng = scans["full_crank"], np.random.default_rng(5)
+    for reachable in (True, False):
+        target = random_target(scan, rng, kind, reachable)
+        chosen = rng.choice(scan.windows, 100, replace=False)
+        windows = every_window(scan).take(chosen)
+        plain = [
+            naive.window_error(
+                scan.lengths[row], branch, start, target.crank, target.rotation, target.position, target.length_scale
+            )
+            for row, start, branch, _ in zip(*windows)
+        ]
+        assert window_errors(scan.lengths, target, windows) == pytest.approx(plain, rel=1e-6, abs=1e-9)
+
+
+def test_ties_go_by_number_start_and_branch(scans) -> None:
+    # A turn that starts and ends at the same place: a rotation equal to the crank's is met alike from every start.
+    scan = scans["full_crank"]
+    crank = np.linspace(0, 2 * np.pi, 9)
+    found, _ = scan.best(make_target(crank, crank_angle=crank), 20)
+    rounded = np.round(found.error / TIE)
+    keys = list(zip(rounded, found.row, found.start, found.branch < 0))
+    assert keys == sorted(keys) and len(set(rounded)) < len(rounded)
+
+
+def test_answers_do_not_depend_on_the_series(scans) -> None:
+    scan = scans["increasing"]
+    target = random_target(scan, np.random.default_rng(8), "both", True)
+    coarse = Scan(make_atlas(ATLASES["increasing"]), series_error=1e-2)
+    assert all(np.array_equal(*pair) for pair in zip(coarse.best(target, 30)[0], scan.best(target, 30)[0]))
+
+
+def test_refused_windows_are_no_answers(scans) -> None:
+    scan = scans["increasing"]
+    target = random_target(scan, np.random.default_rng(9), "rotation", True)
+
+    def odd_rows(windows: Windows) -> np.ndarray:
+        return np.where(windows.row % 2 == 1, window_errors(scan.lengths, target, windows), np.inf)
+
+    _, everything = naive_scan(scan, target, 1)
+    odd = everything.take(np.flatnonzero(everything.row % 2 == 1))
+    wanted = odd.take(np.argsort(np.round(odd.error / TIE), kind="stable")[:15])
+    found, _ = scan.best(target, 15, odd_rows)
+    assert all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
+    none, report = scan.best(target, 15, lambda windows: np.full(windows.row.size, np.inf))
+    assert none.row.size == 0 and report.exhaustive and report.evaluated == scan.windows
+    _, cut_short = scan.best(target, 15, lambda windows: np.full(windows.row.size, np.inf), max_windows=100)
+    assert not cut_short.exhaustive
+
+
+def test_an_atlas_without_types_has_no_answers() -> None:
+    scan = Scan(make_atlas(AtlasRule(TypeRule(10, 9), 16)))
+    found, report = scan.best(make_target(np.arange(4.0), crank_span=1.0), 5)
+    assert found.row.size == 0 and report == (0, 0, True)
+
+
+def test_table_is_the_squared_error_of_every_window(scans) -> None:
+    scan = scans["full_crank"]
+    target = random_target(scan, np.random.default_rng(10), "rotation", False)
+    table = scan.error_table(target)
+    _, everything = naive_scan(scan, target, 1)
+    exact = everything.error.reshape(len(scan.lengths), STARTS, 2).transpose(0, 2, 1)
+    assert np.sqrt(table) == pytest.approx(exact, abs=1e-2)
