@@ -35,8 +35,8 @@ def straight_line() -> dict[str, Any]:
     return _request(
         -60 + 120 * u + 0j,
         0 * u,
-        crank_span=-60,
-        limits={"family": "any", "transmission_angle_min": 30, "link_min": 20, "link_max": 400},
+        crank_span=-45,
+        limits={"transmission_angle_min": 30, "pivot_box": [-250, -500, 250, -20], "link_min": 20},
     )
 
 

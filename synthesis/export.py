@@ -261,7 +261,8 @@ def to_svg(linkage: MountedLinkage, target: Target, unit_name: str = "") -> str:
 
 def _check_size(linkage: MountedLinkage, unit_mm: float) -> None:
     joints = linkage.joints(np.zeros(1))
-    largest = max(abs(joints.pivot_a), abs(joints.pivot_b), max(linkage.links)) * unit_mm
+    reach = linkage.coupler_point[0] if linkage.coupler_point else 0.0
+    largest = max(abs(joints.pivot_a), abs(joints.pivot_b), max(linkage.links), reach) * unit_mm
     if not 1e-9 <= max(linkage.links) * unit_mm or not largest <= LARGEST_MM:
         raise FieldError("/length_unit", f"wanted a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
 
@@ -326,9 +327,7 @@ def to_mjcf(linkage: MountedLinkage, target: Target, unit_mm: float = 1.0) -> st
     longest = max(crank, coupler, rocker, ground)
     thick = 0.02 * longest
     at_a, at_b = used.pivot_a * metre, used.pivot_b * metre
-    angle1, angle2, angle3 = (
-        float(x[0]) for x in (used.crank_angle, used.coupler_angle, used.rocker_angle)
-    )
+    angle1, angle2, angle3 = (float(x[0]) for x in (used.crank_angle, used.coupler_angle, used.rocker_angle))
 
     def rod(name: str, length: float, colour: str) -> str:
         # A slender rod of 1 kg per metre at the longest link's scale, with contacts off.

@@ -252,7 +252,12 @@ def test_rotation_only_has_no_path_but_a_linkage(client) -> None:
 
 def test_radians_say_the_same_as_degrees(client, solved) -> None:
     request, _ = solved
-    turned = {**request, "rotation": [v * DEG for v in request["rotation"]], "crank_span": 70 * DEG, "angle_unit": "rad"}
+    turned = {
+        **request,
+        "rotation": [v * DEG for v in request["rotation"]],
+        "crank_span": 70 * DEG,
+        "angle_unit": "rad",
+    }
     rows = [
         list(csv.DictReader(io.StringIO(client.post("/v1/synthesize.csv", json=body).text)))
         for body in (request, turned)
@@ -268,10 +273,46 @@ def test_radians_say_the_same_as_degrees(client, solved) -> None:
         ({"length_unit": "furlong"}, 422),
         ({"rank": 0}, 422),
         ({"surplus": 1}, 422),
-        ({"solution": {"links": {"crank": -1, "coupler": 1, "rocker": 1, "ground": 1}, "branch": 1, "start_angle": 0}}, 422),
-        ({"solution": {"links": {"crank": 9, "coupler": 1, "rocker": 1, "ground": 1}, "branch": 1, "start_angle": 0}}, 422),
-        ({"solution": {"links": {"crank": 1, "coupler": 2, "rocker": 2, "ground": 2}, "branch": 0, "start_angle": 0}}, 422),
-        ({"solution": {"links": {"crank": 1e-99, "coupler": 1e99, "rocker": 1e99, "ground": 1}, "branch": 1, "start_angle": 0}}, 200),
+        (
+            {
+                "solution": {
+                    "links": {"crank": -1, "coupler": 1, "rocker": 1, "ground": 1},
+                    "branch": 1,
+                    "start_angle": 0,
+                }
+            },
+            422,
+        ),
+        (
+            {
+                "solution": {
+                    "links": {"crank": 9, "coupler": 1, "rocker": 1, "ground": 1},
+                    "branch": 1,
+                    "start_angle": 0,
+                }
+            },
+            422,
+        ),
+        (
+            {
+                "solution": {
+                    "links": {"crank": 1, "coupler": 2, "rocker": 2, "ground": 2},
+                    "branch": 0,
+                    "start_angle": 0,
+                }
+            },
+            422,
+        ),
+        (
+            {
+                "solution": {
+                    "links": {"crank": 1e-99, "coupler": 1e99, "rocker": 1e99, "ground": 1},
+                    "branch": 1,
+                    "start_angle": 0,
+                }
+            },
+            200,
+        ),
         ({"request": {"rotation": [1, 2]}}, 422),
         ({"request": None}, 422),
     ],
@@ -301,7 +342,7 @@ def test_a_linkage_too_far_away_to_be_drawn_is_named(far) -> None:
     linkage = MountedLinkage((1.0, 3.0, 3.0, 3.0), 1, 0.0, pivot_a=far, coupler_point=(1.0, 0.0))
     target = make_target(np.array([0.0, 0.1, 0.2]), None, 1.0)
     for write in (to_svg, to_dxf, to_mjcf):
-        with pytest.raises(FieldError, match="origin|size"):
+        with pytest.raises(FieldError, match=r"origin|size"):
             write(linkage, target)
 
 

@@ -1,4 +1,4 @@
-"""The page's files over HTTP: policy, caching, weight, nothing from elsewhere; and its kinematics in node, where there is node."""
+"""The page's files over HTTP: policy, caching, weight, nothing from elsewhere; and its kinematics in node, if there is one."""
 
 from __future__ import annotations
 
@@ -61,8 +61,17 @@ def test_every_file_is_served_as_it_is_and_known_again(client, path) -> None:
 
 @pytest.mark.parametrize(
     ("accept", "wanted"),
-    [("gzip", True), ("br, gzip;q=0.5", True), ("*", True), ("GZIP", True), ("", False), ("br", False)]
-    + [("gzip;q=0", False), ("gzip; q=0.000", False), ("gzip;q=0.001", True)],
+    [
+        ("gzip", True),
+        ("br, gzip;q=0.5", True),
+        ("*", True),
+        ("GZIP", True),
+        ("gzip;q=0.001", True),
+        ("", False),
+        ("br", False),
+        ("gzip;q=0", False),
+        ("gzip; q=0.000", False),
+    ],
 )
 def test_compression_is_the_readers_choice(accept, wanted) -> None:
     assert page.accepts_gzip(accept) is wanted
@@ -75,9 +84,23 @@ def test_compressed_files_are_the_files() -> None:
 
 @pytest.mark.parametrize(
     "address",
-    ["/static/../page.py", "/static/%2e%2e/page.py", "/static/..%2fpage.py", "/static//etc/passwd", "/static/vendor"]
-    + ["/static/", "/static/vendor/README.md", "/static/vendor/uPlot.LICENSE", "/static/scene.html", "/static/x.js"]
-    + ["/static/%00", "/static/..%5cpage.py", "/scenes/no_such", "/scenes/no_such/queries", "/scenes/%2e%2e"],
+    [
+        "/static/../page.py",
+        "/static/%2e%2e/page.py",
+        "/static/..%2fpage.py",
+        "/static/..%5cpage.py",
+        "/static//etc/passwd",
+        "/static/%00",
+        "/static/",
+        "/static/vendor",
+        "/static/vendor/README.md",
+        "/static/vendor/uPlot.LICENSE",
+        "/static/scene.html",
+        "/static/x.js",
+        "/scenes/no_such",
+        "/scenes/no_such/queries",
+        "/scenes/%2e%2e",
+    ],
 )
 def test_nothing_else_is_reached(client, address) -> None:
     reply = client.get(address)
@@ -161,8 +184,9 @@ import { closeLoop, family } from "./kinematics.mjs";
 let worst = 0;
 for (const entry of JSON.parse(fs.readFileSync(process.argv[2]))) {
   const loop = closeLoop(entry.links, entry.branch, entry.crank_angle);
-  if (Boolean(loop) !== entry.closed || family(entry.links) !== entry.family) { console.log(JSON.stringify(entry)); process.exit(1); }
-  if (loop) for (const name of ["coupler", "rocker", "transmission"]) worst = Math.max(worst, Math.abs(loop[name] - entry[name]));
+  if (Boolean(loop) !== entry.closed || family(entry.links) !== entry.family) throw new Error(JSON.stringify(entry));
+  for (const name of loop ? ["coupler", "rocker", "transmission"] : [])
+    worst = Math.max(worst, Math.abs(loop[name] - entry[name]));
 }
 console.log(worst);
 """

@@ -139,7 +139,10 @@ def solve_soon(browser) -> None:
 
 
 def table(browser) -> list[list[float]]:
-    script = "return [...document.querySelectorAll('#poses tbody tr')].map(r=>[...r.querySelectorAll('input')].map(i=>Number(i.value)))"
+    script = (
+        "return [...document.querySelectorAll('#poses tbody tr')]"
+        ".map(row => [...row.querySelectorAll('input')].map(input => Number(input.value)))"
+    )
     return browser.execute_script(script)
 
 
@@ -339,7 +342,9 @@ def test_a_pivot_box_is_drawn_and_kept_to(opened) -> None:
     ).release().perform()
     box = [float(find(opened, f"box-{k}").get_attribute("value")) for k in range(4)]
     cx, cy, scale = view(opened)
-    assert box == pytest.approx([cx - 180 / scale, cy - 130 / scale, cx + 180 / scale, cy + 130 / scale], abs=2 / scale)
+    assert box == pytest.approx(
+        [cx - 180 / scale, cy - 130 / scale, cx + 180 / scale, cy + 130 / scale], abs=2 / scale
+    )
     solve(opened)
     slack = 1 / view(opened)[2]
     for joint in ("a", "b"):
@@ -464,7 +469,9 @@ def test_files_come_from_this_service_alone_and_are_light(opened, address) -> No
 def test_it_looks_like_this(opened, tmp_path) -> None:
     """The picture of the README."""
     choose(opened, "worked")
-    opened.execute_script("document.documentElement.dataset.theme = 'light'; document.dispatchEvent(new Event('themechange'))")
+    opened.execute_script(
+        "document.documentElement.dataset.theme = 'light'; document.dispatchEvent(new Event('themechange'))"
+    )
     solve(opened)
     slide(opened, 28)
     opened.execute_script("document.activeElement.blur()")

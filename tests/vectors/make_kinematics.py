@@ -20,7 +20,15 @@ MAX_CONDITION = 50.0
 
 def linkages(rng: np.random.Generator) -> list[list[float]]:
     """Crank-rockers and double-cranks, any family, near and at change points, very large and very small units."""
-    rows = [[19, 72, 144, 165], [165, 144, 72, 19], [1, 2, 2, 1], [2, 1, 1, 2], [1, 1, 1, 1], [3, 4, 5, 6], [1, 3, 1.5, 1.2]]
+    rows = [
+        [19, 72, 144, 165],
+        [165, 144, 72, 19],
+        [1, 2, 2, 1],
+        [2, 1, 1, 2],
+        [1, 1, 1, 1],
+        [3, 4, 5, 6],
+        [1, 3, 1.5, 1.2],
+    ]
     for _ in range(40):
         l1, l4, u, w = rng.uniform(0.1, 2), rng.uniform(0.1, 2), rng.uniform(-4, 1), rng.uniform(-2, 2)
         total, difference = l1 + l4 + np.exp(u), abs(l4 - l1) * np.tanh(w)
@@ -45,7 +53,12 @@ def vectors() -> list[dict]:
             for k, angle in enumerate(angles):
                 if closure.closed[k] and not safe[k]:
                     continue
-                entry = {"links": row, "branch": branch, "crank_angle": float(angle), "closed": bool(closure.closed[k])}
+                entry = {
+                    "links": row,
+                    "branch": branch,
+                    "crank_angle": float(angle),
+                    "closed": bool(closure.closed[k]),
+                }
                 if closure.closed[k]:
                     entry["coupler"] = float(closure.coupler_angle(branch)[k])
                     entry["rocker"] = float(closure.rocker_angle(branch)[k])
