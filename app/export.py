@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI, Response
@@ -117,9 +118,20 @@ MEDIA_TYPES = {
 }
 
 
+@contextmanager
+def _pointing(change: Callable[[str], str]) -> Iterator[None]:
+    """FieldErrors within point to where this route's body has the field."""
+    try:
+        yield
+    except FieldError as error:
+        raise FieldError(change(error.field), error.message, **error.details) from error
+
+
 def _best(name: str) -> Callable[[SynthesizeRequest, Resources], bytes]:
     def render(request: SynthesizeRequest, resources: Resources) -> bytes:
-        return _render(name, request, _ranked(request, 1, resources), 1.0)
+        best = _ranked(request, 1, resources)
+        with _pointing(lambda _: ""):
+            return _render(name, request, best, 1.0)
 
     return render
 
@@ -131,7 +143,9 @@ SYNTHESIZE_EXPORTS = {name: Export(media_type, _best(name)) for name, media_type
 def answer_export(body: ExportRequest, resources: Resources) -> tuple[bytes, str]:
     """Content and media type of a file."""
     request = body.request
-    solution = body.solution or _ranked(request, body.rank, resources)
+    with _pointing(lambda field: field if field == "/rank" else "/request" + field):
+        _target(request)
+        solution = body.solution or _ranked(request, body.rank, resources)
     if body.format == "json":
         content = {
             "request": request.model_dump(mode="json", exclude_defaults=True),

@@ -327,6 +327,17 @@ def test_faults_are_the_clients(client, solved, change, status, name) -> None:
         assert reply.headers["content-type"] == "application/problem+json"
 
 
+def test_a_fault_of_the_motion_is_pointed_to_within_the_request(client, solved) -> None:
+    request, _ = solved
+    bent = {**request, "crank_span": None, "crank_angle": [0, 1, 1, *range(3, 16)]}
+    reply = export(client, (bent, solved[1]), format="svg")
+    assert reply.status_code == 422
+    assert reply.json()["errors"][0]["pointer"] == "#/request/crank_angle/2"
+    narrow = {**request, "limits": {"link_max": 1e-6}, "budget_ms": 50}
+    reply = client.post("/v1/export", json={"request": narrow})
+    assert reply.status_code == 422 and reply.json()["errors"][0]["pointer"] == "#/request/limits"
+
+
 def test_a_linkage_that_does_not_close_is_named() -> None:
     linkage = MountedLinkage((9.0, 1.0, 1.0, 1.0), 1, 0.0)
     target = make_target(np.array([0.0, 0.1, 0.2]), None, 1.0)

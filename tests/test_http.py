@@ -609,7 +609,7 @@ def test_a_body_at_the_limit_is_read(client) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/v1", "/v1/match/", "/v2/match", "/v1/types", "/v1/types/", "/.env", "/v1/%00"]
+    "path", ["/v1", "/static", "/v1/match/", "/v2/match", "/v1/types", "/v1/types/", "/.env", "/v1/%00"]
 )
 def test_an_unknown_route_gets_404(path, client) -> None:
     for method in ("GET", "POST"):

@@ -72,7 +72,8 @@ export function text(value, digits = 6) {
   if (value === null || value === undefined) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
-  return size >= 1e7 || size < 1e-4 ? value.toExponential(Math.min(digits - 1, 2)) : String(Number(value.toPrecision(digits)));
+  const rounded = Number(value.toPrecision(digits));
+  return size >= 1e7 || size < 1e-4 ? rounded.toExponential() : String(rounded);
 }
 
 /** The elements of one linkage; `detail` false leaves the pins small. */
