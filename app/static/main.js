@@ -5,7 +5,7 @@ import { chart, redrawOn } from "./charts.js";
 import { text, thumbnail } from "./drawing.js";
 import { Linkage } from "./kinematics.js";
 import { History, emptyMotion, fault, fixTravels, fromCsv, fromFragment, fromRequest, nextPose, scaleTravels, toFragment, toRequest, travels } from "./motion.js";
-import { ask, download, solve } from "./service.js";
+import { STAGES, ask, download, solve } from "./service.js";
 import { startScenes, startTheme } from "./theme.js";
 
 const $ = (id) => document.getElementById(id);
@@ -328,13 +328,15 @@ async function solveNow() {
   const request = toRequest(motion);
   const control = new AbortController();
   running = control;
+  const begin = performance.now();
   $("solve").disabled = true;
   $("stop").hidden = false;
   const progress = $("progress");
   progress.hidden = false;
-  progress.removeAttribute("value");
+  progress.value = 0;
   say("Searching…");
-  const begin = performance.now();
+  const whole = STAGES.reduce((sum, budget) => sum + budget);
+  const ticking = setInterval(() => { progress.value = Math.min(1, Math.sqrt((performance.now() - begin) / whole)); }, 100);
   let first = true;
   try {
     await solve(request, (reply, last) => {
@@ -351,6 +353,7 @@ async function solveNow() {
   } catch (error) {
     if (error.name !== "AbortError") say(error.message, true);
   } finally {
+    clearInterval(ticking);
     if (running === control) {
       running = null; // it has ended: nothing to abort
       stopSearch();

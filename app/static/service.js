@@ -20,7 +20,7 @@ export async function ask(path, body, signal) {
   throw new Problem(reply.status, await reply.json().catch(() => null));
 }
 
-export const STAGES = [120, 1000, 10000];
+export const STAGES = [120, 1000, 5000];
 /** Budgets in milliseconds, one after the other: something to look at soon, then as good as it gets. */
 
 /** Asks again with more time as long as the budget was what ended the search; `show(reply)` gets each answer. */
