@@ -238,7 +238,8 @@ class _Search:
             lambda: self.run(self.hop(15, 12), 60),
             lambda: self.run(self.fresh(1, 400), 60),
             lambda: self.run(_thin(self.pool, 40), 200),
-            lambda: self.run(self.hop(20, 12), 100),
+            lambda: self.run(self.hop(40, 12), 100),
+            lambda: self.run(self.hop(80, 12), 100),
             lambda: self.run(_thin(self.pool, 12), 1000),
         ]
 
