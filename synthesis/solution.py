@@ -16,6 +16,8 @@ Complexes = NDArray[np.complex128]
 
 SAME = 1e-6
 """Linkages whose numbers agree to this, relative to their size, are the same linkage."""
+APART = 1e-2
+"""Refined solutions that agree to this are one valley's; only its best is worth a user's look."""
 FREE = 1e3
 """A relative uncertainty of a length above this says that the motion does not determine it at all."""
 
@@ -210,8 +212,8 @@ def principal(angle: Floats) -> Floats:
     return angle - TURN * np.round((first - wrapped) / TURN)
 
 
-def distinct(solutions: list[Solution], top: int) -> list[Solution]:
-    """The best ``top`` that differ from one another by more than `SAME`, by objective; ties keep their order."""
+def distinct(solutions: list[Solution], top: int, apart: float = SAME) -> list[Solution]:
+    """The best ``top`` that differ from one another by more than ``apart``, by objective; ties keep their order."""
     kept: list[Solution] = []
     identities = np.empty((0, 0))
     for solution in sorted(solutions, key=lambda s: s.errors.objective):
@@ -219,7 +221,7 @@ def distinct(solutions: list[Solution], top: int) -> list[Solution]:
             break
         mine = solution.identity
         if kept:
-            near = np.abs(identities - mine) <= SAME * np.maximum(1.0, np.abs(mine))
+            near = np.abs(identities - mine) <= apart * np.maximum(1.0, np.abs(mine))
             if near.all(axis=1).any():
                 continue
         kept.append(solution)
