@@ -45,7 +45,7 @@ run: $(READY) $(ATLAS)
 test: $(READY)
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 fault: $(READY)
 	$(BIN)/python -m pytest -m fault

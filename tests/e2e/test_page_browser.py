@@ -230,6 +230,7 @@ def test_joints_are_drawn_where_the_reply_says(opened, address, example) -> None
             assert abs(drawn(opened, "p") - wanted.body_point[0]) < half_pixel
 
 
+@pytest.mark.timed
 def test_the_first_result_is_there_soon(opened) -> None:
     for example in EXAMPLES:
         times = []
