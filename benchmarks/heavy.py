@@ -95,18 +95,21 @@ def heavy_within(
         for branch in (1.0, -1.0):
             side = np.full(len(unknowns), branch)
             problems = [LimitedProblem(canonical, chart, sheet, limits, weight) for weight in (0.3, 10.0, 1e3, 1e5)]
-            cost = problems[0].plain.evaluate(unknowns, side, derivatives=False).cost
-            slacks = np.nan_to_num(problems[0].slacks(unknowns, side), nan=-1e3)
+            free = LimitedProblem(canonical, chart, sheet, limits, 0.0)
+            cost = Problem(canonical, chart, sheet).evaluate(unknowns, side, derivatives=False).cost
+            lifted = free.lift(unknowns, side)
+            slacks = np.nan_to_num(free.slacks(lifted), nan=-1e3, neginf=-1e3)
             violation = np.where(np.isfinite(cost), np.sum(np.minimum(slacks, 0.0) ** 2, axis=1), np.inf)
             least = min(least, cost[violation == 0].min(initial=np.inf))
             chosen = np.unique(
                 np.concatenate([np.argsort(violation)[: starts // 2], np.argsort(cost)[: starts // 2]])
             )
-            seeds, side = unknowns[chosen], side[chosen]
+            chosen = chosen[np.isfinite(cost[chosen])]
+            seeds, side = lifted[chosen], side[chosen]
             for problem in problems:
                 done = refine(problem, seeds, side, 60)
                 seeds = done.unknowns
-                cost = problem.plain.evaluate(seeds, side, derivatives=False).cost
-                inside = np.all(problem.slacks(seeds, side) >= 0, axis=1)
+                cost = free.evaluate(seeds, side).cost
+                inside = np.all(free.slacks(seeds) >= 0, axis=1)
                 least = min(least, cost[inside].min(initial=np.inf))
     return float(np.sqrt(least)) if np.isfinite(least) else None

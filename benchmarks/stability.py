@@ -187,7 +187,7 @@ def jacobian_of_refinement(report: Callable[[Row], None]) -> None:
     )
     branch = random.choice([-1.0, 1.0], 400)
     state = problem.evaluate(unknowns, branch)
-    finite = bool(np.all(np.isfinite(state.residual)) and np.all(np.isfinite(state.jacobian)))
+    finite = bool(np.all(np.isfinite(state.stack)))
     done = refine(problem, unknowns, branch, 60)
     worse = int(np.sum(done.cost > state.cost))
     report(
