@@ -28,8 +28,8 @@ off by at most e |p| / (|q| - e). e is the file's ``curve_error`` plus the coeff
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from concurrent.futures import Executor, ThreadPoolExecutor
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -38,14 +38,9 @@ from numpy.typing import NDArray
 from synthesis.atlas_file import Atlas
 from synthesis.fourbar import coupler_angle
 from synthesis.mounting import objective
-from synthesis.scan_series import (
-    Bucket,
-    PositionMatrices,
-    RequestMeans,
-    RotationMatrices,
-    join,
-    prepare,
-)
+from synthesis.scan_cells import Arcs, Cells, make_cells
+from synthesis.scan_descent import Descent
+from synthesis.scan_series import Bucket, Matrices, Phasors, join, prepare, prepare_phasors
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -58,11 +53,11 @@ TIE = 1e-12
 
 HARMONICS = (4, 6, 8, 10, 12, 16, 24, 32, 48, 64, 96)
 SERIES_ERROR = 3e-7
-_BLOCK_ROWS = 256
 _LARGEST_WAVE = 64
 """Blocks between two looks at the limit: the same on every machine, or reports would differ."""
 _FIRST_COUNT = 4096
 _PREPARED_AT_ONCE = 2048
+_PROBED = 64
 _EXACT_SAMPLES = 1 << 17
 
 
@@ -101,10 +96,14 @@ class Scan:
         series_error: float = SERIES_ERROR,
         harmonics: tuple[int, ...] = HARMONICS,
         threads: int = 1,
+        cells: bool = True,
     ) -> None:
         self.lengths = atlas.lengths.astype(float)
         self.starts = starts
         self.threads = threads
+        self._atlas = atlas
+        self._phasors: list[Phasors] = []
+        self._lock = Lock()
         parts = [
             np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
             for first in range(0, len(atlas), _PREPARED_AT_ONCE)
@@ -114,7 +113,13 @@ class Scan:
             for buckets in pool.map(lambda rows: list(prepare(atlas, rows, series_error, harmonics)), parts):
                 for bucket in buckets:
                     pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
-        self._buckets = [join(parts) for _, parts in sorted(pieces.items())]
+            self._cells = list(pool.map(lambda key: self._make_cells(pieces.pop(key), cells), sorted(pieces)))
+
+    @staticmethod
+    def _make_cells(pieces: list[Bucket], cells: bool) -> Cells:
+        bucket = join(pieces)
+        pieces.clear()
+        return make_cells(bucket) if cells else Cells(bucket, np.array([0, len(bucket.rows)]), [])
 
     @property
     def windows(self) -> int:
@@ -124,69 +129,61 @@ class Scan:
     @property
     def nbytes(self) -> int:
         """Memory of the prepared series."""
-        arrays = [value for bucket in self._buckets for value in vars(bucket).values()]
-        return self.lengths.nbytes + sum(value.nbytes for value in arrays if isinstance(value, np.ndarray))
+        arrays = [value for cells in self._cells for value in vars(cells.bucket).values()]
+        arrays += [value for phasors in self._phasors for value in vars(phasors).values()]
+        own = sum(value.nbytes for value in arrays if isinstance(value, np.ndarray))
+        return self.lengths.nbytes + own + sum(cells.nbytes for cells in self._cells)
+
+    def prepare_positions(self) -> None:
+        """Make the series that requests with positions need; done by the first of them otherwise."""
+        with self._lock:
+            if not self._phasors:
+                with ThreadPoolExecutor(self.threads) as pool:
+                    buckets = [cells.bucket for cells in self._cells]
+                    self._phasors = list(
+                        pool.map(lambda bucket: prepare_phasors(self._atlas, bucket, _PREPARED_AT_ONCE), buckets)
+                    )
 
     # -- bounds -------------------------------------------------------------------------------------------------------
 
-    def _matrices(self, target: Target) -> Iterator[tuple[Bucket, RotationMatrices | None, PositionMatrices | None]]:
-        """Buckets with the request's matrices for them; None for what the request does not ask for."""
-        reaches = [bucket.phasor.shape[1] // 2 for bucket in self._buckets]
-        highest = 2 * max([*reaches, *(bucket.harmonics for bucket in self._buckets)], default=0)
-        means = RequestMeans(target, highest)
-        shared: dict[int, PositionMatrices] = {}
-        for bucket, reach in zip(self._buckets, reaches):
-            rotation = position = None
-            if target.rotation is not None:
-                rotation = RotationMatrices(means, bucket, self.starts)
-            if target.position is not None:
-                if reach not in shared:
-                    shared[reach] = PositionMatrices(means, reach, self.starts)
-                position = shared[reach]
-            yield bucket, rotation, position
+    def _requested(self, target: Target) -> list[Descent]:
+        """Cells with the request's matrices for them; None for what the request does not ask for."""
+        if target.position is not None:
+            self.prepare_positions()
+        phasors = self._phasors if target.position is not None else [None] * len(self._cells)
+        reaches = [cells.bucket.harmonics for cells in self._cells] + [p.reach for p in phasors if p is not None]
+        matrices = Matrices(target, 2 * max(reaches, default=0), self.starts)
+        arcs = Arcs(target, self.starts)
+        return [Descent(cells, arcs, matrices, known) for cells, known in zip(self._cells, phasors)]
 
     def _bounds(
-        self, target: Target, limit: Callable[[], float], expired: Callable[[], bool] = lambda: False
+        self,
+        parts: list[Descent],
+        limit: Callable[[], float],
+        expired: Callable[[], bool] = lambda: False,
+        pool: Executor | None = None,
     ) -> Iterator[tuple[Ints, Floats]]:
-        """Window numbers and lower bounds of their error, block by block, of all windows that may be below ``limit()``.
+        """Window numbers and lower bounds of their error, piece by piece, of all windows that may be below ``limit()``.
 
-        Blocks are worked on in waves, one block a thread and all of a wave with the same limit, so that the result does
-        not depend on which thread is faster. (A matrix product of its own many threads waits for the slowest of them.)
+        Pieces are worked on in waves, all of a wave with the same limit, so that the result does not depend on which
+        thread is faster. (A matrix product of its own many threads waits for the slowest of them.)
         """
-        work = [
-            (bucket, rotation, position, slice(k, k + _BLOCK_ROWS))
-            for bucket, rotation, position in self._matrices(target)
-            for k in range(0, len(bucket.rows), _BLOCK_ROWS)
-        ]
-        with ThreadPoolExecutor(self.threads) as pool:
-            first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
-            while first < len(work) and not (first and expired()):
-                ceiling = limit()
-                yield from filter(None, pool.map(partial(self._block_bounds, ceiling), work[first : first + wave]))
-                first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
-
-    def _block_bounds(self, ceiling: float, work: tuple) -> tuple[Ints, Floats] | None:
-        bucket, rotation, position, part = work
-        places = np.arange(len(bucket.rows))[part]
-        squared: Floats | float = 0.0
-        if rotation is not None:
-            squared = rotation.mean_square_error(bucket, part)
-            # cheap test on D itself first: bound = sqrt(D - rounding) - e <= ceiling
-            keep = squared <= ((ceiling + bucket.error[part]) ** 2 + rotation.rounding)[:, None]
-            some = keep.any(axis=1)
-            if not some.any():
-                return None
-            places, squared, keep = places[some], squared[some], keep[some]
-            squared = np.sqrt(np.maximum(squared - rotation.rounding, 0.0)) - bucket.error[places, None]
-            squared = np.maximum(squared, 0.0) ** 2
-        if position is not None:
-            squared = squared + position.mean_square_error(bucket, places)
-            keep = squared <= ceiling**2
-        place, column = np.nonzero(keep)
-        return bucket.rows[places[place]] * (2 * self.starts) + column, np.sqrt(squared[place, column])
+        run = map if pool is None else pool.map
+        first_limit = limit()
+        work = [piece for pieces in run(lambda part: part.work(first_limit), parts) for piece in pieces]
+        first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
+        while first < len(work) and not (first and expired()):
+            ceiling = limit()
+            yield from filter(None, run(lambda piece, most=ceiling: piece(most), work[first : first + wave]))
+            first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
 
     def _lowest(
-        self, target: Target, count: int, ceiling: float, expired: Callable[[], bool] = lambda: False
+        self,
+        parts: list[Descent],
+        count: int,
+        ceiling: float,
+        expired: Callable[[], bool] = lambda: False,
+        pool: Executor | None = None,
     ) -> tuple[Ints, Floats, float]:
         """The ``count`` windows of lowest bound at or below ``ceiling``, and a number that no other's bound is below."""
         ids: list[Ints] = []
@@ -202,7 +199,7 @@ class Scan:
                 all_ids, all_bounds = all_ids[keep], all_bounds[keep]
             ids, bounds, held = [all_ids], [all_bounds], all_ids.size
 
-        for block_ids, block_bounds in self._bounds(target, lambda: cut, expired):
+        for block_ids, block_bounds in self._bounds(parts, lambda: cut, expired, pool):
             ids.append(block_ids)
             bounds.append(block_bounds)
             held += block_ids.size
@@ -221,14 +218,8 @@ class Scan:
     def error_table(self, target: Target) -> Floats:
         """Approximate squared error of every window, (types, 2, starts): branch +1, then branch -1. For small atlases."""
         table = np.empty((len(self.lengths), 2 * self.starts))
-        for bucket, rotation, position in self._matrices(target):
-            squared: Floats | float = 0.0
-            everything = slice(None)
-            if rotation is not None:
-                squared = rotation.mean_square_error(bucket, everything)
-            if position is not None:
-                squared = squared + position.mean_square_error(bucket, everything)
-            table[bucket.rows] = squared
+        for part in self._requested(target):
+            table[part.cells.bucket.rows] = part.squared(slice(None))
         return np.maximum(table, 0.0).reshape(-1, 2, self.starts)
 
     # -- answers ------------------------------------------------------------------------------------------------------
@@ -267,18 +258,39 @@ class Scan:
             def exact(windows: Windows) -> Floats:
                 return window_errors(self.lengths, target, windows)
 
-        count, ceiling = max(_FIRST_COUNT, 4 * top), np.inf
-        evaluated = 0
-        while True:
-            ids, bounds, cut = self._lowest(target, count, ceiling, expired)
-            windows, done, ceiling = self._evaluate(ids, bounds, top, exact, expired)
-            evaluated = max(evaluated, done)  # a further pass begins with the same windows
-            if ceiling + TIE <= cut or ids.size < count:
-                return windows, ScanReport(self.windows, evaluated, True)
-            if max_windows is not None and count >= max_windows:
-                return windows, ScanReport(self.windows, evaluated, False)
-            count *= 8
-            ceiling += TIE
+        with ThreadPoolExecutor(self.threads) as pool:
+            run = pool if self.threads > 1 else None
+            parts = self._requested(target)
+            ceiling = self._first_ceiling(parts, top, exact, run)
+            count, evaluated = max(_FIRST_COUNT, 4 * top), 0
+            while True:
+                ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, expired, run)
+                windows, done, ceiling = self._evaluate(ids, bounds, top, exact, expired)
+                evaluated = max(evaluated, done)  # a further pass begins with the same windows
+                if ceiling + TIE <= cut or ids.size < count:
+                    return windows, ScanReport(self.windows, evaluated, True)
+                if max_windows is not None and count >= max_windows:
+                    return windows, ScanReport(self.windows, evaluated, False)
+                count *= 8
+
+    def _first_ceiling(
+        self, parts: list[Descent], top: int, exact: Callable[[Windows], Floats], pool: Executor | None
+    ) -> float:
+        """An error that at least ``top`` windows do not exceed, from a look at the most promising cells."""
+        run = map if pool is None else pool.map
+        nearest = [squared for squared, _ in run(lambda part: part.nearest, parts)]
+        squared = np.concatenate([np.empty(0), *nearest])
+        if not squared.size:
+            return np.inf
+        count = min(max(_PROBED, top), squared.size)
+        worst = np.partition(squared, count - 1)[count - 1]
+        chosen = [(part, np.flatnonzero(near <= worst)) for part, near in zip(parts, nearest)]
+        found = run(lambda pair: pair[0].probe(pair[1]), [pair for pair in chosen if pair[1].size])
+        ids, bounds = (np.concatenate(column) for column in zip(*found))
+        ids, first = np.unique(ids, return_index=True)  # a window met twice must not count twice
+        few = bounds[first].argsort(kind="stable")[: max(_PROBED, 2 * top)]
+        _, _, ceiling = self._evaluate(ids[few], bounds[first][few], top, exact, lambda: False)
+        return ceiling
 
     def _evaluate(
         self, ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats], expired: Callable[[], bool]
@@ -287,7 +299,7 @@ class Scan:
         order = np.argsort(bounds, kind="stable")
         ids, bounds = ids[order], bounds[order]
         best = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
-        done, batch, worst = 0, max(512, 4 * top), np.inf
+        done, batch, worst = 0, max(64, 2 * top), np.inf
         while done < ids.size and bounds[done] <= worst + TIE and not (done and expired()):
             part = ids[done : done + batch]
             windows = self._windows(part)

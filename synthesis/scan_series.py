@@ -1,15 +1,17 @@
-"""Series of an atlas's curves, and the matrices of a request that turn them into errors of all windows.
+"""Series of an atlas's curves, and the matrices of a request that turn them into errors of windows.
 
 The formulae and the bounds are those of `scan`; here is how they are laid out. A *bucket* holds the types whose series are
-equally long. A request's means <w e^{iht}> over its samples are computed once for all harmonics h; a bucket's matrices are
-those means times the phases e^{ihs} of the starts, which no request changes.
+equally long. The cosine and the sine of a harmonic stand side by side, so a shorter series is a prefix of a longer one, and
+all buckets share what a request gives: its means <w e^{iht}> over the samples, for all harmonics h at once, times the
+phases e^{ihs} of the starts, which no request changes. A matrix has one row a window: branch +1 at all starts, then branch -1.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,24 +27,42 @@ Ints = NDArray[np.int64]
 
 ROUNDING = 1e-13
 """Rounding of a mean squared rotation error, for a target of variance 1."""
+_HARMONICS_AT_ONCE = 16
 
 
 @dataclass(frozen=True)
 class Bucket:
-    """Types of one winding whose series have the same number of harmonics."""
+    """Types of one winding whose series have the same number of harmonics H."""
 
     rows: Ints
     winding: int
     harmonics: int
     series: Floats
-    """(n, 6H): cosines and sines of p^2 up to 2H, then of p up to H."""
+    """(n, 6H): p^2 up to 2H, then p up to H; cosine and sine of each harmonic side by side."""
     mean_square: Floats
     error: Floats
-    phasor: NDArray[np.complex128]
-    """(n, 2K + 1): coefficients -K .. K of e^{i theta2}."""
-    phasor_error: Floats
+
+    def take(self, places: Any) -> Bucket:
+        """The types at some places."""
+        columns = {name: getattr(self, name)[places] for name in ("rows", "series", "mean_square", "error")}
+        return replace(self, **columns)
+
+    @property
+    def periodic(self) -> Floats:
+        """(n, 2H): the series of p alone."""
+        return self.series[:, 4 * self.harmonics :]
+
+
+@dataclass(frozen=True)
+class Phasors:
+    """Series of e^{i theta2} of a bucket's types, which requests with positions need."""
+
+    reach: int
+    series: Complexes
+    """(n, 2K + 1): coefficients -K .. K."""
+    error: Floats
     modulus: Floats
-    """(n, 4K): cosines and sines of the squared modulus of that series, which is not quite 1."""
+    """(n, 4K): the squared modulus of that series, which is not quite 1."""
     modulus_mean: Floats
 
 
@@ -51,20 +71,25 @@ def _tails(magnitudes: Floats) -> Floats:
     return np.cumsum(magnitudes[:, ::-1], axis=1)[:, ::-1]
 
 
+def _side_by_side(spectrum: Complexes) -> Floats:
+    """Cosine and sine coefficients, side by side, of a real series given by its coefficients of e^{ihx}, h = 1 .. H."""
+    return np.ascontiguousarray(2 * np.conj(spectrum)).view(float)
+
+
 def _real_series(values: Floats, harmonics: int) -> tuple[Floats, Floats]:
-    """Mean, and cosine and sine coefficients 1 .. ``harmonics``, of samples over a turn."""
+    """Mean, and series up to ``harmonics``, of samples over a turn."""
     spectrum = np.fft.rfft(values, axis=1)[:, : harmonics + 1] / values.shape[1]
-    return spectrum[:, 0].real, np.concatenate([2 * spectrum[:, 1:].real, -2 * spectrum[:, 1:].imag], axis=1)
+    return spectrum[:, 0].real, _side_by_side(spectrum[:, 1:])
 
 
-def _square_series(spectrum: NDArray[np.complex128], harmonics: int) -> tuple[Floats, Floats]:
-    """Mean, and cosine and sine coefficients 1 .. 2H, of the square of a series given by rfft-like coefficients."""
+def _square_series(spectrum: Complexes, harmonics: int) -> tuple[Floats, Floats]:
+    """Mean, and series up to 2H, of the square of a series given by rfft-like coefficients."""
     points = 4 * harmonics + 2
     return _real_series(np.fft.irfft(spectrum * points, points, axis=1) ** 2, 2 * harmonics)
 
 
-def _modulus_series(coefficients: NDArray[np.complex128]) -> tuple[Floats, Floats]:
-    """Mean, and cosine and sine coefficients 1 .. 2K, of the squared modulus of a series of coefficients -K .. K."""
+def _modulus_series(coefficients: Complexes) -> tuple[Floats, Floats]:
+    """Mean, and series up to 2K, of the squared modulus of a series of coefficients -K .. K."""
     reach = coefficients.shape[1] // 2
     points = 4 * reach + 2
     padded = np.zeros((len(coefficients), points), dtype=complex)
@@ -73,13 +98,17 @@ def _modulus_series(coefficients: NDArray[np.complex128]) -> tuple[Floats, Float
     return _real_series(values.real**2 + values.imag**2, 2 * reach)
 
 
+def _spectrum(atlas: Atlas, rows: Ints) -> Complexes:
+    samples = atlas.rule.samples
+    spectrum = np.fft.rfft(atlas.curves(rows), axis=1) / samples
+    spectrum[:, samples // 2] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
+    return spectrum
+
+
 def prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, ...]) -> Iterator[Bucket]:
     """Buckets of some rows: series no longer than need be to leave out at most ``series_error``, of the given lengths."""
-    samples = atlas.rule.samples
-    half = samples // 2
-    curves = atlas.curves(rows)
-    spectrum = np.fft.rfft(curves, axis=1) / samples
-    spectrum[:, half] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
+    half = atlas.rule.samples // 2
+    spectrum = _spectrum(atlas, rows)
     winding = atlas.winding[rows].astype(int)
     tails = _tails(2 * np.abs(spectrum))
     choices = np.array([h for h in lengths if h < half] + [half - 1])
@@ -91,32 +120,40 @@ def prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, .
         for turns in (0, 1):
             chosen = np.flatnonzero((choice == index) & (winding == turns))
             if chosen.size:
-                part = spectrum[chosen, : harmonics + 1].copy()
+                part = spectrum[chosen, : harmonics + 1]
                 part[:, 0] = 0  # a constant is the offset's business
                 left_out = tails[chosen, harmonics + 1] if harmonics + 1 <= half else 0.0
                 error = atlas.curve_error[rows[chosen]].astype(float) + left_out + 1e-12
                 mean_square, square = _square_series(part, int(harmonics))
-                series = np.concatenate([square, 2 * part[:, 1:].real, -2 * part[:, 1:].imag], axis=1)
-                reach = int(1.25 * harmonics) + 4
-                coefficients, lost = _phasor_series(spectrum[chosen], samples, turns, reach)
-                modulus_mean, modulus = _modulus_series(coefficients)
-                yield Bucket(
-                    rows[chosen],
-                    turns,
-                    int(harmonics),
-                    series,
-                    mean_square,
-                    error,
-                    coefficients,
-                    atlas.curve_error[rows[chosen]] + 2 * lost + 1e-9,
-                    modulus,
-                    modulus_mean,
-                )
+                series = np.concatenate([square, _side_by_side(part[:, 1:])], axis=1)
+                yield Bucket(rows[chosen], turns, int(harmonics), series, mean_square, error)
 
 
-def _phasor_series(
-    spectrum: NDArray[np.complex128], samples: int, winding: int, reach: int
-) -> tuple[NDArray[np.complex128], Floats]:
+def join(parts: list[Bucket]) -> Bucket:
+    """One bucket of parts that have the same winding and length."""
+    columns = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("rows", "series", "mean_square", "error")
+    }
+    return replace(parts[0], **columns)
+
+
+def prepare_phasors(atlas: Atlas, bucket: Bucket, at_once: int) -> Phasors:
+    """Series of e^{i theta2} of a bucket's types, with a little more harmonics than theta2 has."""
+    reach = int(1.25 * bucket.harmonics) + 4
+    count = len(bucket.rows)
+    series = np.empty((count, 2 * reach + 1), dtype=complex)
+    modulus, modulus_mean, lost = np.empty((count, 4 * reach)), np.empty(count), np.empty(count)
+    for first in range(0, count, at_once):
+        part = slice(first, first + at_once)
+        spectrum = _spectrum(atlas, bucket.rows[part])
+        series[part], lost[part] = _phasor_series(spectrum, atlas.rule.samples, bucket.winding, reach)
+        modulus_mean[part], modulus[part] = _modulus_series(series[part])
+    error = atlas.curve_error[bucket.rows] + 2 * lost + 1e-9
+    return Phasors(reach, series, error, modulus, modulus_mean)
+
+
+def _phasor_series(spectrum: Complexes, samples: int, winding: int, reach: int) -> tuple[Complexes, Floats]:
     """Coefficients -reach .. reach of e^{i theta2}, and the sum of the magnitudes of those left out.
 
     e^{i theta2} has more harmonics than theta2 has, so it is taken from a grid that resolves four times the reach.
@@ -129,122 +166,183 @@ def _phasor_series(
     return coefficients, np.maximum(np.abs(phasor).sum(1) - np.abs(coefficients).sum(1), 0)
 
 
-def join(parts: list[Bucket]) -> Bucket:
-    """One bucket of parts that have the same winding and length."""
-    first = parts[0]
-    arrays = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name, value in vars(first).items()
-        if isinstance(value, np.ndarray)
-    }
-    return Bucket(winding=first.winding, harmonics=first.harmonics, **arrays)
-
-
 def start_angles(starts: int) -> Floats:
     """theta1 of evenly spaced starts, radians."""
     return np.arange(starts) * (TURN / starts)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=8)
 def _phases(highest: int, starts: int) -> Complexes:
-    """e^{ihs} for h = 0 .. highest and all starts."""
-    phases = np.exp(1j * np.outer(np.arange(highest + 1), start_angles(starts)))
+    """e^{ihs} for all starts and h = 0 .. highest."""
+    phases = np.exp(1j * np.outer(start_angles(starts), np.arange(highest + 1)))
     phases.flags.writeable = False
     return phases
 
 
-class RequestMeans:
-    """Means of a request over its samples, for all harmonics up to a highest one, each computed when first asked for."""
+def _both_branches(shifted: Complexes, sign: int = 1) -> Floats:
+    """What a series (cosine and sine side by side) is multiplied with to give its mean, for all starts of both branches.
 
-    def __init__(self, target: Target, highest: int) -> None:
+    A mirrored window has the increments -t and the starts -s, and the target ``sign`` times the one that the means are
+    of: that conjugates every term.
+    """
+    return np.concatenate([shifted, sign * np.conj(shifted)]).view(float)
+
+
+class Matrices:
+    """What one request multiplies the series of an atlas with; each matrix is made when it is first asked for.
+
+    Parameters
+    ----------
+    target : Target
+    highest : int
+        Highest harmonic of any series or square.
+    starts : int
+    """
+
+    def __init__(self, target: Target, highest: int, starts: int) -> None:
         self.target = target
-        self.powers = np.exp(1j * np.outer(np.arange(highest + 1), target.crank)) / target.samples
-        self._turned: dict[int, tuple[Complexes, float]] = {}
+        self.highest = highest
+        self.starts = starts
+        blocks = -(-(highest + 1) // _HARMONICS_AT_ONCE)
+        self._coarse = np.exp(1j * np.outer(_HARMONICS_AT_ONCE * np.arange(blocks), target.crank)) / target.samples
+        self._fine = np.exp(1j * np.outer(target.crank, np.arange(_HARMONICS_AT_ONCE)))
+        self._along: dict[int, tuple[Floats, float]] = {}
+        self._rotation: dict[tuple[int, int], RotationMatrix] = {}
+        self._position: dict[int, PositionMatrices] = {}
+
+    def means(self, weights: NDArray[Any]) -> Complexes:
+        """<w e^{iht}> over the samples, h = 0 .. highest."""
+        return ((self._coarse * weights) @ self._fine).ravel()[: self.highest + 1]
 
     @cached_property
-    def one(self) -> Complexes:
-        """<e^{iht}>, h = 0 .. highest."""
-        return self.powers.sum(axis=1)
+    def phases(self) -> Complexes:
+        """e^{ihs}, (starts, highest + 1)."""
+        return _phases(self.highest, self.starts)
 
-    def rotation(self, winding: int) -> tuple[Complexes, float]:
-        """<g e^{iht}> and <g^2> for the centred rotation less the winding."""
-        if winding not in self._turned:
+    @cached_property
+    def average(self) -> Floats:
+        """For the mean of a series, (2 starts, 2 highest)."""
+        return _both_branches(self.phases[:, 1:] * self.means(np.ones(self.target.samples))[1:])
+
+    def along(self, winding: int) -> tuple[Floats, float]:
+        """For the mean of a series times the centred target less the winding, and the variance of that target."""
+        if winding not in self._along:
             rotation = self.target.rotation - winding * self.target.crank
             centred = rotation - rotation.mean()
-            self._turned[winding] = self.powers @ centred, float(np.mean(centred**2))
-        return self._turned[winding]
+            reach = self.highest // 2 + 1
+            matrix = _both_branches(self.phases[:, 1:reach] * self.means(centred)[1:reach], -1)
+            self._along[winding] = matrix, float(np.mean(centred**2))
+        return self._along[winding]
+
+    def rotation(self, bucket: Bucket) -> RotationMatrix:
+        """For the mean squared rotation error."""
+        key = bucket.winding, bucket.harmonics
+        if key not in self._rotation:
+            along, variance = self.along(bucket.winding)
+            harmonics = bucket.harmonics
+            columns = np.concatenate([self.average[:, : 4 * harmonics], -2 * along[:, : 2 * harmonics]], axis=1)
+            self._rotation[key] = RotationMatrix(columns, variance)
+        return self._rotation[key]
+
+    def position(self, reach: int) -> PositionMatrices:
+        """For the mean squared position error of phasors of some reach."""
+        if reach not in self._position:
+            ahead, behind, size = self._position_means
+            turn = self.phases[:, np.abs(np.arange(-reach, reach + 1))]
+            turn = np.concatenate([np.conj(turn[:, :reach]), turn[:, reach:]], axis=1)
+            columns = []
+            for forward, backward in zip(ahead, behind):
+                shifted = turn * np.concatenate([backward[reach:0:-1], forward[: reach + 1]])
+                columns.append(np.concatenate([shifted, np.conj(shifted)]))
+            self._position[reach] = PositionMatrices(np.stack(columns), self.average[:, : 4 * reach], size)
+        return self._position[reach]
 
     @cached_property
-    def position(self) -> tuple[Complexes, Complexes, float]:
-        """<conj(c) e^{iht}> and its counterpart at -h for three columns c, (3, highest + 1) each, and the norm of the rest.
+    def _position_means(self) -> tuple[list[Complexes], list[Complexes], float]:
+        """<conj(c) e^{iht}> and its counterpart at -h for three columns c, and the norm of the rest.
 
         The columns are the fixed parts {1, e^{it}} made orthonormal, and the positions over l that are left, made a unit.
         """
         one, turned, rest = fixed_parts(self.target)
         size = float(np.sqrt(np.mean(np.abs(rest) ** 2)))
-        columns = np.stack([one, turned, rest / size if size > 0 else rest])
-        return np.conj(columns) @ self.powers.T, np.conj(columns @ self.powers.T), size
+        columns = [one, turned, rest / size if size > 0 else rest]
+        return [self.means(np.conj(c)) for c in columns], [np.conj(self.means(c)) for c in columns], size
 
 
-def _both_branches(means: Complexes, phases: Complexes, sign: int = 1) -> Floats:
-    """What cosines and sines are multiplied with to give the mean of their series, at all starts of both branches.
+@dataclass(frozen=True)
+class RotationMatrix:
+    """One row a window: the means over p^2 (4H), then -2 times those over p times the target (2H)."""
 
-    A mirrored window has the increments -t and the starts -s, and the target ``sign`` times the one that ``means`` is of: that
-    conjugates every term.
-    """
-    shifted = phases * means[:, None]
-    return np.vstack(
-        [np.hstack([shifted.real, sign * shifted.real]), np.hstack([shifted.imag, -sign * shifted.imag])]
-    )
+    columns: Floats
+    variance: float
 
-
-class RotationMatrices:
-    """What a request multiplies the series of a bucket with, to give the mean squared rotation error of all windows."""
-
-    def __init__(self, means: RequestMeans, bucket: Bucket, starts: int) -> None:
-        turned, self.variance = means.rotation(bucket.winding)
-        self.rounding = ROUNDING * (1 + self.variance)
-        single, double = slice(1, bucket.harmonics + 1), slice(1, 2 * bucket.harmonics + 1)
-        phases = _phases(2 * bucket.harmonics, starts)
-        along = _both_branches(turned[single], phases[single], -1)
-        self.product = np.vstack([_both_branches(means.one[double], phases[double]), -2 * along])
-        self.mean = _both_branches(means.one[single], phases[single])
+    @property
+    def rounding(self) -> float:
+        """Rounding of a mean squared error."""
+        return ROUNDING * (1 + self.variance)
 
     def mean_square_error(self, bucket: Bucket, part: slice) -> Floats:
-        """D of all windows of some rows, (n, 2 starts): branch +1 at all starts, then branch -1."""
-        series = bucket.series[part]
-        result = series @ self.product
-        mean = series[:, 4 * bucket.harmonics :] @ self.mean
+        """D of all windows of some types, (n, windows)."""
+        return self._error(bucket.series[part], bucket.mean_square[part], self.columns.T)
+
+    def of_windows(self, series: Floats, mean_square: Floats, windows: Ints) -> Floats:
+        """D of some windows of some groups of types, (groups, types, windows).
+
+        Parameters
+        ----------
+        series : ndarray, shape (groups, types, 6H)
+        mean_square : ndarray, shape (groups, types)
+        windows : ndarray of int, shape (groups, windows)
+        """
+        chosen = np.take(self.columns, windows, axis=0, mode="clip")
+        return self._error(series, mean_square, chosen.transpose(0, 2, 1))
+
+    def _error(self, series: Floats, mean_square: Floats, columns: Floats) -> Floats:
+        half = columns.shape[-2] // 3  # the means over p itself are the first third of the rows, those up to H
+        result = series @ columns
+        mean = series[..., 2 * half :] @ columns[..., :half, :]
         np.multiply(mean, mean, out=mean)
         result -= mean
-        result += (bucket.mean_square[part] + self.variance)[:, None]
+        result += (mean_square + self.variance)[..., None]
         return result
 
 
+@dataclass(frozen=True)
 class PositionMatrices:
-    """What a request multiplies phasors -reach .. reach with, to bound the mean squared position error (over l^2)."""
+    """What phasors are multiplied with, to bound the mean squared position error (over l^2)."""
 
-    def __init__(self, means: RequestMeans, reach: int, starts: int) -> None:
-        ahead, behind, self.size = means.position
-        phases = _phases(2 * reach, starts)
-        turn = np.concatenate([np.conj(phases[reach:0:-1]), phases[: reach + 1]])
-        columns = []
-        for forward, backward in zip(ahead, behind):
-            shifted = turn * np.concatenate([backward[reach:0:-1], forward[: reach + 1]])[:, None]
-            columns += [shifted, np.conj(shifted)]
-        self.product = np.hstack(columns)
-        double = slice(1, 2 * reach + 1)
-        self.modulus = _both_branches(means.one[double], phases[double])
+    columns: Complexes
+    """(3, windows, 2K + 1): for the inner products with the two fixed parts and with the unit of the rest."""
+    modulus: Floats
+    size: float
 
-    def mean_square_error(self, bucket: Bucket, part: slice | Ints) -> Floats:
-        """Lower bounds of the mean squared position error over l^2, (n, 2 starts)."""
-        products = bucket.phasor[part] @ self.product
-        squares = products.real**2 + products.imag**2
-        windows = squares.shape[1] // 3
-        first, second, along = squares[:, :windows], squares[:, windows : 2 * windows], squares[:, 2 * windows :]
-        error = bucket.phasor_error[part][:, None]
-        whole = bucket.modulus_mean[part][:, None] + bucket.modulus[part] @ self.modulus
+    def mean_square_error(self, phasors: Phasors, part: Any) -> Floats:
+        """Lower bounds of the mean squared position error over l^2, (n, windows)."""
+        series = phasors.series[part]
+        along = [series @ columns.T for columns in self.columns]
+        whole = phasors.modulus_mean[part][:, None] + phasors.modulus[part] @ self.modulus.T
+        return self._bound(along, whole, phasors.error[part][:, None])
+
+    def of_windows(self, phasors: Phasors, places: Ints, windows: Ints) -> Floats:
+        """The same of some windows of some groups of types, (groups, types, windows).
+
+        Parameters
+        ----------
+        phasors : Phasors
+        places : ndarray of int, shape (groups, types)
+        windows : ndarray of int, shape (groups, windows)
+        """
+        series = phasors.series[places]
+        along = [
+            series @ np.take(columns, windows, axis=0, mode="clip").transpose(0, 2, 1) for columns in self.columns
+        ]
+        modulus = np.take(self.modulus, windows, axis=0, mode="clip").transpose(0, 2, 1)
+        whole = phasors.modulus_mean[places][..., None] + phasors.modulus[places] @ modulus
+        return self._bound(along, whole, phasors.error[places][..., None])
+
+    def _bound(self, along: list[Complexes], whole: Floats, error: Floats) -> Floats:
+        first, second, rest = (product.real**2 + product.imag**2 for product in along)
         square = np.maximum(whole - first - second, 1e-30)
-        left = np.sqrt(np.maximum(1.0 - along / square - 1e-14 / square, 0.0))
+        left = np.sqrt(np.maximum(1.0 - rest / square - 1e-14 / square, 0.0))
         norm = np.maximum(np.sqrt(square) - error - 1e-8, 1e-30)
         return (self.size * np.maximum(left - error / norm, 0.0)) ** 2

@@ -102,7 +102,7 @@ def _prepare_level(perimeter: int) -> _Level:
     lengths = enumerate_types(rule.types)
     rows = compute_rows(lengths, rule.samples)
     atlas = Atlas(rule, lengths.astype("<u2"), generator=generator_versions(), **rows._asdict())
-    scan = Scan(atlas, _LEVEL_STARTS, _LEVEL_SERIES_ERROR, _LEVEL_HARMONICS)
+    scan = Scan(atlas, _LEVEL_STARTS, _LEVEL_SERIES_ERROR, _LEVEL_HARMONICS, cells=False)
     return _Level(scan, FullCrankChart().unknowns(lengths), lengths[:, 0] > lengths[:, 3])
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import naive
 import numpy as np
 import pytest
 from conftest import make_atlas
 
+from synthesis import scan_cells
 from synthesis.atlas_file import AtlasRule
 from synthesis.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar import coupler_angle
@@ -23,8 +26,12 @@ ATLASES = {
 
 
 @pytest.fixture(scope="module")
-def scans() -> dict[str, Scan]:
-    return {name: Scan(make_atlas(rule)) for name, rule in ATLASES.items()}
+def scans() -> Iterator[dict[str, Scan]]:
+    """Scans whose cells have several levels although the atlases are small enough for the twin."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scan_cells, "LEAF", 3)
+        patch.setattr(scan_cells, "FEWEST", 1)
+        yield {name: Scan(make_atlas(rule)) for name, rule in ATLASES.items()}
 
 
 def every_window(scan: Scan) -> Windows:
@@ -70,6 +77,13 @@ def random_target(scan: Scan, rng: np.random.Generator, kind: str, reachable: bo
     )
 
 
+def all_bounds(scan: Scan, target: Target, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers and bounds of all windows that a limit leaves."""
+    found = [(np.empty(0, dtype=np.int64), np.empty(0)), *scan._bounds(scan._requested(target), lambda: limit)]
+    ids, bounds = (np.concatenate(column) for column in zip(*found))
+    return ids, bounds
+
+
 @pytest.mark.parametrize("reachable", [True, False], ids=["reachable", "unreachable"])
 @pytest.mark.parametrize("kind", ["rotation", "both", "position"])
 @pytest.mark.parametrize("name", ATLASES)
@@ -87,11 +101,15 @@ def test_scan_is_that_of_all_windows(scans, name, kind, reachable) -> None:
         assert np.allclose(found.error, wanted.error, rtol=0, atol=TIE)
 
         # the bounds that the proof rests on: no window's bound is above its exact error
-        ids, bounds = (np.concatenate(parts) for parts in zip(*scan._bounds(target, lambda: np.inf)))
-        assert ids.size == scan.windows
-        windows = scan._windows(ids)
-        place = (windows.row * STARTS + windows.start.astype(int)) * 2 + (windows.branch < 0)
-        assert np.all(bounds <= everything.error[place] + 1e-15)
+        # ... and, whatever the limit is, every window that it does not exclude is found, and once
+        for share in (1e-4, 1e-2, 0.1, 1):
+            limit = np.inf if share == 1 else np.quantile(everything.error, share)
+            ids, bounds = all_bounds(scan, target, limit)
+            assert np.unique(ids).size == ids.size and np.all(bounds <= limit)
+            windows = scan._windows(ids)
+            place = (windows.row * STARTS + windows.start.astype(int)) * 2 + (windows.branch < 0)
+            assert np.all(bounds <= everything.error[place] + 1e-15)
+            assert set(np.flatnonzero(everything.error <= limit)) <= set(place)
 
 
 @pytest.mark.parametrize("kind", ["rotation", "both", "position"])

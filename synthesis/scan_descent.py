@@ -1,0 +1,243 @@
+"""One request's way through the cells of a bucket, down to the windows that may be among the best.
+
+    all representatives x all windows --(bound <= limit)--> cells and their windows left --> their parts, those windows
+    --> ... --> finest cells --> their types, those windows: lower bounds, window by window
+
+Where too many windows are left for that to pay, the bucket's types are taken one after the other, all their windows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.scan_cells import ABOVE_SINGLE, PARTS, Arcs, Cells, Level
+from synthesis.scan_series import Bucket, Floats, Ints, Matrices, Phasors, PositionMatrices, RotationMatrix
+
+Piece = Callable[[float], tuple[Ints, Floats] | None]
+"""Window numbers and lower bounds of those windows of a piece of work whose bound is at most a limit."""
+
+BLOCK_ROWS = 256
+CHUNK_BYTES = 1 << 19
+"""Of the gathered matrices of a chunk of cells: they stay in a core's cache."""
+FILLED = 0.6
+"""Least part of a chunk's rows that is windows and no filling."""
+WORTHWHILE = 0.4
+"""Part of the windows beyond which gathering those that are left costs more than it saves."""
+
+
+class Left(NamedTuple):
+    """Windows left of some cells: cell i has the next ``count[i]`` of ``window``."""
+
+    cell: Ints
+    count: Ints
+    window: Ints
+
+    def chunks(self, width: int) -> Iterator[tuple[Ints, Ints, NDArray[np.bool_]]]:
+        """Cells with about as many windows each: cells (g,), windows (g, w), and which of these are no filling."""
+        first = np.cumsum(self.count) - self.count
+        order = np.argsort(-self.count, kind="stable")
+        falling = -self.count[order]
+        at = 0
+        while at < order.size:
+            most = -int(falling[at])
+            fitting = at + max(1, CHUNK_BYTES // (width * most))
+            part = order[at : min(fitting, np.searchsorted(falling, -FILLED * most, side="right"))]
+            at += part.size
+            place = np.arange(most)
+            real = place < self.count[part, None]
+            yield self.cell[part], self.window[np.where(real, first[part, None] + place, first[part, None])], real
+
+
+def _left(cell: Ints, keep: NDArray[np.bool_], windows: Ints | None = None) -> Left:
+    """From a mask (cells, windows); ``windows`` (cells, windows) names them where they are not all."""
+    count = np.count_nonzero(keep, axis=1)
+    some = np.flatnonzero(count)
+    window = np.nonzero(keep)[1] if windows is None else windows[keep]
+    return Left(cell[some], count[some], window)
+
+
+@dataclass(frozen=True)
+class Descent:
+    """A request's matrices for the cells of a bucket.
+
+    Attributes
+    ----------
+    cells : Cells
+    arcs : Arcs
+    matrices : Matrices
+    phasors : Phasors, or None where no position is requested
+    """
+
+    cells: Cells
+    arcs: Arcs
+    matrices: Matrices
+    phasors: Phasors | None
+
+    @cached_property
+    def rotation(self) -> RotationMatrix | None:
+        """For the rotation, if one is requested."""
+        return None if self.matrices.target.rotation is None else self.matrices.rotation(self.bucket)
+
+    @cached_property
+    def position(self) -> PositionMatrices | None:
+        """For the positions, if any are requested; made when the first window is left to ask about."""
+        return None if self.phasors is None else self.matrices.position(self.phasors.reach)
+
+    @property
+    def bucket(self) -> Bucket:
+        return self.cells.bucket
+
+    @property
+    def windows(self) -> int:
+        """Windows of one type."""
+        return self.arcs.piece.size
+
+    def squared(self, part: slice) -> Floats:
+        """Mean squared error of all windows of some types, or a lower bound of it, (n, windows)."""
+        squared: Floats | float = 0.0
+        if self.rotation is not None:
+            squared = self.rotation.mean_square_error(self.bucket, part)
+        if self.position is not None:
+            squared = squared + self.position.mean_square_error(self.phasors, part)
+        return squared
+
+    # -- every window -------------------------------------------------------------------------------------------------
+
+    def _everything(self) -> list[Piece]:
+        count = len(self.bucket.rows)
+        return [partial(self._block, slice(k, k + BLOCK_ROWS)) for k in range(0, count, BLOCK_ROWS)]
+
+    def _block(self, part: slice, limit: float) -> tuple[Ints, Floats] | None:
+        bucket = self.bucket
+        places = np.arange(len(bucket.rows))[part]
+        squared: Floats | float = 0.0
+        if self.rotation is not None:
+            squared = self.rotation.mean_square_error(bucket, part)
+            # cheap test on D itself first: bound = sqrt(D - rounding) - e <= limit
+            keep = squared <= ((limit + bucket.error[part]) ** 2 + self.rotation.rounding)[:, None]
+            some = keep.any(axis=1)
+            if not some.any():
+                return None
+            places, squared, keep = places[some], squared[some], keep[some]
+            squared = self._lowered(squared, bucket.error[places, None]) ** 2
+        if self.position is not None:
+            squared = squared + self.position.mean_square_error(self.phasors, places)
+            keep = squared <= limit**2
+        place, window = np.nonzero(keep)
+        return bucket.rows[places[place]] * self.windows + window, np.sqrt(squared[place, window])
+
+    def _lowered(self, squared: Floats, error: Floats) -> Floats:
+        """Lower bound of the rms rotation error from D and the error of the series."""
+        return np.maximum(np.sqrt(np.maximum(squared - self.rotation.rounding, 0.0)) - error, 0.0)
+
+    # -- the descent --------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _top(self) -> Floats:
+        """D of all windows of the representatives of the coarsest cells."""
+        cells = self.cells.levels[0].cells
+        return self.rotation.mean_square_error(cells, slice(None))
+
+    @property
+    def _descends(self) -> bool:
+        return self.rotation is not None and bool(self.cells.levels)
+
+    def work(self, limit: float) -> list[Piece]:
+        """Pieces of work that between them find every window whose bound is at most any limit up to this one."""
+        if not self._descends or limit == np.inf:
+            return self._everything()
+        level = self.cells.levels[0]
+        radius = self.arcs.radius(level, slice(None))
+        keep = self._may_be_below(self._top, radius[:, self.arcs.piece], limit)
+        left = _left(np.arange(len(keep)), keep)
+        whole = WORTHWHILE * self.windows
+        if left.window.size > whole * len(keep):
+            return self._everything()
+        for fine in self.cells.levels[1:]:
+            left = self._parts(left, limit, fine)
+        if left.window.size > whole * (len(self.cells.first) - 1):
+            return self._everything()
+        width = 8 * self.bucket.series.shape[1]
+        return [partial(self._types, *chunk) for chunk in left.chunks(width)]
+
+    def _may_be_below(self, squared: Floats, radius: NDArray[np.floating], limit: float) -> NDArray[np.bool_]:
+        reach = (radius + limit) * ABOVE_SINGLE
+        reach *= reach
+        reach += self.rotation.rounding
+        return squared <= reach
+
+    def _parts(self, left: Left, limit: float, fine: Level) -> Left:
+        """What is left of the windows of some cells in the cells that they are made of."""
+        found = []
+        for cell, window, real in left.chunks(8 * fine.series.shape[-1]):
+            squared = self.rotation.of_windows(fine.series[cell], fine.mean_square[cell], window)
+            part = PARTS * cell[:, None] + np.arange(PARTS)
+            group, place = np.ogrid[: len(cell), :PARTS]
+            radius = self.arcs.radius(fine, part)[
+                group[..., None], place[..., None], self.arcs.piece[window][:, None]
+            ]
+            keep = self._may_be_below(squared, radius, limit)
+            keep &= real[:, None]
+            rows = keep.shape[0] * PARTS
+            windows = np.broadcast_to(window[:, None], keep.shape).reshape(rows, -1)
+            found.append(_left(part.ravel(), keep.reshape(rows, -1), windows))
+        if not found:
+            return left
+        return Left(*(np.concatenate(column) for column in zip(*found)))
+
+    def _types(self, cell: Ints, window: Ints, real: NDArray[np.bool_], limit: float) -> tuple[Ints, Floats] | None:
+        """Windows of the types of some finest cells."""
+        bucket = self.bucket
+        types = self.cells.types_of(cell)
+        error = bucket.error[types]
+        squared = self.rotation.of_windows(bucket.series[types], bucket.mean_square[types], window)
+        group, place, column = np.nonzero(squared <= ((limit + error) ** 2 + self.rotation.rounding)[..., None])
+        # no filling of short rows: neither a window twice nor a type twice
+        own = real[group, column] & ((place == 0) | (types[group, place] != types[group, place - 1]))
+        group, place, column = group[own], place[own], column[own]
+        if not group.size:
+            return None
+        bound = self._lowered(squared[group, place, column], error[group, place])
+        if self.phasors is not None:
+            some, inside = np.unique(group, return_inverse=True)
+            left = self.position.of_windows(self.phasors, types[some], window[some])
+            bound = np.sqrt(bound**2 + left[inside, place, column])
+            own = bound <= limit
+            group, place, column, bound = group[own], place[own], column[own], bound[own]
+        return self.bucket.rows[types[group, place]] * self.windows + window[group, column], bound
+
+    # -- a first guess ------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def nearest(self) -> tuple[Floats, Ints]:
+        """Least D of each of the coarsest cells, and its window; of none where there are no cells."""
+        if not self._descends:
+            return np.empty(0), np.empty(0, dtype=np.int64)
+        window = self._top.argmin(axis=1)
+        return self._top[np.arange(len(window)), window], window
+
+    def probe(self, cell: Ints) -> tuple[Ints, Floats]:
+        """Windows of the types that lie below some of the coarsest cells, near their best window: probably good ones."""
+        window = self.nearest[1][cell]
+        for fine in self.cells.levels[1:]:
+            part = PARTS * cell[:, None] + np.arange(PARTS)
+            around = self._around(window)
+            squared = self.rotation.of_windows(fine.series[cell], fine.mean_square[cell], around)
+            best = squared.reshape(len(cell), -1).argmin(axis=1)
+            group = np.arange(len(cell))
+            cell, window = part[group, best // around.shape[1]], around[group, best % around.shape[1]]
+        found = self._types(cell, self._around(window), np.ones((len(cell), 3), dtype=bool), np.inf)
+        assert found is not None
+        return found
+
+    def _around(self, window: Ints) -> Ints:
+        """Windows and their neighbours of the same branch, (n, 3)."""
+        starts = self.windows // 2
+        start, branch = window % starts, window // starts
+        return branch[:, None] * starts + (start[:, None] + np.array([-1, 0, 1])) % starts
