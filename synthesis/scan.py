@@ -51,7 +51,7 @@ STARTS = 360
 TIE = 1e-12
 """Errors (radians, or the objective's unit) that agree to this are ties, broken by number, start, branch."""
 
-HARMONICS = (4, 6, 8, 10, 12, 16, 24, 32, 48, 64, 96)
+HARMONICS = (5, 8, 12, 16, 24, 32, 64)
 SERIES_ERROR = 3e-7
 _LARGEST_WAVE = 64
 """Blocks between two looks at the limit: the same on every machine, or reports would differ."""
@@ -258,19 +258,25 @@ class Scan:
             def exact(windows: Windows) -> Floats:
                 return window_errors(self.lengths, target, windows)
 
+        cut_short = False
+
+        def out_of_time() -> bool:  # asked only where something is left to do
+            nonlocal cut_short
+            cut_short = cut_short or expired()
+            return cut_short
+
         with ThreadPoolExecutor(self.threads) as pool:
             run = pool if self.threads > 1 else None
             parts = self._requested(target)
             ceiling = self._first_ceiling(parts, top, exact, run)
             count, evaluated = max(_FIRST_COUNT, 4 * top), 0
             while True:
-                ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, expired, run)
-                windows, done, ceiling = self._evaluate(ids, bounds, top, exact, expired)
+                ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, out_of_time, run)
+                windows, done, ceiling = self._evaluate(ids, bounds, top, exact, out_of_time)
                 evaluated = max(evaluated, done)  # a further pass begins with the same windows
-                if ceiling + TIE <= cut or ids.size < count:
-                    return windows, ScanReport(self.windows, evaluated, True)
-                if max_windows is not None and count >= max_windows:
-                    return windows, ScanReport(self.windows, evaluated, False)
+                complete = ceiling + TIE <= cut or ids.size < count
+                if complete or cut_short or (max_windows is not None and count >= max_windows):
+                    return windows, ScanReport(self.windows, evaluated, complete and not cut_short)
                 count *= 8
 
     def _first_ceiling(

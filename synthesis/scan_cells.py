@@ -44,7 +44,7 @@ _NEARLY = 1e-9
 ABOVE_SINGLE = np.float32(1 + 1e-6)
 """Makes up for the rounding of a few operations in single precision."""
 
-LEAF = 16
+LEAF = 32
 """Most types of a cell of the finest level."""
 PARTS = 8
 """Cells that make one of the next coarser level."""
@@ -164,7 +164,7 @@ class Cells:
         """Places of the types of finest cells, (cells, LEAF); a cell with fewer repeats its last."""
         return np.minimum(self.first[cells][:, None] + np.arange(self.most), self.first[cells + 1][:, None] - 1)
 
-    @property
+    @cached_property
     def most(self) -> int:
         """Most types of a finest cell."""
         return int(np.max(np.diff(self.first)))

@@ -23,7 +23,7 @@ Piece = Callable[[float], tuple[Ints, Floats] | None]
 """Window numbers and lower bounds of those windows of a piece of work whose bound is at most a limit."""
 
 BLOCK_ROWS = 256
-CHUNK_BYTES = 1 << 19
+CHUNK_BYTES = 1 << 20
 """Of the gathered matrices of a chunk of cells: they stay in a core's cache."""
 FILLED = 0.6
 """Least part of a chunk's rows that is windows and no filling."""
@@ -156,12 +156,9 @@ class Descent:
         radius = self.arcs.radius(level, slice(None))
         keep = self._may_be_below(self._top, radius[:, self.arcs.piece], limit)
         left = _left(np.arange(len(keep)), keep)
-        whole = WORTHWHILE * self.windows
-        if left.window.size > whole * len(keep):
-            return self._everything()
         for fine in self.cells.levels[1:]:
             left = self._parts(left, limit, fine)
-        if left.window.size > whole * (len(self.cells.first) - 1):
+        if left.window.size > WORTHWHILE * self.windows * (len(self.cells.first) - 1):
             return self._everything()
         width = 8 * self.bucket.series.shape[1]
         return [partial(self._types, *chunk) for chunk in left.chunks(width)]
@@ -178,10 +175,8 @@ class Descent:
         for cell, window, real in left.chunks(8 * fine.series.shape[-1]):
             squared = self.rotation.of_windows(fine.series[cell], fine.mean_square[cell], window)
             part = PARTS * cell[:, None] + np.arange(PARTS)
-            group, place = np.ogrid[: len(cell), :PARTS]
-            radius = self.arcs.radius(fine, part)[
-                group[..., None], place[..., None], self.arcs.piece[window][:, None]
-            ]
+            radius = self.arcs.radius(fine, part)
+            radius = radius[np.arange(len(cell))[:, None, None], np.arange(PARTS)[:, None], self.arcs.piece[window][:, None]]
             keep = self._may_be_below(squared, radius, limit)
             keep &= real[:, None]
             rows = keep.shape[0] * PARTS

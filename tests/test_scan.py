@@ -163,6 +163,24 @@ def test_refused_windows_are_no_answers(scans) -> None:
     assert not cut_short.exhaustive
 
 
+@pytest.mark.parametrize("patience", [0, 1, 3, 10**6])
+def test_a_scan_without_time_says_so(scans, patience) -> None:
+    scan = scans["increasing"]
+    target = random_target(scan, np.random.default_rng(3), "both", False)
+    asked = 0
+
+    def expired() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked > patience
+
+    found, report = scan.best(target, 10, expired=expired)
+    assert report.exhaustive == (asked <= patience)
+    assert found.row.size and np.all(np.isfinite(found.error))
+    if patience > 1000:
+        assert report.exhaustive and np.array_equal(found.error, scan.best(target, 10)[0].error)
+
+
 def test_an_atlas_without_types_has_no_answers() -> None:
     scan = Scan(make_atlas(AtlasRule(TypeRule(10, 9), 16)))
     found, report = scan.best(make_target(np.arange(4.0), crank_span=1.0), 5)
