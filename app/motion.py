@@ -15,7 +15,7 @@ from synthesis.limits import Limits
 from synthesis.rounding import round_solution
 from synthesis.scan import window_angles
 from synthesis.search import DEFAULT_TOLERANCE, search
-from synthesis.solution import Determination, Sensitivity, Solution, determinations, principal, sensitivities
+from synthesis.solution import Determination, Sensitivity, Solution, Status, determinations, principal, sensitivities
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
 MAX_TOP = 1000
@@ -461,14 +461,8 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> Synth
             notes=notes,
             **report,
         ),
-        status=_status(request, replies),
+        status=Status.of(solutions, request.tolerance).value,
     )
-
-
-def _status(request: SynthesizeRequest, replies: list[SolutionReply]) -> Literal["reached", "closest", "infeasible"]:
-    if not replies:
-        return "infeasible"
-    return "reached" if replies[0].errors.objective < request.tolerance else "closest"
 
 
 def _budget(request: SynthesizeRequest, resources: Resources) -> float:
@@ -484,7 +478,7 @@ def _from_atlas(
     solutions, scanned = best_rows(scan, target, limits, request.top, lambda: resources.clock() >= deadline)
     screened = resources.clock()
     best = [(1000 * (screened - begin), solutions[0].errors.objective)] if solutions else []
-    reached = bool(solutions) and solutions[0].errors.objective < request.tolerance
+    reached = Status.of(solutions, request.tolerance) is Status.REACHED
     details = {
         "trace": best,
         "stopped_by": "tolerance" if reached else ("converged" if scanned.exhaustive else "budget"),
