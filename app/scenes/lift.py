@@ -219,7 +219,7 @@ def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeR
     from synthesis.lift_published import published_for
 
     task = _task(request.cylinder, request)
-    optimum = optimize(task)
+    optimum = optimize(task, resources.clock)
     published = published_for(task, optimum)
     return OptimizeReply(
         status="optimal",
@@ -281,7 +281,7 @@ def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
             )
     tasks = [_task(cylinder, request) for cylinder in request.cylinders]
     rows = []
-    for cylinder, task, found in zip(request.cylinders, tasks, optimize_batch(tasks)):
+    for cylinder, task, found in zip(request.cylinders, tasks, optimize_batch(tasks, resources.clock)):
         if isinstance(found, FieldError):
             rows.append(
                 BatchRow(
