@@ -417,7 +417,7 @@ def search(
     tolerance : float
         Stop the search when the objective is below it.
     clock : callable
-        Seconds of a monotonic clock.
+        Seconds of a monotonic clock, asked all the time; what it raises ends the search.
     budget : float
         Seconds; the best found by then is returned.
 
