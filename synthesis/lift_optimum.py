@@ -147,6 +147,7 @@ def _answer(found: Optimum, unit: Task, task: Task) -> Optimum:
 
 
 def _optimize_at_unit_speed(task: Task, checkpoint: Callable[[], object]) -> Optimum:
+    checkpoint()  # one without an admissible design evaluates nothing
     drive = task.cylinder
     evaluator = Evaluator(task, checkpoint)
     low, high = _arm_range(task)
