@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
-from fastapi import FastAPI, Response
+from fastapi import FastAPI, Request, Response
 from pydantic import ConfigDict, Field, Strict
 
 from app.motion import SynthesizeRequest, answer_synthesize
@@ -170,8 +170,8 @@ def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[
         responses={**responses, 200: {"content": files}},
         openapi_extra={"requestBody": {"content": {"application/json": {"examples": bodies}}}},
     )
-    async def export(body: ExportRequest) -> Response:
-        content, media_type = await app.state.turnstile.run(answer_export, body, resources)
+    async def export(request: Request, body: ExportRequest) -> Response:
+        content, media_type = await app.state.turnstile.run(request, answer_export, body, resources)
         ending = "xml" if body.format == "mjcf" else body.format
         return Response(
             content,

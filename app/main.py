@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Annotated, Any, Literal
 
-import anyio
-import anyio.to_thread
-from fastapi import FastAPI, Response
+from fastapi import FastAPI, Request, Response
 from fastapi import Path as PathParameter
 
 import linkage_atlas
@@ -17,21 +15,8 @@ from app.queries import all_queries, worked_example
 from app.query import Export, Query, ReplyModel
 from app.resources import ServiceResources
 from app.settings import Settings
+from app.turnstile import Turnstile
 from synthesis.fourbar import family
-
-
-class Turnstile:
-    """Lets a few requests compute at a time and a few more wait; refuses the rest at once."""
-
-    def __init__(self, concurrent: int, waiting: int) -> None:
-        self._limiter = anyio.CapacityLimiter(concurrent)
-        self._waiting = waiting
-
-    async def run(self, function: Callable[..., Any], *args: Any) -> Any:
-        """``function(*args)`` on a worker thread. Raises `problems.Overloaded` when too many wait already."""
-        if self._limiter.statistics().tasks_waiting >= self._waiting and self._limiter.available_tokens < 1:
-            raise problems.Overloaded
-        return await anyio.to_thread.run_sync(function, *args, limiter=self._limiter)
 
 
 def create_app(settings: Settings | None = None, resources: ServiceResources | None = None) -> FastAPI:
@@ -169,20 +154,20 @@ def _route_details(query: Query) -> dict[str, Any]:
 
 
 def _add_query(app: FastAPI, query: Query, resources: ServiceResources) -> None:
-    async def route(body):  # type: ignore[no-untyped-def]
-        return await app.state.turnstile.run(query.answer, body, resources)
+    async def route(request, body):  # type: ignore[no-untyped-def]
+        return await app.state.turnstile.run(request, query.answer, body, resources)
 
-    route.__annotations__ = {"body": query.request, "return": query.reply}
+    route.__annotations__ = {"request": Request, "body": query.request, "return": query.reply}
     route.__name__ = query.command.replace(" ", "_")
     app.post(query.path, response_model=query.reply, **_route_details(query))(route)
 
 
 def _add_export(app: FastAPI, query: Query, name: str, export: Export, resources: ServiceResources) -> None:
-    async def route(body):  # type: ignore[no-untyped-def]
-        content = await app.state.turnstile.run(export.render, body, resources)
+    async def route(request, body):  # type: ignore[no-untyped-def]
+        content = await app.state.turnstile.run(request, export.render, body, resources)
         return Response(content, media_type=export.media_type)
 
-    route.__annotations__ = {"body": query.request}
+    route.__annotations__ = {"request": Request, "body": query.request}
     route.__name__ = f"{query.command.replace(' ', '_')}_{name}"
     details = _route_details(query)
     details["summary"] = f"{query.summary} As {name.upper()}."

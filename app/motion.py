@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from synthesis.limits import Limits
 from synthesis.rounding import round_solution
 from synthesis.scan import window_angles
 from synthesis.search import DEFAULT_TOLERANCE, search
-from synthesis.solution import Determination, Sensitivity, Solution, determinations, principal, sensitivities
+from synthesis.solution import Determination, Sensitivity, Solution, Status, determinations, principal, sensitivities
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
 MAX_TOP = 1000
@@ -107,6 +108,11 @@ class MatchesReply(ReplyModel):
     report: MatchesReport
 
 
+def _expiry(resources: Resources, deadline: float) -> Callable[[], bool]:
+    """Whether the deadline has passed; asks the clock also where there is none, for whether the answer is still wanted."""
+    return lambda: resources.clock() >= deadline
+
+
 def rotation_notes(target: Target) -> list[str]:
     """What a user should know about a rotation that looks wrapped."""
     if target.rotation is None:
@@ -138,7 +144,7 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
     begin = resources.clock()
     unit = request.unit
     target = request.target(request.rotation, None, None)
-    windows, report = scan.best(target, request.top)
+    windows, report = scan.best(target, request.top, expired=_expiry(resources, np.inf))
     screened = resources.clock()
     _, angles = window_angles(scan.lengths, target, windows)
     matches = []
@@ -461,14 +467,8 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> Synth
             notes=notes,
             **report,
         ),
-        status=_status(request, replies),
+        status=Status.of(solutions, request.tolerance).value,
     )
-
-
-def _status(request: SynthesizeRequest, replies: list[SolutionReply]) -> Literal["reached", "closest", "infeasible"]:
-    if not replies:
-        return "infeasible"
-    return "reached" if replies[0].errors.objective < request.tolerance else "closest"
 
 
 def _budget(request: SynthesizeRequest, resources: Resources) -> float:
@@ -481,10 +481,10 @@ def _from_atlas(
     request: SynthesizeRequest, target: Target, limits: Limits, resources: Resources, begin: float
 ) -> tuple[list[Solution], dict[str, Any], dict[str, float]]:
     scan, deadline = resources.atlas.scan, begin + _budget(request, resources)
-    solutions, scanned = best_rows(scan, target, limits, request.top, lambda: resources.clock() >= deadline)
+    solutions, scanned = best_rows(scan, target, limits, request.top, _expiry(resources, deadline))
     screened = resources.clock()
     best = [(1000 * (screened - begin), solutions[0].errors.objective)] if solutions else []
-    reached = bool(solutions) and solutions[0].errors.objective < request.tolerance
+    reached = Status.of(solutions, request.tolerance) is Status.REACHED
     details = {
         "trace": best,
         "stopped_by": "tolerance" if reached else ("converged" if scanned.exhaustive else "budget"),

@@ -54,6 +54,10 @@ class Overloaded(Exception):
     """More requests wait than the service lets wait."""
 
 
+class ClientGone(Exception):
+    """Nobody waits for this answer any more."""
+
+
 class NotFound(Exception):
     """There is no such thing; the message says what there is."""
 
@@ -145,6 +149,10 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Overloaded)
     async def _overloaded(_: Request, __: Overloaded) -> Response:
         return problem(503, "too many requests are waiting", headers={"Retry-After": "1"})
+
+    @app.exception_handler(ClientGone)
+    async def _gone(_: Request, __: ClientGone) -> Response:
+        return Response(status_code=499)  # nobody reads it; the number is the one that proxies log
 
     @app.exception_handler(HTTPException)
     async def _http(_: Request, error: HTTPException) -> Response:

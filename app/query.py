@@ -39,7 +39,9 @@ class Resources(Protocol):
     @property
     def levels(self) -> Any: ...
 
-    def clock(self) -> float: ...
+    def clock(self) -> float:
+        """Seconds of a monotonic clock. Raises where nobody waits for the answer any more: long work asks for the time."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ Numbers in parentheses are the equations of the source named in `synthesis.lift_
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -148,10 +149,14 @@ def speeds_at_turn(
 
 
 class Evaluator:
-    """The objective of a task for batches of designs; counts what it evaluates."""
+    """The objective of a task for batches of designs; counts what it evaluates.
 
-    def __init__(self, task: Task) -> None:
+    ``checkpoint`` is called before each block of designs: what it raises ends a long evaluation.
+    """
+
+    def __init__(self, task: Task, checkpoint: Callable[[], object] = lambda: None) -> None:
         self.task = task
+        self.checkpoint = checkpoint
         self.evaluations = 0
         objective = task.objective
         if objective.kind == "discrete":
@@ -178,6 +183,7 @@ class Evaluator:
         values, means = np.empty(flat[0].shape), np.empty(flat[0].shape)
         rows = max(1, BLOCK // self._weights.size)
         for start in range(0, values.size, rows):
+            self.checkpoint()
             *lengths, angle = (field[start : start + rows, None] for field in flat)
             values[start : start + rows], means[start : start + rows] = self._moments(Design(*lengths), angle)
         self.evaluations += values.size

@@ -10,7 +10,7 @@ explained in `synthesis.lift_objective`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,11 +69,12 @@ class Optimum:
     evaluations: int
 
 
-def optimize(task: Task) -> Optimum:
+def optimize(task: Task, checkpoint: Callable[[], object] = lambda: None) -> Optimum:
     """The global optimum of a task; deterministic, no random start.
 
     Global: the best gamma for each of about a hundred values of l2 (even and geometric grid). Local: the best few
-    valleys are narrowed around their best l2, each value again with its best gamma.
+    valleys are narrowed around their best l2, each value again with its best gamma. ``checkpoint`` is called all the
+    time; what it raises ends the search.
 
     Raises
     ------
@@ -86,10 +87,12 @@ def optimize(task: Task) -> Optimum:
     """
     check_task(task)
     unit = _unit_task(task)
-    return _answer(_optimize_at_unit_speed(unit), unit, task)
+    return _answer(_optimize_at_unit_speed(unit, checkpoint), unit, task)
 
 
-def optimize_batch(tasks: Sequence[Task]) -> list[Optimum | FieldError]:
+def optimize_batch(
+    tasks: Sequence[Task], checkpoint: Callable[[], object] = lambda: None
+) -> list[Optimum | FieldError]:
     """The optima of many tasks, each or the error that says why there is none.
 
     Tasks that differ only in the time scale (same a / v^2) share one search.
@@ -106,7 +109,7 @@ def optimize_batch(tasks: Sequence[Task]) -> list[Optimum | FieldError]:
         unit = _unit_task(task)
         if unit not in known:
             try:
-                known[unit] = _optimize_at_unit_speed(unit)
+                known[unit] = _optimize_at_unit_speed(unit, checkpoint)
             except FieldError as error:
                 known[unit] = error
         found = known[unit]
@@ -143,9 +146,10 @@ def _answer(found: Optimum, unit: Task, task: Task) -> Optimum:
     )
 
 
-def _optimize_at_unit_speed(task: Task) -> Optimum:
+def _optimize_at_unit_speed(task: Task, checkpoint: Callable[[], object]) -> Optimum:
+    checkpoint()  # one without an admissible design evaluates nothing
     drive = task.cylinder
-    evaluator = Evaluator(task)
+    evaluator = Evaluator(task, checkpoint)
     low, high = _arm_range(task)
     span = high - low
     if not span > 0:

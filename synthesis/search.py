@@ -29,7 +29,7 @@ from synthesis.fourbar import TURN, close_loop
 from synthesis.limits import Limits
 from synthesis.refine import LimitedProblem, Problem, refine
 from synthesis.scan import Scan
-from synthesis.solution import APART, Solution, distinct, finish_solutions, make_solutions
+from synthesis.solution import APART, Solution, Status, distinct, finish_solutions, make_solutions
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -59,18 +59,9 @@ class StoppedBy(StrEnum):
     BUDGET = "budget"
 
 
-class Status(StrEnum):
-    """What a search found."""
-
-    REACHED = "reached"
-    CLOSEST = "closest"
-    INFEASIBLE = "infeasible"
-
-
 class SearchReport(NamedTuple):
     """How a search went."""
 
-    status: Status
     stopped_by: StoppedBy
     trace: list[tuple[float, float]]
     """Seconds since the start, best objective within the limits."""
@@ -280,7 +271,7 @@ class _Search:
 
     def done(self, solutions: list[Solution]) -> bool:
         """Whether no further search is worth while, or there is no time for it."""
-        return self.expired() or bool(solutions and solutions[0].errors.objective < self.tolerance)
+        return self.expired() or Status.of(solutions, self.tolerance) is Status.REACHED
 
     def polish(self, count: int, iterations: int = 30) -> _Candidates:
         """The best of the pool on all samples of the request."""
@@ -317,7 +308,7 @@ class _Search:
                 unknowns, branch = done.unknowns[best], done.branch[best]
             found = distinct(found + self.finished(unknowns, branch), 2 * top + 4, APART)
             self.note(np.array([s.errors.objective for s in found[:1]]) ** 2)
-            if self.expired() or (found and found[0].errors.objective < self.tolerance):
+            if self.done(found):
                 break
         return found
 
@@ -426,7 +417,7 @@ def search(
     tolerance : float
         Stop the search when the objective is below it.
     clock : callable
-        Seconds of a monotonic clock.
+        Seconds of a monotonic clock, asked all the time; what it raises ends the search.
     budget : float
         Seconds; the best found by then is returned.
 
@@ -479,13 +470,12 @@ def _within(limits: Limits, target: Target, solutions: list[Solution]) -> list[S
 
 def _report(run: _Search, solutions: list[Solution], tolerance: float) -> SearchReport:
     best = solutions[0].errors.objective if solutions else np.inf
-    if best < tolerance:
-        status, stopped = Status.REACHED, StoppedBy.TOLERANCE
+    if Status.of(solutions, tolerance) is Status.REACHED:
+        stopped = StoppedBy.TOLERANCE
     else:
-        status = Status.CLOSEST if solutions else Status.INFEASIBLE
         stopped = StoppedBy.BUDGET if run.expired() else StoppedBy.CONVERGED
     # rounds see a thinned target or stop a rounding earlier: what counts is the objective of the reply's own numbers
     trace = [(seconds, max(objective, best)) for seconds, objective in run.trace] if solutions else []
     if solutions and (not trace or trace[-1][1] != best):
         trace.append((run.clock() - run.begin, best))
-    return SearchReport(status, stopped, trace, run.screen_seconds, run.seeds, run.rounds)
+    return SearchReport(stopped, trace, run.screen_seconds, run.seeds, run.rounds)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,6 +114,21 @@ class Solution:
             place = m.pivot_a / size
             numbers += [np.log(size), ground.real, ground.imag, coupler.real, coupler.imag, place.real, place.imag]
         return np.array(numbers)
+
+
+class Status(StrEnum):
+    """What was found."""
+
+    REACHED = "reached"
+    CLOSEST = "closest"
+    INFEASIBLE = "infeasible"
+
+    @classmethod
+    def of(cls, solutions: list[Solution], tolerance: float) -> Status:
+        """The status of solutions within the limits, best first: reached where the best objective is below the tolerance."""
+        if not solutions:
+            return cls.INFEASIBLE
+        return cls.REACHED if solutions[0].errors.objective < tolerance else cls.CLOSEST
 
 
 def make_solutions(

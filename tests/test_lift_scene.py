@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 
 import linkage_atlas
 from app.main import create_app
-from app.scenes import lift as scene
+from app.scenes import lift_models as models
 from synthesis import lift_loops
 
 DESIGN = {"l2": 300, "l3": 180, "l4": 240, "l5": 330, "b": 480}
@@ -222,8 +222,8 @@ def test_any_scale_is_answered_with_finite_numbers(client, scale, speed) -> None
 
 
 def test_many_samples_in_one_request(client) -> None:
-    reply = client.post("/v1/lift/motion", json={**MOTION, "samples": scene.MAX_SAMPLES})
-    assert reply.status_code == 200 and len(reply.json()["height"]) == scene.MAX_SAMPLES
+    reply = client.post("/v1/lift/motion", json={**MOTION, "samples": models.MAX_SAMPLES})
+    assert reply.status_code == 200 and len(reply.json()["height"]) == models.MAX_SAMPLES
 
 
 def test_optimize_replies_what_the_contract_names(client) -> None:
@@ -267,8 +267,8 @@ def test_batch_rows_are_single_answers_and_errors_stay_in_their_row(client) -> N
 
 
 def test_batch_limits_its_work(client) -> None:
-    body = {**changed(OPTIMIZE, "cylinder", None), "objective": {"kind": "discrete", "n": scene.MAX_STEPS}}
-    body["cylinders"] = [{"length": 200 + k, "speed": 100} for k in range(scene.MAX_CYLINDERS)]
+    body = {**changed(OPTIMIZE, "cylinder", None), "objective": {"kind": "discrete", "n": models.MAX_STEPS}}
+    body["cylinders"] = [{"length": 200 + k, "speed": 100} for k in range(models.MAX_CYLINDERS)]
     row = client.post("/v1/lift/batch", json=body).json()["errors"][0]
     assert row["constraint"] == "batch_steps" and row["pointer"] == "#/objective/n"
     body["cylinders"] *= 2

@@ -1,0 +1,67 @@
+"""Who computes when: a few requests at a time, a few more wait, the rest are refused, and nothing is computed for nobody."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import anyio
+import anyio.to_thread
+from fastapi import Request
+
+from app import problems
+from app.query import Resources
+
+
+class Turnstile:
+    """Lets ``concurrent`` requests compute at a time and ``waiting`` more wait; one whose client has gone leaves."""
+
+    def __init__(self, concurrent: int, waiting: int) -> None:
+        self._limiter = anyio.CapacityLimiter(concurrent)
+        self._waiting = waiting
+
+    async def run(
+        self, request: Request, function: Callable[[Any, Resources], Any], body: Any, resources: Resources
+    ) -> Any:
+        """``function(body, resources)`` on a worker thread; the body of ``request`` must have been read.
+
+        Raises `problems.Overloaded` when too many wait already, and `problems.ClientGone` once nobody waits for the
+        answer: instead of the function, or out of it the next time that it asks the clock.
+        """
+        if self._limiter.statistics().tasks_waiting >= self._waiting and self._limiter.available_tokens < 1:
+            raise problems.Overloaded
+        gone = threading.Event()
+        with anyio.CancelScope() as wait:  # for a turn: once there, a thread is not abandoned and keeps its place
+            watch = asyncio.create_task(_watch(request, gone, wait))
+            try:
+                return await anyio.to_thread.run_sync(
+                    function, body, _Attended(resources, gone), limiter=self._limiter
+                )
+            finally:
+                watch.cancel()
+        raise problems.ClientGone
+
+
+async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScope) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+    gone.set()
+    wait.cancel()
+
+
+class _Attended:
+    """Resources of one request, whose clock ends the work once the client has gone: every long search asks for the time."""
+
+    def __init__(self, resources: Resources, gone: threading.Event) -> None:
+        self._resources = resources
+        self._gone = gone
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._resources, name)
+
+    def clock(self) -> float:
+        if self._gone.is_set():
+            raise problems.ClientGone
+        return self._resources.clock()

@@ -1,0 +1,195 @@
+"""Turns of the requests that compute, and what a client leaves behind that goes away: nothing."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import logging
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+import uvicorn
+
+import app.motion
+from app.main import create_app
+from app.problems import ClientGone
+from app.queries import all_queries, worked_example
+from app.resources import ServiceResources
+from app.settings import Settings
+
+PATIENCE = 30.0
+SOON = 2.0
+"""Seconds in which a step of a search is over, also on a busy machine."""
+EXAMPLE = worked_example()
+_RANDOM = np.random.default_rng(7)
+NOISE = {
+    "rotation": (0.3 * _RANDOM.normal(size=64).cumsum()).tolist(),
+    "position": _RANDOM.normal(size=(64, 2)).tolist(),
+    "crank_span": 300,
+    "limits": {"family": "any", "transmission_angle_min": 40, "pivot_box": [-1, -1, 1, 1]},
+}
+"""Out of reach of every linkage, within limits: the longest search there is."""
+CYLINDERS = [{"length": 200 + k, "speed": 100} for k in range(24)]
+STROKE = {"stroke": [200, 510], "objective": {"kind": "discrete", "n": 500}}
+
+
+class Slow(ServiceResources):
+    """A clock whose readings take their time: the search in noise takes all of its 30 s on every machine."""
+
+    def clock(self) -> float:
+        time.sleep(0.05)
+        return super().clock()
+
+
+class Service:
+    """A real server in this process, with one place to compute and one to wait."""
+
+    def __init__(self, port: int, limiter: Any) -> None:
+        self.port, self._limiter = port, limiter
+
+    @property
+    def computing(self) -> int:
+        return self._limiter.borrowed_tokens
+
+    @property
+    def waiting(self) -> int:
+        return self._limiter.statistics().tasks_waiting
+
+    def post(
+        self, path: str, body: dict[str, Any], connection: http.client.HTTPConnection | None = None
+    ) -> http.client.HTTPConnection:
+        """The connection, a new one unless given, over which the request has been sent."""
+        connection = connection or http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
+        connection.request("POST", path, json.dumps(body), {"content-type": "application/json"})
+        return connection
+
+
+def until(condition: Callable[[], bool], seconds: float = PATIENCE) -> float:
+    """Seconds until the condition holds; fails after as many as are given."""
+    begin = time.monotonic()
+    while not condition():
+        assert time.monotonic() - begin < seconds
+        time.sleep(0.005)
+    return time.monotonic() - begin
+
+
+@pytest.fixture(scope="module")
+def resources(tmp_path_factory) -> ServiceResources:
+    return Slow(Settings(atlas=tmp_path_factory.mktemp("turns") / "none", max_concurrent=1, max_waiting=1))
+
+
+@contextmanager
+def serving(resources: ServiceResources) -> Iterator[Service]:
+    service = create_app(resources=resources)
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        server = uvicorn.Server(uvicorn.Config(service, log_config=None))
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+        thread.start()
+        until(lambda: server.started)
+        yield Service(listener.getsockname()[1], service.state.turnstile._limiter)
+        server.should_exit = True
+        thread.join(PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def service(resources) -> Iterator[Service]:
+    with serving(resources) as service:
+        yield service
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/v1/synthesize", NOISE),
+        ("/v1/synthesize.svg", NOISE),
+        ("/v1/export", {"request": NOISE}),
+        ("/v1/lift/batch", {"cylinders": CYLINDERS, **STROKE}),
+    ],
+    ids=["synthesize", "synthesize.svg", "export", "lift batch"],
+)
+def test_work_ends_soon_after_its_client_has_gone(path, body, service, caplog) -> None:
+    connection = service.post(path, body)
+    until(lambda: service.computing == 1)
+    time.sleep(0.3)  # into the search
+    assert service.computing == 1
+    connection.close()
+    until(lambda: service.computing == 0, SOON)
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+def test_nothing_is_computed_for_a_client_that_went_while_it_waited(service, monkeypatch) -> None:
+    searched = []
+
+    def recording(levels, target, limits, top, *others):
+        searched.append(top)
+        return search(levels, target, limits, top, *others)
+
+    search = app.motion.search
+    monkeypatch.setattr(app.motion, "search", recording)
+    computing = service.post("/v1/synthesize", {**NOISE, "top": 11})
+    until(lambda: searched == [11])
+    impatient = service.post("/v1/synthesize", {**NOISE, "top": 12})
+    until(lambda: service.waiting == 1)
+    with closing(service.post("/v1/synthesize", EXAMPLE)) as refused:
+        assert refused.getresponse().status == 503
+    impatient.close()
+    until(lambda: service.waiting == 0, SOON)
+    with closing(service.post("/v1/synthesize", {**EXAMPLE, "top": 1})) as patient:
+        until(lambda: service.waiting == 1)
+        assert service.computing == 1, "the first still computes"
+        computing.close()
+        assert patient.getresponse().status == 200
+    assert searched == [11, 1]
+
+
+def test_a_client_that_stays_is_answered_again_and_again(service) -> None:
+    """The end of one request on a connection is not taken for the client's leaving."""
+    body = {**EXAMPLE, "top": 1}
+    with closing(service.post("/v1/synthesize", body)) as connection:
+        first = connection.getresponse()
+        assert first.status == 200 and json.load(first)["status"] == "reached"
+        again = service.post("/v1/synthesize", body, connection).getresponse()
+        assert again.status == 200 and json.load(again)["status"] == "reached"
+
+
+class Abandoned(ServiceResources):
+    """A clock that is read twice, then the client has gone."""
+
+    left = 2
+
+    def clock(self) -> float:
+        self.left -= 1
+        if self.left < 0:
+            raise ClientGone
+        return super().clock()
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/v1/match", {"rotation": NOISE["rotation"], "crank_span": 300, "top": 1000}),
+        ("/v1/synthesize", {**NOISE, "effort": "atlas"}),
+        ("/v1/synthesize", NOISE),
+        ("/v1/synthesize", {**NOISE, "limits": {}}),
+        ("/v1/lift/optimize", {"cylinder": CYLINDERS[0], **STROKE}),
+        ("/v1/lift/batch", {"cylinders": CYLINDERS, **STROKE}),
+        ("/v1/lift/batch", {"cylinders": CYLINDERS, **STROKE, "upper_bound": 20}),
+    ],
+)
+def test_long_work_asks_the_clock_throughout(path, body, small_bytes, tmp_path, monkeypatch) -> None:
+    query = next(query for query in all_queries() if query.path == path)
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    resources = ServiceResources(Settings(atlas=tmp_path / "small.h5"))
+    resources.prepare()
+    monkeypatch.setattr(resources, "__class__", Abandoned)
+    begin = time.process_time()
+    with pytest.raises(ClientGone):
+        query.answer(query.request(**body), resources)
+    assert resources.left == -1 and time.process_time() - begin < SOON
