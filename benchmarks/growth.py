@@ -2,7 +2,7 @@
 
 Every atlas is built, served and asked by processes of their own, as users run them; the requests are the same for all.
 Writes ``benchmarks/results/growth.json``, and with `scaling` the tables of ``docs/scaling.md`` and ``docs/img/growth.svg``.
-The largest perimeter takes about 15 GB of memory; nothing else should run.
+The largest perimeter has seven million types and takes many GB of memory; nothing else should run.
 """
 
 from __future__ import annotations
