@@ -17,6 +17,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +36,13 @@ class BuildLocked(Exception):
     """Another build of the same file is running."""
 
 
+# A worker keeps the list for its next shard: of millions of types, making it takes longer than a shard does.
+_types = lru_cache(maxsize=1)(enumerate_types)
+
+
 def compute_shard(rule: AtlasRule, shard: int) -> bytes:
     """The rows of one shard as bytes (npz), from the rule alone: runs anywhere, any number of times, alike."""
-    lengths = enumerate_types(rule.types)[shard * SHARD_TYPES : (shard + 1) * SHARD_TYPES]
+    lengths = _types(rule.types)[shard * SHARD_TYPES : (shard + 1) * SHARD_TYPES]
     buffer = io.BytesIO()
     np.savez(buffer, **compute_rows(lengths, rule.samples)._asdict())
     return buffer.getvalue()

@@ -1,0 +1,362 @@
+"""The real service as processes of its own: started as the documents say, asked over HTTP, measured from outside.
+
+`growth` and `throughput` measure with it. The clients of `drive` run in a process of their own, so that they do not share the
+interpreter with what measures; they speak just enough HTTP/1.1 to be cheap beside a service on the same cores.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import itertools
+import json
+import multiprocessing
+import os
+import platform
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.classes import SAMPLES, base_order, generator, make_case
+from synthesis.fourbar import TURN, coupler_angle
+
+ROOT = Path(__file__).parents[1]
+START_SECONDS = 1800.0
+"""Longest wait for a service's first answer."""
+BEAT_SECONDS = 0.05
+_JSON = {"Content-Type": "application/json"}
+
+
+# -- requests ---------------------------------------------------------------------------------------------------------
+
+
+def match_bodies(count: int) -> list[bytes]:
+    """Bodies for /v1/match: reachable rotations at 32 samples over 20 to 300 degrees, the best 10 rows; seeded.
+
+    They come from crank-rockers with L1 < L2 < L3 < L4 of real lengths, so from no lattice of whole ones: an atlas holds
+    something near, and nearer the finer it is. Law: a smaller count gives the first of a larger one.
+    """
+    bodies = []
+    for seed in range(count):
+        random = generator("service", seed)
+        lengths = base_order(random)
+        span = random.uniform(20, 300)
+        crank = random.uniform(0, TURN) + np.linspace(0, np.deg2rad(span), SAMPLES)
+        rotation = np.rad2deg(coupler_angle(lengths, random.choice([-1, 1]), crank))
+        bodies.append(json.dumps({"rotation": rotation.tolist(), "crank_span": span, "top": 10}).encode())
+    return bodies
+
+
+def synthesize_bodies(count: int) -> list[bytes]:
+    """Bodies for /v1/synthesize: cases of the class "plain", refined, as `classes` makes them; seeded."""
+    return [json.dumps(make_case("plain", seed).request).encode() for seed in range(count)]
+
+
+# -- the service ------------------------------------------------------------------------------------------------------
+
+
+class Answer(NamedTuple):
+    """One reply."""
+
+    status: int
+    retry_after: float | None
+    body: bytes
+
+    def json(self) -> Any:
+        return json.loads(self.body)
+
+
+@dataclass
+class Service:
+    """A running service."""
+
+    process: subprocess.Popen[bytes]
+    port: int
+    log: Path
+    ready_seconds: float = np.nan
+    """From the start of the process to its first answer at /readyz."""
+    ready: Answer | None = None
+    _connection: http.client.HTTPConnection | None = field(default=None, repr=False)
+
+    def ask(self, method: str, path: str, body: bytes | None = None) -> Answer:
+        """The reply to one request on a connection that is kept."""
+        if self._connection is None:
+            self._connection = http.client.HTTPConnection("127.0.0.1", self.port)
+        self._connection.request(method, path, body, _JSON if body else {})
+        reply = self._connection.getresponse()
+        after = reply.headers.get("Retry-After")
+        return Answer(reply.status, float(after) if after else None, reply.read())
+
+    def disconnect(self) -> None:
+        """Close the kept connection; the next request opens another."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def processes(self) -> list[int]:
+        """The numbers of the service's processes, its own first; only that one without /proc."""
+        own = self.process.pid
+        try:
+            return [own, *map(int, Path(f"/proc/{own}/task/{own}/children").read_text().split())]
+        except OSError:
+            return [own]
+
+    def memory(self, key: str) -> int | None:
+        """Bytes of all its processes: resident (``VmRSS``) or at most so far (``VmHWM``); None without /proc.
+
+        What processes share is counted in each.
+        """
+        found = [_status_bytes(process, key) for process in self.processes()]
+        return None if None in found else sum(found)
+
+    def cpu_seconds(self) -> dict[int, float]:
+        """Processor time of each of its processes until now; empty without /proc."""
+        return {process: seconds for process in self.processes() if (seconds := _cpu_seconds(process)) is not None}
+
+
+def _status_bytes(process: int, key: str) -> int | None:
+    try:
+        lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    except OSError:
+        return None
+    return next((1024 * int(line.split()[1]) for line in lines if line.startswith(f"{key}:")), None)
+
+
+def _cpu_seconds(process: int) -> float | None:
+    try:
+        values = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return None
+    return (int(values[11]) + int(values[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def serve_command(port: int) -> list[str]:
+    """What the container runs."""
+    return [sys.executable, "-m", "linkage_atlas", "serve", "--host", "127.0.0.1", "--port", str(port)]
+
+
+def uvicorn_command(port: int, workers: int = 1) -> list[str]:
+    """What docs/http.md says for several workers without containers."""
+    options = ["--workers", str(workers), "--host", "127.0.0.1", "--port", str(port)]
+    return [sys.executable, "-m", "uvicorn", "--factory", "app.main:create_app", *options]
+
+
+def environment(**settings: Any) -> dict[str, str]:
+    """This process's environment with the service's settings being those given, all others at their defaults."""
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith("LINKAGE_ATLAS_")}
+    given = {f"LINKAGE_ATLAS_{name.upper()}": str(value) for name, value in settings.items()}
+    return {**inherited, "OMP_NUM_THREADS": "1", **given}
+
+
+def free_port() -> int:
+    """A port that nothing listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@contextmanager
+def running(command: Callable[[int], list[str]], workers: int = 1, **settings: Any) -> Iterator[Service]:
+    """A service from its first answer at /readyz, by all its workers, to the end of the block.
+
+    Parameters
+    ----------
+    command : callable
+        ``command(port)``, the command's words.
+    workers : int
+        How many worker processes the command starts.
+    **settings
+        Of `app.settings.Settings`; the others are at their defaults.
+
+    Raises
+    ------
+    RuntimeError
+        The process ended, or answered nothing for half an hour; with the end of its log.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        port = free_port()
+        begin = time.perf_counter()
+        with log.open("wb") as file:
+            process = subprocess.Popen(
+                command(port), cwd=ROOT, env=environment(**settings), stdout=file, stderr=subprocess.STDOUT
+            )
+        service = Service(process, port, log)
+        try:
+            service.ready = _first_answer(service, begin, workers)
+            service.ready_seconds = time.perf_counter() - begin
+            yield service
+        finally:
+            service.disconnect()
+            process.terminate()
+            try:
+                process.wait(60)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
+
+
+def _first_answer(service: Service, begin: float, workers: int) -> Answer:
+    # A service loads its atlas before it listens, so the first answer is final. Workers share one socket: one of them
+    # answering says nothing of the others, each writes a line when it is ready.
+    while time.perf_counter() - begin < START_SECONDS:
+        if service.process.poll() is not None:
+            break
+        if workers == 1 or service.log.read_text().count("Application startup complete") >= workers:
+            try:
+                return service.ask("GET", "/readyz")
+            except OSError:
+                service.disconnect()
+        time.sleep(0.01)
+    raise RuntimeError(f"the service did not answer:\n{service.log.read_text()[-2000:]}")
+
+
+# -- clients ----------------------------------------------------------------------------------------------------------
+
+
+class Load(NamedTuple):
+    """What a number of clients saw, one entry of each list a reply."""
+
+    status: list[int]
+    seconds: list[float]
+    retry_after: list[float | None]
+    elapsed: float
+    """Seconds from the first request to the last reply."""
+    client_cpu: float
+    """Processor seconds of all clients together."""
+
+
+class _Connection:
+    """One kept connection."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.reader, self.writer = reader, writer
+
+    @classmethod
+    async def open(cls, port: int) -> _Connection:
+        return cls(*await asyncio.open_connection("127.0.0.1", port))
+
+    async def ask(self, path: str, body: bytes | None) -> tuple[int, float | None]:
+        """Status and Retry-After of one reply, read whole; GET without a body, POST with one."""
+        head = f"{'GET' if body is None else 'POST'} {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+        if body is not None:
+            head += f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n"
+        self.writer.write(head.encode() + b"\r\n" + (body or b""))
+        first, *lines = (await self.reader.readuntil(b"\r\n\r\n")).decode("latin-1").split("\r\n")
+        fields = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
+        await self.reader.readexactly(int(fields["content-length"]))
+        after = fields.get("retry-after")
+        return int(first.split()[1]), float(after) if after else None
+
+
+async def _clients(
+    ports: Sequence[int], path: str, bodies: Sequence[bytes | None], clients: int, seconds: float, patient: bool
+) -> Load:
+    connections = [await _Connection.open(ports[number % len(ports)]) for number in range(clients)]
+    seen: list[tuple[int, float, float | None]] = []
+    cpu, begin = time.process_time(), time.perf_counter()
+    end = begin + seconds
+
+    async def client(number: int, connection: _Connection) -> None:
+        turn = number
+        while time.perf_counter() < end:
+            sent = time.perf_counter()
+            status, after = await connection.ask(path, bodies[turn % len(bodies)])
+            seen.append((status, time.perf_counter() - sent, after))
+            turn += clients
+            if patient and status == 503:
+                await asyncio.sleep(min(after or 0.0, max(end - time.perf_counter(), 0.0)))
+
+    await asyncio.gather(*(client(number, connection) for number, connection in enumerate(connections)))
+    elapsed, used = time.perf_counter() - begin, time.process_time() - cpu
+    for connection in connections:
+        connection.writer.close()
+    status, taken, after = (list(column) for column in zip(*seen))
+    return Load(status, taken, after, elapsed, used)
+
+
+def _run_clients(*arguments: Any) -> Load:
+    return asyncio.run(_clients(*arguments))
+
+
+async def _beats(ports: Sequence[int], over: Callable[[], bool]) -> list[float]:
+    seconds: list[float] = []
+    pending: set[asyncio.Task[None]] = set()
+
+    async def beat(due: float, port: int) -> None:
+        connection = await _Connection.open(port)
+        await connection.ask("/livez", None)
+        seconds.append(time.perf_counter() - due)  # from when it was due: a late start is waiting too
+        connection.writer.close()
+
+    due = time.perf_counter()
+    for port in itertools.cycle(ports):
+        if over():
+            break
+        task = asyncio.create_task(beat(due, port))
+        pending.add(task)
+        task.add_done_callback(pending.discard)
+        due += BEAT_SECONDS
+        await asyncio.sleep(max(due - time.perf_counter(), 0))
+    await asyncio.gather(*pending)
+    return seconds
+
+
+def drive(
+    ports: Sequence[int],
+    path: str,
+    bodies: Sequence[bytes | None],
+    clients: int,
+    seconds: float,
+    patient: bool = False,
+) -> tuple[Load, list[float]]:
+    """A closed loop of clients in a process of their own, and how /livez answers meanwhile.
+
+    Parameters
+    ----------
+    ports : sequence of int
+        One for each service; clients are dealt out to them evenly.
+    path : str
+    bodies : sequence of bytes or None
+        Taken in turn, each client from a place of its own; None: GET.
+    clients : int
+        Connections, kept open; each asks again as soon as it has a reply.
+    seconds : float
+        For so long new requests are sent; replies to what was sent are awaited.
+    patient : bool
+        Whether a client that is answered 503 waits for as long as ``Retry-After`` says; otherwise it asks again at once.
+
+    Returns
+    -------
+    Load
+    beats : list of float
+        Seconds of GET /livez every 50 ms, each on a connection of its own.
+    """
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        pool.submit(os.getpid).result()  # its start is not to be measured
+        future = pool.submit(_run_clients, ports, path, bodies, clients, seconds, patient)
+        beats = asyncio.run(_beats(ports, future.done))
+        return future.result(), beats
+
+
+# -- numbers ----------------------------------------------------------------------------------------------------------
+
+
+def quantile(values: Sequence[float], share: float) -> float:
+    """The smallest value that at least this share of all does not exceed; of fewer than 100 values, 0.99 gives the largest."""
+    return float(np.quantile(values, share, method="inverted_cdf"))
+
+
+def machine() -> dict[str, Any]:
+    """What the figures depend on most."""
+    return {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()}
