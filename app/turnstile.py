@@ -20,7 +20,8 @@ class Turnstile:
 
     def __init__(self, concurrent: int, waiting: int) -> None:
         self._limiter = anyio.CapacityLimiter(concurrent)
-        self._waiting = waiting
+        self._most = concurrent + waiting
+        self._inside = 0
 
     async def run(
         self, request: Request, function: Callable[[Any, Resources], Any], body: Any, resources: Resources
@@ -30,8 +31,19 @@ class Turnstile:
         Raises `problems.Overloaded` when too many wait already, and `problems.ClientGone` once nobody waits for the
         answer: instead of the function, or out of it the next time that it asks the clock.
         """
-        if self._limiter.statistics().tasks_waiting >= self._waiting and self._limiter.available_tokens < 1:
+        # Counted here and not asked of the limiter, which a request joins only after it has let others run: of many that
+        # come at once each would see an empty queue.
+        if self._inside >= self._most:
             raise problems.Overloaded
+        self._inside += 1
+        try:
+            return await self._attend(request, function, body, resources)
+        finally:
+            self._inside -= 1
+
+    async def _attend(
+        self, request: Request, function: Callable[[Any, Resources], Any], body: Any, resources: Resources
+    ) -> Any:
         gone = threading.Event()
         with anyio.CancelScope() as wait:  # for a turn: once there, a thread is not abandoned and keeps its place
             watch = asyncio.create_task(_watch(request, gone, wait))

@@ -176,7 +176,9 @@ class Descent:
             squared = self.rotation.of_windows(fine.series[cell], fine.mean_square[cell], window)
             part = PARTS * cell[:, None] + np.arange(PARTS)
             radius = self.arcs.radius(fine, part)
-            radius = radius[np.arange(len(cell))[:, None, None], np.arange(PARTS)[:, None], self.arcs.piece[window][:, None]]
+            radius = radius[
+                np.arange(len(cell))[:, None, None], np.arange(PARTS)[:, None], self.arcs.piece[window][:, None]
+            ]
             keep = self._may_be_below(squared, radius, limit)
             keep &= real[:, None]
             rows = keep.shape[0] * PARTS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import json
 import logging
@@ -18,10 +19,11 @@ import uvicorn
 
 import app.motion
 from app.main import create_app
-from app.problems import ClientGone
+from app.problems import ClientGone, Overloaded
 from app.queries import all_queries, worked_example
 from app.resources import ServiceResources
 from app.settings import Settings
+from app.turnstile import Turnstile
 
 PATIENCE = 30.0
 SOON = 2.0
@@ -193,3 +195,25 @@ def test_long_work_asks_the_clock_throughout(path, body, small_bytes, tmp_path, 
     with pytest.raises(ClientGone):
         query.answer(query.request(**body), resources)
     assert resources.left == -1 and time.process_time() - begin < SOON
+
+
+def test_of_many_that_come_at_once_no_more_than_may_wait_are_let_in() -> None:
+    class Patient:
+        async def receive(self) -> dict[str, str]:
+            await asyncio.Event().wait()
+            return {}
+
+    async def burst() -> list[Any]:
+        turnstile = Turnstile(2, 4)
+
+        def work(body: Any, resources: Any) -> str:
+            time.sleep(0.05)
+            return "done"
+
+        one = [turnstile.run(Patient(), work, None, None) for _ in range(50)]
+        first = await asyncio.gather(*one, return_exceptions=True)
+        return [*first, await turnstile.run(Patient(), work, None, None)]
+
+    *first, later = asyncio.run(burst())
+    assert first.count("done") == 6 and sum(isinstance(reply, Overloaded) for reply in first) == 44
+    assert later == "done"  # places are given back
