@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Annotated, Any, Literal
@@ -28,6 +29,7 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.turnstile = Turnstile(settings.max_concurrent, settings.max_waiting)
         resources.prepare()
+        threading.Thread(target=resources.prepare_positions, daemon=True).start()  # ready without it
         yield
 
     app = FastAPI(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import time
 from dataclasses import dataclass
@@ -74,7 +75,23 @@ class ServiceResources:
             _ = self.atlas.content_sha256
         except AtlasError as error:
             self.failure = error
+        _give_back_memory()
+
+    def prepare_positions(self) -> None:
+        """Prepare the scan for requests with positions too; the first of them would do it otherwise."""
+        if self.failure is None:
+            self.atlas.scan.prepare_positions()
+            _give_back_memory()
 
     def clock(self) -> float:
         """Seconds of a monotonic clock."""
         return time.perf_counter()
+
+
+def _give_back_memory() -> None:
+    """Return to the system what preparing has freed: glibc keeps it otherwise, about 130 MB with the default atlas."""
+    try:
+        trim = ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):  # another C library has no such function, and no need of it
+        return
+    trim(0)

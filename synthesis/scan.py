@@ -56,7 +56,7 @@ SERIES_ERROR = 3e-7
 _LARGEST_WAVE = 64
 """Blocks between two looks at the limit: the same on every machine, or reports would differ."""
 _FIRST_COUNT = 4096
-_PREPARED_AT_ONCE = 2048
+_PREPARED_AT_ONCE = 512
 _PROBED = 64
 _EXACT_SAMPLES = 1 << 17
 
