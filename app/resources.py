@@ -78,8 +78,8 @@ class ServiceResources:
         _give_back_memory()
 
     def prepare_positions(self) -> None:
-        """Prepare the scan for requests with positions too; the first of them would do it otherwise."""
-        if self.failure is None:
+        """Prepare the scan for requests with positions too, if that is set and there is an atlas."""
+        if self.settings.prepare_positions and self.failure is None:
             self.atlas.scan.prepare_positions()
             _give_back_memory()
 

@@ -22,7 +22,12 @@ class Settings(BaseSettings):
     atlas_max_types: int = Field(
         1_500_000,
         gt=0,
-        description="Most dimension types of an atlas that is loaded (a scan takes about 2 kB a type).",
+        description="Most dimension types of an atlas that is loaded (a scan takes about 2.2 kB a type).",
+    )
+    prepare_positions: bool = Field(
+        True,
+        description="Whether the series that only atlas requests with positions need (about 1.2 kB a type) are made right "
+        "after the start, behind the readiness; otherwise the first such request makes them.",
     )
     max_body_bytes: int = Field(
         1_000_000, gt=0, description="Largest request body; a larger one is answered with 413."

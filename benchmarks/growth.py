@@ -67,7 +67,9 @@ def build(perimeter: int, out: Path) -> dict[str, Any]:
 
 def serve(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
     """Start the service on an atlas and send it requests one after the other on one connection."""
-    with running(serve_command, atlas=atlas, atlas_max_bytes=NO_LIMIT, atlas_max_types=NO_LIMIT) as service:
+    with running(
+        serve_command, atlas=atlas, atlas_max_bytes=NO_LIMIT, atlas_max_types=NO_LIMIT, prepare_positions=False
+    ) as service:
         if service.ready.status != 200:
             raise RuntimeError(f"the service is not ready: {service.ready.body.decode()}")
         row: dict[str, Any] = {"ready_s": service.ready_seconds}
