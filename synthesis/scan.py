@@ -2,7 +2,7 @@
 
 A *window* is a type, a branch and a whole degree of start. The scan computes a lower bound of the error of every window
 from short trigonometric series, then the exact error, from the lengths, of the few windows whose bound allows them among
-the best. So the answer is that of evaluating every window, and does not depend on how well a series is resolved.
+the best. Most windows are excluded with their likes, by bounds for cells of types: see `scan_cells`. So the answer is that of evaluating every window, and does not depend on how well a series is resolved.
 
 Rotation. Write the periodic part of theta2 of a type as p(x) = sum_h a_h cos hx + b_h sin hx, the centred target (less the
 winding) as g, and means over the samples t_m as <.>. The mean squared error after the best offset is
@@ -87,6 +87,8 @@ class Scan:
         Lengths of series to choose from; each costs a request its own matrices.
     threads : int
         Threads of a scan.
+    cells : bool
+        False scans all windows of all types; the answers are the same.
     """
 
     def __init__(
