@@ -1,8 +1,9 @@
 """The exact scan of an atlas: which types, branches and starts come nearest to a requested motion, over any span.
 
-A *window* is a type, a branch and a whole degree of start. The scan computes a lower bound of the error of every window
-from short trigonometric series, then the exact error, from the lengths, of the few windows whose bound allows them among
-the best. Most windows are excluded with their likes, by bounds for cells of types: see `scan_cells`. So the answer is that of evaluating every window, and does not depend on how well a series is resolved.
+A *window* is a type, a branch and a whole degree of start. The scan computes a lower bound of the error of windows from
+short trigonometric series, then the exact error, from the lengths, of the few windows whose bound allows them among the
+best. Most windows are excluded with their likes, by bounds for cells of types: see `scan_cells`. So the answer is that of
+evaluating every window, and does not depend on how well a series is resolved.
 
 Rotation. Write the periodic part of theta2 of a type as p(x) = sum_h a_h cos hx + b_h sin hx, the centred target (less the
 winding) as g, and means over the samples t_m as <.>. The mean squared error after the best offset is

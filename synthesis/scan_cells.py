@@ -28,13 +28,12 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.fourbar import TURN
-from synthesis.scan_series import Bucket, Floats, Ints
+from synthesis.scan_series import Bucket, Floats, Ints, gather
 from synthesis.target import Target
 
 Bounds = NDArray[np.float32]
@@ -95,19 +94,19 @@ class Arcs:
         along = target.crank - (low + high) / 2
         self._taylor = [np.float32(v) for v in (np.std(along), np.std(along**2) / 2, span**3 / 48)]
 
-    def radius(self, level: Level, cells: Any) -> Radii:
+    def radius(self, level: Level, cells: Ints) -> Radii:
         """Radius of some cells of a level for windows by the piece they begin in, (cells, ARCS)."""
-        result = level.bounds[self._range][cells]
+        result = gather(level.bounds[self._range], cells)
         if self._third < len(THIRDS):
             slope, curvature, third = self._taylor
-            taylor = slope * level.bounds[_SLOPE][cells]
-            taylor += curvature * level.bounds[_CURVATURE][cells]
+            taylor = slope * gather(level.bounds[_SLOPE], cells)
+            taylor += curvature * gather(level.bounds[_CURVATURE], cells)
             # from the piece of the middle of a window to that of its begin
             taylor = np.concatenate([taylor[..., self._middle :], taylor[..., : self._middle]], axis=-1)
-            taylor += third * level.bounds[_THIRD + self._third][cells]
+            taylor += third * gather(level.bounds[_THIRD + self._third], cells)
             taylor *= ABOVE_SINGLE
             result = np.minimum(result, taylor)
-        return result + level.error[cells][..., None]
+        return result + gather(level.error, cells)[..., None]
 
 
 @dataclass(frozen=True)
@@ -162,7 +161,9 @@ class Cells:
 
     def types_of(self, cells: Ints) -> Ints:
         """Places of the types of finest cells, (cells, LEAF); a cell with fewer repeats its last."""
-        return np.minimum(self.first[cells][:, None] + np.arange(self.most), self.first[cells + 1][:, None] - 1)
+        return np.minimum(
+            gather(self.first, cells)[:, None] + np.arange(self.most), gather(self.first, cells + 1)[:, None] - 1
+        )
 
     @cached_property
     def most(self) -> int:

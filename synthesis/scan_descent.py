@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.scan_cells import ABOVE_SINGLE, PARTS, Arcs, Cells, Level
-from synthesis.scan_series import Bucket, Floats, Ints, Matrices, Phasors, PositionMatrices, RotationMatrix
+from synthesis.scan_cells import ABOVE_SINGLE, ARCS, PARTS, Arcs, Cells, Level
+from synthesis.scan_series import Bucket, Floats, Ints, Matrices, Phasors, PositionMatrices, RotationMatrix, gather
 
 Piece = Callable[[float], tuple[Ints, Floats] | None]
 """Window numbers and lower bounds of those windows of a piece of work whose bound is at most a limit."""
@@ -38,6 +38,12 @@ class Left(NamedTuple):
     count: Ints
     window: Ints
 
+    @classmethod
+    def of(cls, cell: Ints, window: Ints) -> Left:
+        """From a cell, each in one stretch, and a window for every pair that is left."""
+        first = np.flatnonzero(np.diff(cell, prepend=-1))
+        return cls(cell[first], np.diff(first, append=cell.size), window)
+
     def chunks(self, width: int) -> Iterator[tuple[Ints, Ints, NDArray[np.bool_]]]:
         """Cells with about as many windows each: cells (g,), windows (g, w), and which of these are no filling."""
         first = np.cumsum(self.count) - self.count
@@ -51,15 +57,8 @@ class Left(NamedTuple):
             at += part.size
             place = np.arange(most)
             real = place < self.count[part, None]
-            yield self.cell[part], self.window[np.where(real, first[part, None] + place, first[part, None])], real
-
-
-def _left(cell: Ints, keep: NDArray[np.bool_], windows: Ints | None = None) -> Left:
-    """From a mask (cells, windows); ``windows`` (cells, windows) names them where they are not all."""
-    count = np.count_nonzero(keep, axis=1)
-    some = np.flatnonzero(count)
-    window = np.nonzero(keep)[1] if windows is None else windows[keep]
-    return Left(cell[some], count[some], window)
+            place = np.where(real, place, 0) + first[part, None]
+            yield self.cell[part], gather(self.window, place), real
 
 
 @dataclass(frozen=True)
@@ -153,9 +152,9 @@ class Descent:
         if not self._descends or limit == np.inf:
             return self._everything()
         level = self.cells.levels[0]
-        radius = self.arcs.radius(level, slice(None))
-        keep = self._may_be_below(self._top, radius[:, self.arcs.piece], limit)
-        left = _left(np.arange(len(keep)), keep)
+        radius = gather(self.arcs.radius(level, np.arange(len(self._top))), self.arcs.piece, axis=1)
+        cell, window = np.divmod(np.flatnonzero(self._may_be_below(self._top, radius, limit)), self.windows)
+        left = Left.of(cell, window)
         for fine in self.cells.levels[1:]:
             left = self._parts(left, limit, fine)
         if left.window.size > WORTHWHILE * self.windows * (len(self.cells.first) - 1):
@@ -171,36 +170,37 @@ class Descent:
 
     def _parts(self, left: Left, limit: float, fine: Level) -> Left:
         """What is left of the windows of some cells in the cells that they are made of."""
-        found = []
+        cells, windows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
         for cell, window, real in left.chunks(8 * fine.series.shape[-1]):
-            squared = self.rotation.of_windows(fine.series[cell], fine.mean_square[cell], window)
+            squared = self.rotation.of_windows(gather(fine.series, cell), window)
+            squared += (gather(fine.mean_square, cell) + self.rotation.variance)[..., None]
             part = PARTS * cell[:, None] + np.arange(PARTS)
             radius = self.arcs.radius(fine, part)
-            radius = radius[
-                np.arange(len(cell))[:, None, None], np.arange(PARTS)[:, None], self.arcs.piece[window][:, None]
-            ]
-            keep = self._may_be_below(squared, radius, limit)
+            at = ARCS * np.arange(part.size).reshape(*part.shape, 1) + gather(self.arcs.piece, window)[:, None]
+            keep = self._may_be_below(squared, gather(radius.ravel(), at), limit)
             keep &= real[:, None]
-            rows = keep.shape[0] * PARTS
-            windows = np.broadcast_to(window[:, None], keep.shape).reshape(rows, -1)
-            found.append(_left(part.ravel(), keep.reshape(rows, -1), windows))
-        if not found:
-            return left
-        return Left(*(np.concatenate(column) for column in zip(*found)))
+            row, column = np.divmod(np.flatnonzero(keep), window.shape[1])
+            cells.append(gather(part.ravel(), row))
+            windows.append(window[row // PARTS, column])
+        return Left.of(np.concatenate(cells), np.concatenate(windows))
 
     def _types(self, cell: Ints, window: Ints, real: NDArray[np.bool_], limit: float) -> tuple[Ints, Floats] | None:
         """Windows of the types of some finest cells."""
         bucket = self.bucket
         types = self.cells.types_of(cell)
-        error = bucket.error[types]
-        squared = self.rotation.of_windows(bucket.series[types], bucket.mean_square[types], window)
-        group, place, column = np.nonzero(squared <= ((limit + error) ** 2 + self.rotation.rounding)[..., None])
+        error = gather(bucket.error, types)
+        squared = self.rotation.of_windows(gather(bucket.series, types), window)
+        constant = gather(bucket.mean_square, types) + self.rotation.variance
+        most = (limit + error) ** 2 + self.rotation.rounding - constant
+        kept = np.flatnonzero(squared <= most[..., None])
+        row, column = np.divmod(kept, window.shape[1])
+        group, place = np.divmod(row, types.shape[1])
         # no filling of short rows: neither a window twice nor a type twice
         own = real[group, column] & ((place == 0) | (types[group, place] != types[group, place - 1]))
         group, place, column = group[own], place[own], column[own]
         if not group.size:
             return None
-        bound = self._lowered(squared[group, place, column], error[group, place])
+        bound = self._lowered(squared[group, place, column] + constant[group, place], error[group, place])
         if self.phasors is not None:
             some, inside = np.unique(group, return_inverse=True)
             left = self.position.of_windows(self.phasors, types[some], window[some])
@@ -225,7 +225,7 @@ class Descent:
         for fine in self.cells.levels[1:]:
             part = PARTS * cell[:, None] + np.arange(PARTS)
             around = self._around(window)
-            squared = self.rotation.of_windows(fine.series[cell], fine.mean_square[cell], around)
+            squared = self.rotation.of_windows(fine.series[cell], around) + fine.mean_square[cell][..., None]
             best = squared.reshape(len(cell), -1).argmin(axis=1)
             group = np.arange(len(cell))
             cell, window = part[group, best // around.shape[1]], around[group, best % around.shape[1]]

@@ -166,6 +166,11 @@ def _phasor_series(spectrum: Complexes, samples: int, winding: int, reach: int) 
     return coefficients, np.maximum(np.abs(phasor).sum(1) - np.abs(coefficients).sum(1), 0)
 
 
+def gather(values: NDArray[Any], index: Ints, axis: int = 0) -> NDArray[Any]:
+    """``values`` at indices that are known to be within it. (Unlike values[index], it lets other threads run meanwhile.)"""
+    return np.take(values, index, axis=axis, mode="clip")
+
+
 def start_angles(starts: int) -> Floats:
     """theta1 of evenly spaced starts, radians."""
     return np.arange(starts) * (TURN / starts)
@@ -283,27 +288,30 @@ class RotationMatrix:
 
     def mean_square_error(self, bucket: Bucket, part: slice) -> Floats:
         """D of all windows of some types, (n, windows)."""
-        return self._error(bucket.series[part], bucket.mean_square[part], self.columns.T)
+        result = self._error(bucket.series[part], self.columns.T)
+        result += (bucket.mean_square[part] + self.variance)[:, None]
+        return result
 
-    def of_windows(self, series: Floats, mean_square: Floats, windows: Ints) -> Floats:
-        """D of some windows of some groups of types, (groups, types, windows).
+    def of_windows(self, series: Floats, windows: Ints) -> Floats:
+        """D, less the type's ``mean_square`` and the variance, of some windows of some groups of types.
 
         Parameters
         ----------
         series : ndarray, shape (groups, types, 6H)
-        mean_square : ndarray, shape (groups, types)
         windows : ndarray of int, shape (groups, windows)
-        """
-        chosen = np.take(self.columns, windows, axis=0, mode="clip")
-        return self._error(series, mean_square, chosen.transpose(0, 2, 1))
 
-    def _error(self, series: Floats, mean_square: Floats, columns: Floats) -> Floats:
-        half = columns.shape[-2] // 3  # the means over p itself are the first third of the rows, those up to H
+        Returns
+        -------
+        ndarray, shape (groups, types, windows)
+        """
+        return self._error(series, gather(self.columns, windows).transpose(0, 2, 1))
+
+    def _error(self, series: Floats, columns: Floats) -> Floats:
+        third = columns.shape[-2] // 3  # the means over p itself are the first third of the rows, those up to H
         result = series @ columns
-        mean = series[..., 2 * half :] @ columns[..., :half, :]
+        mean = series[..., 2 * third :] @ columns[..., :third, :]
         np.multiply(mean, mean, out=mean)
         result -= mean
-        result += (mean_square + self.variance)[..., None]
         return result
 
 
@@ -332,11 +340,9 @@ class PositionMatrices:
         places : ndarray of int, shape (groups, types)
         windows : ndarray of int, shape (groups, windows)
         """
-        series = phasors.series[places]
-        along = [
-            series @ np.take(columns, windows, axis=0, mode="clip").transpose(0, 2, 1) for columns in self.columns
-        ]
-        modulus = np.take(self.modulus, windows, axis=0, mode="clip").transpose(0, 2, 1)
+        series = gather(phasors.series, places)
+        along = [series @ gather(columns, windows).transpose(0, 2, 1) for columns in self.columns]
+        modulus = gather(self.modulus, windows).transpose(0, 2, 1)
         whole = phasors.modulus_mean[places][..., None] + phasors.modulus[places] @ modulus
         return self._bound(along, whole, phasors.error[places][..., None])
 

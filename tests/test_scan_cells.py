@@ -70,7 +70,7 @@ def test_no_type_is_further_from_its_representative_than_the_radius(cells, seed)
     arcs = Arcs(target, STARTS)
     for tree in cells:
         for level, its_cells in enumerate(tree.levels):
-            radius = arcs.radius(its_cells, slice(None))
+            radius = arcs.radius(its_cells, np.arange(len(its_cells.error)))
             for cell in rng.choice(len(its_cells.cells.rows), 3):
                 differences = tree.bucket.periodic[types_below(tree, level, cell)] - its_cells.cells.periodic[cell]
                 for window in rng.choice(2 * STARTS, 8):
@@ -88,7 +88,7 @@ def test_radii_are_no_larger_than_they_need_be(cells) -> None:
         ratios = []
         for tree in cells:
             finest = tree.levels[-1]
-            radius = arcs.radius(finest, slice(None))
+            radius = arcs.radius(finest, np.arange(len(finest.error)))
             for cell in range(0, len(finest.cells.rows), 7):
                 differences = tree.bucket.periodic[types_below(tree, len(tree.levels) - 1, cell)]
                 differences = differences - finest.cells.periodic[cell]
