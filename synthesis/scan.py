@@ -297,8 +297,7 @@ class Scan:
         found = run(lambda pair: pair[0].probe(pair[1]), [pair for pair in chosen if pair[1].size])
         ids, bounds = (np.concatenate(column) for column in zip(*found))
         ids, first = np.unique(ids, return_index=True)  # a window met twice must not count twice
-        few = bounds[first].argsort(kind="stable")[: max(_PROBED, 2 * top)]
-        _, _, ceiling = self._evaluate(ids[few], bounds[first][few], top, exact, lambda: False)
+        _, _, ceiling = self._evaluate(ids, bounds[first], top, exact, lambda: False)
         return ceiling
 
     def _evaluate(

@@ -281,6 +281,11 @@ class RotationMatrix:
     columns: Floats
     variance: float
 
+    @cached_property
+    def rows(self) -> Floats:
+        """The same with one column a window: as a whole it makes a faster product."""
+        return np.ascontiguousarray(self.columns.T)
+
     @property
     def rounding(self) -> float:
         """Rounding of a mean squared error."""
@@ -288,7 +293,7 @@ class RotationMatrix:
 
     def mean_square_error(self, bucket: Bucket, part: slice) -> Floats:
         """D of all windows of some types, (n, windows)."""
-        result = self._error(bucket.series[part], self.columns.T)
+        result = self._error(bucket.series[part], self.rows)
         result += (bucket.mean_square[part] + self.variance)[:, None]
         return result
 
@@ -324,10 +329,14 @@ class PositionMatrices:
     modulus: Floats
     size: float
 
+    @cached_property
+    def rows(self) -> Complexes:
+        """All three with one column a window, side by side: as a whole they make a faster product."""
+        return np.ascontiguousarray(self.columns.reshape(-1, self.columns.shape[-1]).T)
+
     def mean_square_error(self, phasors: Phasors, part: Any) -> Floats:
         """Lower bounds of the mean squared position error over l^2, (n, windows)."""
-        series = phasors.series[part]
-        along = [series @ columns.T for columns in self.columns]
+        along = np.split(phasors.series[part] @ self.rows, 3, axis=1)
         whole = phasors.modulus_mean[part][:, None] + phasors.modulus[part] @ self.modulus.T
         return self._bound(along, whole, phasors.error[part][:, None])
 
