@@ -272,8 +272,8 @@ def flat_index(atlas: Atlas, targets: Sequence[Target], top: int, cores: int) ->
 def stumpy_mass(atlas: Atlas, requests: Sequence[np.ndarray], cores: int) -> dict[str, Any] | None:
     """Distance profiles by stumpy of requests at whole degrees over all curves of both branches, from a part of the types.
 
-    In its favour, the sliding means and deviations of the curves are given, and it is credited with splitting perfectly
-    over the cores.
+    In its favour, the sliding means and deviations of the curves are given, and it runs on one thread (its own threads wait
+    for one another longer than they work on so short a curve) and is credited with splitting perfectly over the cores.
 
     Returns
     -------
@@ -281,10 +281,12 @@ def stumpy_mass(atlas: Atlas, requests: Sequence[np.ndarray], cores: int) -> dic
         Seconds a request; None where stumpy is not installed, and a line says so.
     """
     try:
+        import numba
         import stumpy
     except ImportError:
         print("stumpy mass skipped: stumpy is not installed")
         return None
+    numba.set_num_threads(1)
     samples = len(requests[0])
     rows = np.random.default_rng(7).choice(len(atlas), min(MASS_TYPES, len(atlas)), replace=False)
     degrees = np.deg2rad(np.arange(STARTS + samples - 1))
