@@ -202,10 +202,11 @@ def tables(told: dict[str, Any]) -> str:
         held = f"this span only, a table of {flat['bytes'] / 1e9:.1f} GB{part}"
         others.append(f"| flat index, single query | {ms(flat['single_s']['median'])} | {held} |")
         others.append(f"| flat index, all in one batch | {ms(flat['batch_s_each'])} | {held} |")
-        same = (
-            f"\nIn single precision, the flat index finds the {TOP} windows of the scan for {flat['same_windows']} of"
-            f" {flat['requests']} single queries, for {flat['same_windows_in_batch']} in a batch.\n"
-        )
+        if flat["every_nth_start"] == 1:
+            same = (
+                f"\nIn single precision, the flat index finds the {TOP} windows of the scan for {flat['same_windows']} of"
+                f" {flat['requests']} single queries, for {flat['same_windows_in_batch']} in a batch.\n"
+            )
     if mass:
         held = f"another measure; from {mass['curves']:,} curves"
         others.append(f"| stumpy mass | {ms(mass['seconds']['median'])} | {held} |")
