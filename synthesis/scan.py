@@ -271,7 +271,7 @@ class Scan:
         with ThreadPoolExecutor(self.threads) as pool:
             run = pool if self.threads > 1 else None
             parts = self._requested(target)
-            ceiling = self._first_ceiling(parts, top, exact, run)
+            probed, ceiling = self._probe(parts, top, exact, run)
             count, evaluated = max(_FIRST_COUNT, 4 * top), 0
             while True:
                 ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, out_of_time, run)
@@ -279,26 +279,28 @@ class Scan:
                 evaluated = max(evaluated, done)  # a further pass begins with the same windows
                 complete = ceiling + TIE <= cut or ids.size < count
                 if complete or cut_short or (max_windows is not None and count >= max_windows):
+                    if cut_short:
+                        windows = _best_of([probed, windows], top)
                     return windows, ScanReport(self.windows, evaluated, complete and not cut_short)
                 count *= 8
 
-    def _first_ceiling(
+    def _probe(
         self, parts: list[Descent], top: int, exact: Callable[[Windows], Floats], pool: Executor | None
-    ) -> float:
-        """An error that at least ``top`` windows do not exceed, from a look at the most promising cells."""
+    ) -> tuple[Windows, float]:
+        """The best windows of the most promising cells, and an error that at least ``top`` of them do not exceed."""
         run = map if pool is None else pool.map
         nearest = [squared for squared, _ in run(lambda part: part.nearest, parts)]
         squared = np.concatenate([np.empty(0), *nearest])
         if not squared.size:
-            return np.inf
+            return _NO_WINDOWS, np.inf
         count = min(max(_PROBED, top), squared.size)
         worst = np.partition(squared, count - 1)[count - 1]
         chosen = [(part, np.flatnonzero(near <= worst)) for part, near in zip(parts, nearest)]
         found = run(lambda pair: pair[0].probe(pair[1]), [pair for pair in chosen if pair[1].size])
         ids, bounds = (np.concatenate(column) for column in zip(*found))
         ids, first = np.unique(ids, return_index=True)  # a window met twice must not count twice
-        _, _, ceiling = self._evaluate(ids, bounds[first], top, exact, lambda: False)
-        return ceiling
+        windows, _, ceiling = self._evaluate(ids, bounds[first], top, exact, lambda: False)
+        return windows, ceiling
 
     def _evaluate(
         self, ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats], expired: Callable[[], bool]
@@ -306,20 +308,31 @@ class Scan:
         """Exact errors in the order of the bounds, until no bound is below the worst of the best."""
         order = np.argsort(bounds, kind="stable")
         ids, bounds = ids[order], bounds[order]
-        best = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
-        done, batch, worst = 0, max(64, 2 * top), np.inf
+        best, worst = _NO_WINDOWS, np.inf
+        done, batch = 0, max(64, 2 * top)
         while done < ids.size and bounds[done] <= worst + TIE and not (done and expired()):
             part = ids[done : done + batch]
             windows = self._windows(part)
             windows = windows._replace(error=exact(windows))
             windows = windows.take(np.flatnonzero(np.isfinite(windows.error)))
-            best = Windows(*(np.concatenate(pair) for pair in zip(best, windows)))
-            order = np.lexsort((best.branch < 0, best.start, best.row, np.round(best.error / TIE)))[:top]
-            best = best.take(order)
+            best = _best_of([best, windows], top)
             worst = float(best.error[-1]) if best.error.size == top else np.inf
             done += part.size
             batch *= 2
         return best, min(done, ids.size), worst
+
+
+_NO_WINDOWS = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
+
+
+def _best_of(parts: list[Windows], top: int) -> Windows:
+    """The best ``top`` of some windows, each once: by error, ties by number, start, branch."""
+    windows = Windows(*(np.concatenate(column) for column in zip(*parts)))
+    windows = windows.take(
+        np.lexsort((windows.branch < 0, windows.start, windows.row, np.round(windows.error / TIE)))
+    )
+    same = [np.diff(column, prepend=np.nan) == 0 for column in (windows.row, windows.start, windows.branch)]
+    return windows.take(np.flatnonzero(~np.logical_and.reduce(same))[:top])
 
 
 class ScanReport(NamedTuple):

@@ -27,6 +27,8 @@ CHUNK_BYTES = 1 << 20
 """Of the gathered matrices of a chunk of cells: they stay in a core's cache."""
 FILLED = 0.6
 """Least part of a chunk's rows that is windows and no filling."""
+HOPELESS = 1e6
+"""A limit in radians that excludes next to nothing; the descent, partly in single precision, is for smaller ones."""
 WORTHWHILE = 0.4
 """Part of the windows beyond which gathering those that are left costs more than it saves."""
 
@@ -149,7 +151,7 @@ class Descent:
 
     def work(self, limit: float) -> list[Piece]:
         """Pieces of work that between them find every window whose bound is at most any limit up to this one."""
-        if not self._descends or limit == np.inf:
+        if not self._descends or limit > HOPELESS:
             return self._everything()
         level = self.cells.levels[0]
         radius = gather(self.arcs.radius(level, np.arange(len(self._top))), self.arcs.piece, axis=1)

@@ -234,6 +234,7 @@ class Matrices:
         if winding not in self._along:
             rotation = self.target.rotation - winding * self.target.crank
             centred = rotation - rotation.mean()
+            centred -= centred.mean()  # a large constant leaves a mean of its rounding at the first time
             reach = self.highest // 2 + 1
             matrix = _both_branches(self.phases[:, 1:reach] * self.means(centred)[1:reach], -1)
             self._along[winding] = matrix, float(np.mean(centred**2))

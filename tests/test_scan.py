@@ -163,6 +163,32 @@ def test_refused_windows_are_no_answers(scans) -> None:
     assert not cut_short.exhaustive
 
 
+@pytest.mark.parametrize("constant", [0.0, 99995.50866340027, 1e6 - 1])
+def test_a_large_constant_in_the_rotation_breaks_no_bound(scans, constant) -> None:
+    # The rounding of so large a mean once left a mean of 6e-11, and bounds above the error for targets as short as this.
+    scan = scans["increasing"]
+    target = make_target(np.full(100, constant), crank_angle=np.deg2rad(np.linspace(0, 0.3, 100)))
+    wanted, everything = naive_scan(scan, target, 60)
+    found, _ = scan.best(target, 60)
+    assert all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
+    ids, bounds = all_bounds(scan, target, np.inf)
+    windows = scan._windows(ids)
+    place = (windows.row * STARTS + windows.start.astype(int)) * 2 + (windows.branch < 0)
+    assert np.all(bounds <= everything.error[place] + 1e-15)
+
+
+@pytest.mark.parametrize("scale", [1e-50, 1e-21, 1e50])
+def test_objectives_of_any_size_are_scanned(scans, scale) -> None:
+    scan = scans["increasing"]
+    crank = np.linspace(0, 1, 12)
+    angle = coupler_angle(scan.lengths[70], 1, 1 + crank)
+    wave = 0.01 * np.cos(9 * crank)
+    target = make_target(angle + wave, np.exp(1j * crank) + (0.5 + wave) * np.exp(1j * angle), 1.0, None, scale)
+    wanted, _ = naive_scan(scan, target, 10)
+    found, _ = scan.best(target, 10)
+    assert found.error == pytest.approx(wanted.error, rel=1e-9)
+
+
 @pytest.mark.parametrize("patience", [0, 1, 3, 10**6])
 def test_a_scan_without_time_says_so(scans, patience) -> None:
     scan = scans["increasing"]
@@ -176,7 +202,7 @@ def test_a_scan_without_time_says_so(scans, patience) -> None:
 
     found, report = scan.best(target, 10, expired=expired)
     assert report.exhaustive == (asked <= patience)
-    assert found.row.size and np.all(np.isfinite(found.error))
+    assert found.row.size == 10 and np.all(np.isfinite(found.error))
     if patience > 1000:
         assert report.exhaustive and np.array_equal(found.error, scan.best(target, 10)[0].error)
 
