@@ -169,11 +169,12 @@ class Scan:
         """Window numbers and lower bounds of their error, piece by piece, of all windows that may be below ``limit()``.
 
         Pieces are worked on in waves, all of a wave with the same limit, so that the result does not depend on which
-        thread is faster. (A matrix product of its own many threads waits for the slowest of them.)
+        thread is faster. (A matrix product of its own many threads waits for the slowest of them.) What the cells leave of
+        rotations is done sooner by one thread: so many short steps would mostly wait for the interpreter.
         """
-        run = map if pool is None else pool.map
-        first_limit = limit()
-        work = [piece for pieces in run(lambda part: part.work(first_limit), parts) for piece in pieces]
+        highest = limit()
+        work = [piece for part in parts for piece in part.work(highest)]
+        run = pool.map if pool is not None and any(part.heavy for part in parts) else map
         first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
         while first < len(work) and not (first and expired()):
             ceiling = limit()
@@ -271,7 +272,7 @@ class Scan:
         with ThreadPoolExecutor(self.threads) as pool:
             run = pool if self.threads > 1 else None
             parts = self._requested(target)
-            probed, ceiling = self._probe(parts, top, exact, run)
+            probed, ceiling = self._probe(parts, top, exact)
             count, evaluated = max(_FIRST_COUNT, 4 * top), 0
             while True:
                 ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, out_of_time, run)
@@ -284,19 +285,17 @@ class Scan:
                     return windows, ScanReport(self.windows, evaluated, complete and not cut_short)
                 count *= 8
 
-    def _probe(
-        self, parts: list[Descent], top: int, exact: Callable[[Windows], Floats], pool: Executor | None
-    ) -> tuple[Windows, float]:
+    def _probe(self, parts: list[Descent], top: int, exact: Callable[[Windows], Floats]) -> tuple[Windows, float]:
         """The best windows of the most promising cells, and an error that at least ``top`` of them do not exceed."""
-        run = map if pool is None else pool.map
-        nearest = [squared for squared, _ in run(lambda part: part.nearest, parts)]
+        nearest = [part.nearest[0] for part in parts]
         squared = np.concatenate([np.empty(0), *nearest])
         if not squared.size:
             return _NO_WINDOWS, np.inf
         count = min(max(_PROBED, top), squared.size)
         worst = np.partition(squared, count - 1)[count - 1]
-        chosen = [(part, np.flatnonzero(near <= worst)) for part, near in zip(parts, nearest)]
-        found = run(lambda pair: pair[0].probe(pair[1]), [pair for pair in chosen if pair[1].size])
+        found = [
+            part.probe(np.flatnonzero(near <= worst)) for part, near in zip(parts, nearest) if np.any(near <= worst)
+        ]
         ids, bounds = (np.concatenate(column) for column in zip(*found))
         ids, first = np.unique(ids, return_index=True)  # a window met twice must not count twice
         windows, _, ceiling = self._evaluate(ids, bounds[first], top, exact, lambda: False)

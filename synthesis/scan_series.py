@@ -52,6 +52,11 @@ class Bucket:
         """(n, 2H): the series of p alone."""
         return self.series[:, 4 * self.harmonics :]
 
+    def gather_periodic(self, places: Ints) -> Floats:
+        """The series of p alone of some types, (..., 2H)."""
+        thirds = self.series.reshape(-1, 2 * self.harmonics)
+        return gather(thirds, 3 * places + 2)
+
 
 @dataclass(frozen=True)
 class Phasors:
@@ -211,7 +216,7 @@ class Matrices:
         blocks = -(-(highest + 1) // _HARMONICS_AT_ONCE)
         self._coarse = np.exp(1j * np.outer(_HARMONICS_AT_ONCE * np.arange(blocks), target.crank)) / target.samples
         self._fine = np.exp(1j * np.outer(target.crank, np.arange(_HARMONICS_AT_ONCE)))
-        self._along: dict[int, tuple[Floats, float]] = {}
+        self._along: dict[int, tuple[Floats, Floats]] = {}
         self._rotation: dict[tuple[int, int], RotationMatrix] = {}
         self._position: dict[int, PositionMatrices] = {}
 
@@ -229,25 +234,40 @@ class Matrices:
         """For the mean of a series, (2 starts, 2 highest)."""
         return _both_branches(self.phases[:, 1:] * self.means(np.ones(self.target.samples))[1:])
 
-    def along(self, winding: int) -> tuple[Floats, float]:
-        """For the mean of a series times the centred target less the winding, and the variance of that target."""
+    def _times(self, weights: Floats) -> Floats:
+        """For the mean of a series times what weighs the samples, (2 starts, 2 reach), of half of all harmonics."""
+        reach = self.highest // 2 + 1
+        return _both_branches(self.phases[:, 1:reach] * self.means(weights)[1:reach], -1)
+
+    def _turned(self, winding: int) -> tuple[Floats, Floats]:
+        """The centred target less the winding, and what series are multiplied with for the mean of their product with it."""
         if winding not in self._along:
             rotation = self.target.rotation - winding * self.target.crank
             centred = rotation - rotation.mean()
             centred -= centred.mean()  # a large constant leaves a mean of its rounding at the first time
-            reach = self.highest // 2 + 1
-            matrix = _both_branches(self.phases[:, 1:reach] * self.means(centred)[1:reach], -1)
-            self._along[winding] = matrix, float(np.mean(centred**2))
+            self._along[winding] = centred, self._times(centred)
         return self._along[winding]
+
+    @cached_property
+    def _line(self) -> tuple[Floats, Floats]:
+        """The crank angle, centred and of mean square 1, and what series are multiplied with for their slope over it."""
+        line = self.target.crank - self.target.crank.mean()
+        line /= np.sqrt(np.mean(line**2))
+        return line, self._times(line)
 
     def rotation(self, bucket: Bucket) -> RotationMatrix:
         """For the mean squared rotation error."""
         key = bucket.winding, bucket.harmonics
         if key not in self._rotation:
-            along, variance = self.along(bucket.winding)
-            harmonics = bucket.harmonics
-            columns = np.concatenate([self.average[:, : 4 * harmonics], -2 * along[:, : 2 * harmonics]], axis=1)
-            self._rotation[key] = RotationMatrix(columns, variance)
+            reach = 2 * bucket.harmonics
+            centred, along = self._turned(bucket.winding)
+            line, slopes = self._line
+            self._rotation[key] = RotationMatrix(
+                np.concatenate([self.average[:, : 2 * reach], -2 * along[:, :reach]], axis=1),
+                float(np.mean(centred**2)),
+                np.ascontiguousarray(slopes[:, :reach]),
+                float(np.mean(centred * line)),
+            )
         return self._rotation[key]
 
     def position(self, reach: int) -> PositionMatrices:
@@ -277,15 +297,24 @@ class Matrices:
 
 @dataclass(frozen=True)
 class RotationMatrix:
-    """One row a window: the means over p^2 (4H), then -2 times those over p times the target (2H)."""
+    """What the series of types are multiplied with to give mean squared errors and slopes, one row a window.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (windows, 6H)
+        The means over p^2 (4H), then -2 times those over p times the target (2H).
+    variance : float
+        Of the target.
+    slopes : ndarray, shape (windows, 2H)
+        The means over p times the line.
+    slope : float
+        The mean of the target times the line.
+    """
 
     columns: Floats
     variance: float
-
-    @cached_property
-    def rows(self) -> Floats:
-        """The same with one column a window: as a whole it makes a faster product."""
-        return np.ascontiguousarray(self.columns.T)
+    slopes: Floats
+    slope: float
 
     @property
     def rounding(self) -> float:
@@ -294,7 +323,7 @@ class RotationMatrix:
 
     def mean_square_error(self, bucket: Bucket, part: slice) -> Floats:
         """D of all windows of some types, (n, windows)."""
-        result = self._error(bucket.series[part], self.rows)
+        result = self._error(bucket.series[part], self.columns.T)
         result += (bucket.mean_square[part] + self.variance)[:, None]
         return result
 
@@ -311,6 +340,20 @@ class RotationMatrix:
         ndarray, shape (groups, types, windows)
         """
         return self._error(series, gather(self.columns, windows).transpose(0, 2, 1))
+
+    def of_pairs(self, series: Floats, windows: Ints) -> Floats:
+        """The same of one window of each of some types; (n, 6H) and (n,) to (n,)."""
+        return self._error(series[:, None], gather(self.columns, windows)[:, :, None])[:, 0, 0]
+
+    def slopes_of_windows(self, periodic: Floats, windows: Ints) -> Floats:
+        """Distance of a type's slope from the target's, shaped as by `of_windows`; ``periodic`` (groups, types, 2H).
+
+        The slope is the mean of a curve times a line of mean 0 and mean square 1, so by Cauchy and Schwarz no error is
+        less than this.
+        """
+        result = periodic @ gather(self.slopes, windows).transpose(0, 2, 1)
+        result -= self.slope
+        return np.abs(result, out=result)
 
     def _error(self, series: Floats, columns: Floats) -> Floats:
         third = columns.shape[-2] // 3  # the means over p itself are the first third of the rows, those up to H
