@@ -43,11 +43,11 @@ _NEARLY = 1e-9
 ABOVE_SINGLE = np.float32(1 + 1e-6)
 """Makes up for the rounding of a few operations in single precision."""
 
-LEAF = 32
+LEAF = 48
 """Most types of a cell of the finest level."""
 PARTS = 8
 """Cells that make one of the next coarser level."""
-FEWEST = 8
+FEWEST = 24
 """No coarser level than one of so many cells: evaluating all of its representatives costs little."""
 ARCS = 64
 """Pieces of the turn."""
