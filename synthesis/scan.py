@@ -150,7 +150,7 @@ class Scan:
     # -- bounds -------------------------------------------------------------------------------------------------------
 
     def _requested(self, target: Target) -> list[Descent]:
-        """Cells with the request's matrices for them; None for what the request does not ask for."""
+        """Cells with the request's matrices for them."""
         if target.position is not None:
             self.prepare_positions()
         phasors = self._phasors if target.position is not None else [None] * len(self._cells)
@@ -173,8 +173,10 @@ class Scan:
         rotations is done sooner by one thread: so many short steps would mostly wait for the interpreter.
         """
         highest = limit()
-        work = [piece for part in parts for piece in part.work(highest)]
-        run = pool.map if pool is not None and any(part.heavy for part in parts) else map
+        pieces = [part.work(highest) for part in parts]
+        work = [piece for some in pieces for piece in some]
+        heavy = sum(len(some) for some, part in zip(pieces, parts) if part.heavy)
+        run = pool.map if pool is not None and 2 * heavy > len(work) else map
         first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
         while first < len(work) and not (first and expired()):
             ceiling = limit()

@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis import haar
 from synthesis.atlas_file import Atlas
+from synthesis.atlas_rows import compute_rows
 from synthesis.fourbar import TURN
 from synthesis.mounting import fixed_parts
 from synthesis.target import Target
@@ -27,6 +29,10 @@ Ints = NDArray[np.int64]
 
 ROUNDING = 1e-13
 """Rounding of a mean squared rotation error, for a target of variance 1."""
+RESOLVED_SAMPLES = 256
+RESOLVED_ERROR = 1e-6
+"""Types that an atlas of fewer samples has less exactly, in radians, get their series from that many samples. Bounds as loose as
+such curves allow would leave most of their windows to be evaluated."""
 _HARMONICS_AT_ONCE = 16
 
 
@@ -103,17 +109,49 @@ def _modulus_series(coefficients: Complexes) -> tuple[Floats, Floats]:
     return _real_series(values.real**2 + values.imag**2, 2 * reach)
 
 
-def _spectrum(atlas: Atlas, rows: Ints) -> Complexes:
-    samples = atlas.rule.samples
-    spectrum = np.fft.rfft(atlas.curves(rows), axis=1) / samples
-    spectrum[:, samples // 2] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
-    return spectrum
+class _Curves(NamedTuple):
+    """Spectra of some types, and the bound of the error of the curves that they are of."""
+
+    rows: Ints
+    spectrum: Complexes
+    error: Floats
+
+    @property
+    def samples(self) -> int:
+        return 2 * self.spectrum.shape[1] - 2
+
+
+def _curves(atlas: Atlas, rows: Ints) -> list[_Curves]:
+    """The curves of some types as the atlas has them; anew from the lengths where too few samples left them unresolved."""
+    features: list[tuple[Ints, Any, Any, Any]] = []
+    unresolved = np.zeros(len(rows), dtype=bool)
+    if atlas.rule.samples < RESOLVED_SAMPLES:
+        unresolved = atlas.curve_error[rows] > RESOLVED_ERROR
+    if unresolved.any():
+        poor = rows[unresolved]
+        better = compute_rows(atlas.lengths[poor], RESOLVED_SAMPLES)
+        features.append((poor, better.average, better.details, better.curve_error))
+    rows = rows[~unresolved]
+    features.append((rows, atlas.average[rows], atlas.details[rows], atlas.curve_error[rows]))
+    result = []
+    for chosen, average, details, error in features:
+        curves = haar.curve_from_features(average, details)
+        spectrum = np.fft.rfft(curves, axis=1) / curves.shape[1]
+        spectrum[:, -1] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
+        result.append(_Curves(chosen, spectrum, error.astype(float)))
+    return result
 
 
 def prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, ...]) -> Iterator[Bucket]:
     """Buckets of some rows: series no longer than need be to leave out at most ``series_error``, of the given lengths."""
-    half = atlas.rule.samples // 2
-    spectrum = _spectrum(atlas, rows)
+    for curves in _curves(atlas, rows):
+        if curves.rows.size:
+            yield from _buckets(atlas, curves, series_error, lengths)
+
+
+def _buckets(atlas: Atlas, curves: _Curves, series_error: float, lengths: tuple[int, ...]) -> Iterator[Bucket]:
+    rows, spectrum, curve_error = curves
+    half = curves.samples // 2
     winding = atlas.winding[rows].astype(int)
     tails = _tails(2 * np.abs(spectrum))
     choices = np.array([h for h in lengths if h < half] + [half - 1])
@@ -128,7 +166,7 @@ def prepare(atlas: Atlas, rows: Ints, series_error: float, lengths: tuple[int, .
                 part = spectrum[chosen, : harmonics + 1]
                 part[:, 0] = 0  # a constant is the offset's business
                 left_out = tails[chosen, harmonics + 1] if harmonics + 1 <= half else 0.0
-                error = atlas.curve_error[rows[chosen]].astype(float) + left_out + 1e-12
+                error = curve_error[chosen] + left_out + 1e-12
                 mean_square, square = _square_series(part, int(harmonics))
                 series = np.concatenate([square, _side_by_side(part[:, 1:])], axis=1)
                 yield Bucket(rows[chosen], turns, int(harmonics), series, mean_square, error)
@@ -148,13 +186,16 @@ def prepare_phasors(atlas: Atlas, bucket: Bucket, at_once: int) -> Phasors:
     reach = int(1.25 * bucket.harmonics) + 4
     count = len(bucket.rows)
     series = np.empty((count, 2 * reach + 1), dtype=complex)
-    modulus, modulus_mean, lost = np.empty((count, 4 * reach)), np.empty(count), np.empty(count)
+    modulus, modulus_mean = np.empty((count, 4 * reach)), np.empty(count)
+    error = np.empty(count)
+    place = np.empty(len(atlas), dtype=np.int64)
+    place[bucket.rows] = np.arange(count)
     for first in range(0, count, at_once):
-        part = slice(first, first + at_once)
-        spectrum = _spectrum(atlas, bucket.rows[part])
-        series[part], lost[part] = _phasor_series(spectrum, atlas.rule.samples, bucket.winding, reach)
-        modulus_mean[part], modulus[part] = _modulus_series(series[part])
-    error = atlas.curve_error[bucket.rows] + 2 * lost + 1e-9
+        for curves in _curves(atlas, bucket.rows[first : first + at_once]):
+            part = place[curves.rows]
+            series[part], lost = _phasor_series(curves.spectrum, curves.samples, bucket.winding, reach)
+            modulus_mean[part], modulus[part] = _modulus_series(series[part])
+            error[part] = curves.error + 2 * lost + 1e-9
     return Phasors(reach, series, error, modulus, modulus_mean)
 
 
