@@ -189,3 +189,12 @@ def test_few_windows_of_a_reachable_motion_are_looked_at(both_ways, monkeypatch)
         looked_at = 0
         scan.best(request(scan, rng, "between"), 10)
         assert looked_at < 0.06 * scan.windows
+
+
+def test_types_that_the_file_leaves_unresolved_are_taken_from_their_lengths() -> None:
+    atlas = make_atlas(AtlasRule(TypeRule(60, 2, OrderRule.FULL_CRANK), 16))
+    assert np.mean(atlas.curve_error > 1e-3) > 0.1
+    scan = Scan(atlas)
+    assert np.mean(np.concatenate([cells.bucket.error for cells in scan._cells]) > 1e-5) < 0.01
+    scan.prepare_positions()
+    assert np.mean(np.concatenate([phasors.error for phasors in scan._phasors]) > 1e-4) < 0.01
