@@ -219,7 +219,7 @@ class Descent:
         constant = gather(bucket.mean_square, types) + rotation.variance
         most = (limit + error) ** 2 + rotation.rounding
         shape = (*types.shape, window.shape[1])
-        # A slope takes a quarter of the time of D, and mostly suffices: what is left is as good in one, and a few in all.
+        # Slopes take a quarter of the time of D and mostly suffice. Few windows left are taken one by one, many all together.
         slope = rotation.slopes_of_windows(bucket.gather_periodic(types), window)
         near = np.flatnonzero(slope <= np.sqrt(most)[..., None])
         if near.size > SPARSE * slope.size:
