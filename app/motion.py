@@ -146,7 +146,7 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
     target = request.target(request.rotation, None, None)
     windows, report = scan.best(target, request.top, expired=_expiry(resources, np.inf))
     screened = resources.clock()
-    _, angles = window_angles(scan.lengths, target, windows)
+    angles = window_angles(scan.lengths, target, windows)
     matches = []
     for rank, angle in enumerate(angles, 1):
         angle = principal(angle)

@@ -124,7 +124,7 @@ def measure_grid(grid: Grid, target: Target) -> Iterator[tuple[str, str, float, 
     few = slice(0, 128)
     crank = start[few, None] + target.crank
     angle = coupler_angle(grid.scan.lengths[row[few]], branch[few], crank)
-    error = objective(target, crank, angle)
+    error = objective(target, angle)
     best = int(np.argmin(error))
     lengths = grid.scan.lengths[row[best : best + 1]]
     make_solutions(target, lengths, branch[best : best + 1], start[best : best + 1])

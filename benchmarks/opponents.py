@@ -139,7 +139,7 @@ def _judge(target: Target, first: int, answer: Any) -> tuple[float, float]:
         angles = start + target.crank - target.crank[first]
         angle = close_loop(lengths, angles[None]).coupler_angle(branch)
         if np.all(np.isfinite(angle)):
-            timed = min(timed, objective(target, angles[None], angle)[0])
+            timed = min(timed, objective(target, angle)[0])
         untimed = min(untimed, _untimed(target, first, lengths, branch, start, pivots[a], pins[a], np.angle(ground)))
     return timed, untimed
 

@@ -83,7 +83,7 @@ def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> np.
     if target.position is None:
         lengths = lengths / lengths[:, 3:]
     else:
-        _, angle = window_angles(scan.lengths, target, windows)
+        angle = window_angles(scan.lengths, target, windows)
         fit = fit_positions(target, angle)
         scale = np.abs(fit.crank_vector) / lengths[:, 0]
         pivot_a = fit.pivot

@@ -109,14 +109,14 @@ def rotation_residual(target: Target, angle: Floats) -> tuple[Floats, Floats]:
     return offset, difference - offset[:, None]
 
 
-def objective(target: Target, crank: Floats, angle: Floats) -> Floats:
+def objective(target: Target, angle: Floats) -> Floats:
     """J of candidates: sqrt(mean square rotation error + mean square position error / l^2), shape (n,).
 
     Parameters
     ----------
     target : Target
-    crank, angle : ndarray, shape (n, N)
-        theta1 and theta2 at the samples.
+    angle : ndarray, shape (n, N)
+        theta2 at the samples. Of theta1 only the increments of the target count; its start is part of the fitted crank vector.
 
     Returns
     -------
@@ -124,7 +124,6 @@ def objective(target: Target, crank: Floats, angle: Floats) -> Floats:
         Without positions the rms rotation error in radians. Infinite for candidates that do not close at every sample, and
         for those whose best fit is a linkage shrunk to a point.
     """
-    del crank  # the increments of the target say all that counts; the start is part of the fitted crank vector
     total = np.zeros(len(angle))
     if target.rotation is not None:
         _, residual = rotation_residual(target, angle)

@@ -344,10 +344,10 @@ class ScanReport(NamedTuple):
     exhaustive: bool
 
 
-def window_angles(lengths: Floats, target: Target, windows: Windows) -> tuple[Floats, Floats]:
-    """Crank angle and coupler angle of windows over the samples of a target, both (n, N), from the lengths alone."""
+def window_angles(lengths: Floats, target: Target, windows: Windows) -> Floats:
+    """Coupler angle of windows at the samples of a target, (n, N), from the lengths alone."""
     crank = np.deg2rad(windows.start)[:, None] + target.crank
-    return crank, coupler_angle(lengths[windows.row], windows.branch, crank)
+    return coupler_angle(lengths[windows.row], windows.branch, crank)
 
 
 def window_errors(lengths: Floats, target: Target, windows: Windows) -> Floats:
@@ -359,6 +359,5 @@ def window_errors(lengths: Floats, target: Target, windows: Windows) -> Floats:
     batch = max(1, _EXACT_SAMPLES // target.samples)
     for first in range(0, errors.size, batch):
         part = windows.take(np.arange(first, min(first + batch, errors.size)))
-        crank, angle = window_angles(lengths, target, part)
-        errors[first : first + batch] = objective(target, crank, angle)
+        errors[first : first + batch] = objective(target, window_angles(lengths, target, part))
     return errors

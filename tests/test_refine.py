@@ -68,7 +68,7 @@ def test_cost_is_the_square_of_the_objective(chart, kind) -> None:
     crank = unknowns[:, 3:] + problem.target.crank
     angle = coupler_angle(chart.shape(unknowns[:, :3]).lengths, branch, crank)
     cost = problem.evaluate(unknowns, branch).cost
-    np.testing.assert_allclose(cost, objective(problem.target, crank, angle) ** 2, rtol=1e-10)
+    np.testing.assert_allclose(cost, objective(problem.target, angle) ** 2, rtol=1e-10)
 
 
 def test_a_linkage_that_opens_between_samples_is_no_answer() -> None:

@@ -47,7 +47,7 @@ def naive_scan(scan: Scan, target: Target, top: int) -> tuple[Windows, Windows]:
     for first in range(0, windows.row.size, 1 << 14):
         part = windows.take(np.arange(first, min(first + (1 << 14), windows.row.size)))
         crank = np.deg2rad(part.start)[:, None] + target.crank
-        errors.append(objective(target, crank, coupler_angle(scan.lengths[part.row], part.branch, crank)))
+        errors.append(objective(target, coupler_angle(scan.lengths[part.row], part.branch, crank)))
     windows = windows._replace(error=np.concatenate(errors))
     order = np.argsort(np.round(windows.error / TIE), kind="stable")
     return windows.take(order[:top]), windows
