@@ -14,7 +14,7 @@ help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
 	@echo "make test       style and the default tests (about five minutes)"
 	@echo "make fault      the slow destructive tests: kills, bit flips"
-	@echo "make report     error against run time: docs/error_vs_runtime.md (about fifteen minutes)"
+	@echo "make report     error against run time: docs/error_vs_runtime.md (about five minutes)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md"
 	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md (about an hour)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently (about half an hour)"

@@ -57,6 +57,8 @@ SERIES_ERROR = 3e-7
 _LARGEST_WAVE = 64
 """Blocks between two looks at the limit: the same on every machine, or reports would differ."""
 _FIRST_COUNT = 4096
+_COUNT_BELOW = 1 << 17
+"""Windows held where a ceiling is known: all below it are wanted, and a second pass would find the same ones first."""
 _PREPARED_AT_ONCE = 512
 _PROBED = 64
 _EXACT_SAMPLES = 1 << 17
@@ -275,7 +277,8 @@ class Scan:
             run = pool if self.threads > 1 else None
             parts = self._requested(target)
             probed, ceiling = self._probe(parts, top, exact)
-            count, evaluated = max(_FIRST_COUNT, 4 * top), 0
+            most = _COUNT_BELOW if max_windows is None else min(_COUNT_BELOW, max_windows)
+            count, evaluated = max(_FIRST_COUNT if ceiling == np.inf else most, 4 * top), 0
             while True:
                 ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, out_of_time, run)
                 windows, done, ceiling = self._evaluate(ids, bounds, top, exact, out_of_time)
