@@ -29,8 +29,10 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.turnstile = Turnstile(settings.max_concurrent, settings.max_waiting)
         resources.prepare()
-        threading.Thread(target=resources.prepare_positions, daemon=True).start()  # ready without it
+        stopping = threading.Event()
+        threading.Thread(target=resources.prepare_positions, args=[stopping], daemon=True).start()  # ready without it
         yield
+        stopping.set()
 
     app = FastAPI(
         title="linkage-atlas",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
+import threading
 import time
 from dataclasses import dataclass
 from functools import cached_property
@@ -77,15 +79,25 @@ class ServiceResources:
             self.failure = error
         _give_back_memory()
 
-    def prepare_positions(self) -> None:
-        """Prepare the scan for requests with positions too, if that is set and there is an atlas."""
+    def prepare_positions(self, stopping: threading.Event) -> None:
+        """Prepare the scan for requests with positions too, if that is set and there is an atlas; until told to stop."""
+
+        def checkpoint() -> None:
+            if stopping.is_set():
+                raise _Stopped
+
         if self.settings.prepare_positions and self.failure is None:
-            self.atlas.scan.prepare_positions()
-            _give_back_memory()
+            with contextlib.suppress(_Stopped):
+                self.atlas.scan.prepare_positions(checkpoint)
+                _give_back_memory()
 
     def clock(self) -> float:
         """Seconds of a monotonic clock."""
         return time.perf_counter()
+
+
+class _Stopped(Exception):
+    """The service ends."""
 
 
 def _give_back_memory() -> None:

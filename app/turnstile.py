@@ -53,6 +53,7 @@ class Turnstile:
                 )
             finally:
                 watch.cancel()
+                gone.set()  # also where the server gives the request up: the thread then ends soon
         raise problems.ClientGone
 
 

@@ -61,6 +61,8 @@ _COUNT_BELOW = 1 << 17
 """Windows held where a ceiling is known: all below it are wanted, and a second pass would find the same ones first."""
 _PREPARED_AT_ONCE = 512
 _PROBED = 64
+_PATIENCE = 0.1
+"""Seconds between two looks at whether an answer is still wanted."""
 _EXACT_SAMPLES = 1 << 17
 
 
@@ -139,22 +141,31 @@ class Scan:
         own = sum(value.nbytes for value in arrays if isinstance(value, np.ndarray))
         return self.lengths.nbytes + own + sum(cells.nbytes for cells in self._cells)
 
-    def prepare_positions(self) -> None:
-        """Make the series that requests with positions need; done by the first of them otherwise."""
-        with self._lock:
+    def prepare_positions(self, checkpoint: Callable[[], object] = lambda: None) -> None:
+        """Make the series that requests with positions need; done by the first of them otherwise.
+
+        ``checkpoint`` is called all the time, also while another thread makes them; what it raises ends the work.
+        """
+        while not self._lock.acquire(timeout=_PATIENCE):
+            checkpoint()
+        try:
             if not self._phasors:
+                buckets = [cells.bucket for cells in self._cells]
                 with ThreadPoolExecutor(self.threads) as pool:
-                    buckets = [cells.bucket for cells in self._cells]
                     self._phasors = list(
-                        pool.map(lambda bucket: prepare_phasors(self._atlas, bucket, _PREPARED_AT_ONCE), buckets)
+                        pool.map(
+                            lambda one: prepare_phasors(self._atlas, one, _PREPARED_AT_ONCE, checkpoint), buckets
+                        )
                     )
+        finally:
+            self._lock.release()
 
     # -- bounds -------------------------------------------------------------------------------------------------------
 
-    def _requested(self, target: Target) -> list[Descent]:
+    def _requested(self, target: Target, checkpoint: Callable[[], object] = lambda: None) -> list[Descent]:
         """Cells with the request's matrices for them."""
         if target.position is not None:
-            self.prepare_positions()
+            self.prepare_positions(checkpoint)
         phasors = self._phasors if target.position is not None else [None] * len(self._cells)
         reaches = [cells.bucket.harmonics for cells in self._cells] + [p.reach for p in phasors if p is not None]
         matrices = Matrices(target, 2 * max(reaches, default=0), self.starts)
@@ -251,7 +262,8 @@ class Scan:
             ``exact(windows) -> error``, the exact error of windows: never below the rms error or the objective, infinite for
             windows that are no answer. Default: `window_errors`.
         max_windows : int, optional
-            Evaluate no more than this many exactly; the report says if that cut the search short.
+            Evaluate no more than this many exactly, beside those of the first look (and no fewer than four times ``top``);
+            the report says if that cut the search short.
         expired : callable
             Asked now and then; true ends the scan with the best found so far, and the report says so.
 
@@ -275,22 +287,25 @@ class Scan:
 
         with ThreadPoolExecutor(self.threads) as pool:
             run = pool if self.threads > 1 else None
-            parts = self._requested(target)
-            probed, ceiling = self._probe(parts, top, exact)
-            most = _COUNT_BELOW if max_windows is None else min(_COUNT_BELOW, max_windows)
-            count, evaluated = max(_FIRST_COUNT if ceiling == np.inf else most, 4 * top), 0
+            parts = self._requested(target, expired)
+            probed, ceiling = self._probe(parts, top, exact, out_of_time)
+            most = np.inf if max_windows is None else max(max_windows, 4 * top)
+            count, evaluated = int(min(_FIRST_COUNT if ceiling == np.inf else _COUNT_BELOW, most)), 0
             while True:
+                count = max(count, 4 * top)
                 ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, out_of_time, run)
-                windows, done, ceiling = self._evaluate(ids, bounds, top, exact, out_of_time)
+                windows, done, worst = self._evaluate(ids, bounds, top, exact, out_of_time)
                 evaluated = max(evaluated, done)  # a further pass begins with the same windows
-                complete = ceiling + TIE <= cut or ids.size < count
-                if complete or cut_short or (max_windows is not None and count >= max_windows):
-                    if cut_short:
-                        windows = _best_of([probed, windows], top)
-                    return windows, ScanReport(self.windows, evaluated, complete and not cut_short)
-                count *= 8
+                complete = not cut_short and (worst + TIE <= cut or ids.size < count)
+                if complete or cut_short or count >= most:
+                    if not complete:
+                        windows = _best_of(_each_once([probed, windows]), top)
+                    return windows, ScanReport(self.windows, evaluated, complete)
+                count, ceiling = int(min(8 * count, most)), min(ceiling, worst)
 
-    def _probe(self, parts: list[Descent], top: int, exact: Callable[[Windows], Floats]) -> tuple[Windows, float]:
+    def _probe(
+        self, parts: list[Descent], top: int, exact: Callable[[Windows], Floats], expired: Callable[[], bool]
+    ) -> tuple[Windows, float]:
         """The best windows of the most promising cells, and an error that at least ``top`` of them do not exceed."""
         nearest = [part.nearest[0] for part in parts]
         squared = np.concatenate([np.empty(0), *nearest])
@@ -303,7 +318,7 @@ class Scan:
         ]
         ids, bounds = (np.concatenate(column) for column in zip(*found))
         ids, first = np.unique(ids, return_index=True)  # a window met twice must not count twice
-        windows, _, ceiling = self._evaluate(ids, bounds[first], top, exact, lambda: False)
+        windows, _, ceiling = self._evaluate(ids, bounds[first], top, exact, expired)
         return windows, ceiling
 
     def _evaluate(
@@ -319,7 +334,7 @@ class Scan:
             windows = self._windows(part)
             windows = windows._replace(error=exact(windows))
             windows = windows.take(np.flatnonzero(np.isfinite(windows.error)))
-            best = _best_of([best, windows], top)
+            best = _best_of(_joined([best, windows]), top)
             worst = float(best.error[-1]) if best.error.size == top else np.inf
             done += part.size
             batch *= 2
@@ -329,18 +344,29 @@ class Scan:
 _NO_WINDOWS = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
 
 
-def _best_of(parts: list[Windows], top: int) -> Windows:
-    """The best ``top`` of some windows, each once: by error, ties by number, start, branch."""
-    windows = Windows(*(np.concatenate(column) for column in zip(*parts)))
-    windows = windows.take(
-        np.lexsort((windows.branch < 0, windows.start, windows.row, np.round(windows.error / TIE)))
-    )
-    same = [np.diff(column, prepend=np.nan) == 0 for column in (windows.row, windows.start, windows.branch)]
-    return windows.take(np.flatnonzero(~np.logical_and.reduce(same))[:top])
+def _joined(parts: list[Windows]) -> Windows:
+    return Windows(*(np.concatenate(column) for column in zip(*parts)))
+
+
+def _each_once(parts: list[Windows]) -> Windows:
+    """By what they are: the errors of one window may differ in the last bits."""
+    windows = _joined(parts)
+    _, first = np.unique(np.stack([windows.row, windows.start, windows.branch]), axis=1, return_index=True)
+    return windows.take(first)
+
+
+def _best_of(windows: Windows, top: int) -> Windows:
+    """The best ``top`` of some windows: by error, ties by number, start, branch."""
+    order = np.lexsort((windows.branch < 0, windows.start, windows.row, np.round(windows.error / TIE)))
+    return windows.take(order[:top])
 
 
 class ScanReport(NamedTuple):
-    """How much a scan looked at, and whether its answer is proved to be the best."""
+    """How much a scan looked at, and whether its answer is proved to be the best.
+
+    ``evaluated`` are the windows whose error was computed from the lengths, after a first look at the most promising cells that
+    computes those of 64 or more.
+    """
 
     windows: int
     evaluated: int

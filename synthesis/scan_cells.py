@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.fourbar import TURN
-from synthesis.scan_series import Bucket, Floats, Ints, gather
+from synthesis.scan_series import Bucket, Floats, Ints, gather, start_angles
 from synthesis.target import Target
 
 Bounds = NDArray[np.float32]
@@ -58,7 +58,7 @@ THIRDS = (2, 3, 4, 6, 8, 12, 16)
 _SLOPE = len(RANGES)
 _CURVATURE = _SLOPE + 1
 _THIRD = _CURVATURE + 1
-_CELLS_AT_ONCE = 64
+_POINTS_AT_ONCE = 1 << 18
 _POINTS = 8
 """Points of the grid for one period of the highest harmonic."""
 _SPLIT_HARMONICS = 6
@@ -80,7 +80,7 @@ class Arcs:
     """
 
     def __init__(self, target: Target, starts: int) -> None:
-        start = np.arange(starts) * (TURN / starts)
+        start = start_angles(starts)
         low, high = target.crank.min(), target.crank.max()
         begin = np.concatenate([start + low, -(start + high)]) * (ARCS / TURN)
         self.piece = np.floor(begin - _NEARLY).astype(np.int64) % ARCS
@@ -211,11 +211,12 @@ def _middle(periodic: Floats) -> Ints:
 def _level(types: Bucket, groups: Ints, bounds: Bounds | None, error: Floats) -> Level:
     """Cells of the types or representatives in each of some groups, (groups, members), with their own bounds and errors."""
     chosen, own = [], []
-    for k in range(0, len(groups), _CELLS_AT_ONCE):
-        part = groups[k : k + _CELLS_AT_ONCE]
+    at_once = max(1, _POINTS_AT_ONCE // (groups.shape[1] * _points(types.harmonics)))
+    for k in range(0, len(groups), at_once):
+        part = groups[k : k + at_once]
         periodic = types.periodic[part]
         middle = part[np.arange(len(part)), _middle(periodic)]
-        reach = _bounds(periodic - types.periodic[middle][:, None])
+        reach = _reaches(periodic - types.periodic[middle][:, None])
         if bounds is not None:
             reach += bounds[:, part]
         chosen.append(middle)
@@ -228,10 +229,15 @@ def _upwards(values: NDArray[np.floating]) -> Bounds:
     return np.nextafter(values.astype(np.float32) * ABOVE_SINGLE, np.float32(np.inf))
 
 
-def _bounds(differences: Floats) -> NDArray[np.floating]:
+def _points(harmonics: int) -> int:
+    """Points of the grid on which series are compared."""
+    return max(2 * ARCS, 1 << (_POINTS * harmonics - 1).bit_length())
+
+
+def _reaches(differences: Floats) -> NDArray[np.floating]:
     """What `Level.bounds` keeps, of each of some series; (groups, types, 2H) to (kinds, groups, types, ARCS)."""
     harmonics = differences.shape[-1] // 2
-    points = max(2 * ARCS, 1 << (_POINTS * harmonics - 1).bit_length())
+    points = _points(harmonics)
     order = np.arange(1, harmonics + 1)
     amplitudes = np.conj(np.ascontiguousarray(differences).view(complex))
     size = np.abs(amplitudes)

@@ -159,6 +159,7 @@ class Descent:
 
     def work(self, limit: float) -> list[Piece]:
         """Pieces of work that between them find every window whose bound is at most any limit up to this one."""
+        self.heavy = self.phasors is not None
         if not self._descends or limit > HOPELESS:
             return self._everything()
         level = self.cells.levels[0]

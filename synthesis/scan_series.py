@@ -8,7 +8,7 @@ phases e^{ihs} of the starts, which no request changes. A matrix has one row a w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -181,8 +181,8 @@ def join(parts: list[Bucket]) -> Bucket:
     return replace(parts[0], **columns)
 
 
-def prepare_phasors(atlas: Atlas, bucket: Bucket, at_once: int) -> Phasors:
-    """Series of e^{i theta2} of a bucket's types, with a little more harmonics than theta2 has."""
+def prepare_phasors(atlas: Atlas, bucket: Bucket, at_once: int, checkpoint: Callable[[], object]) -> Phasors:
+    """Series of e^{i theta2} of a bucket's types, with a few more harmonics than theta2 has; so many types at once."""
     reach = int(1.25 * bucket.harmonics) + 4
     count = len(bucket.rows)
     series = np.empty((count, 2 * reach + 1), dtype=complex)
@@ -191,6 +191,7 @@ def prepare_phasors(atlas: Atlas, bucket: Bucket, at_once: int) -> Phasors:
     place = np.empty(len(atlas), dtype=np.int64)
     place[bucket.rows] = np.arange(count)
     for first in range(0, count, at_once):
+        checkpoint()
         for curves in _curves(atlas, bucket.rows[first : first + at_once]):
             part = place[curves.rows]
             series[part], lost = _phasor_series(curves.spectrum, curves.samples, bucket.winding, reach)

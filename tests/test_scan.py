@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from conftest import make_atlas
 
+from synthesis import scan as scan_module
 from synthesis import scan_cells
 from synthesis.atlas_file import AtlasRule
 from synthesis.dimension_types import OrderRule, TypeRule
@@ -163,9 +164,52 @@ def test_refused_windows_are_no_answers(scans) -> None:
     assert not cut_short.exhaustive
 
 
+def test_what_the_first_look_found_is_not_lost(scans) -> None:
+    """Where most windows are refused and only a few may be evaluated, the best found so far is the answer."""
+    scan = scans["full_crank"]
+    target = random_target(scan, np.random.default_rng(12), "rotation", False)
+    probed: list[Windows] = []
+
+    def few(windows: Windows) -> np.ndarray:
+        error = window_errors(scan.lengths, target, windows)
+        allowed = windows.row % 50 == 7
+        probed.append(windows.take(np.flatnonzero(allowed)))
+        return np.where(allowed, error, np.inf)
+
+    found, report = scan.best(target, 5, few, max_windows=64)
+    assert not report.exhaustive and report.evaluated <= 64
+    seen = {(row, start, branch) for part in probed for row, start, branch, _ in zip(*part)}
+    assert 0 < len(seen) and found.row.size == min(5, len(seen))
+
+
+def test_no_pass_forgets_the_ceiling(scans, monkeypatch) -> None:
+    scan = scans["full_crank"]
+    target = random_target(scan, np.random.default_rng(12), "rotation", True)
+    monkeypatch.setattr(scan_module, "_COUNT_BELOW", 8)
+    limits: list[float] = []
+    lowest = Scan._lowest
+    monkeypatch.setattr(
+        Scan,
+        "_lowest",
+        lambda self, parts, count, ceiling, *rest: (
+            limits.append(ceiling) or lowest(self, parts, count, ceiling, *rest)
+        ),
+    )
+    wanted, everything = naive_scan(scan, target, 1)
+    rare = everything.take(np.flatnonzero(everything.row % 5 == 2))
+    wanted = rare.take(np.argsort(np.round(rare.error / TIE), kind="stable")[:12])
+    found, report = scan.best(
+        target,
+        12,
+        lambda windows: np.where(windows.row % 5 == 2, window_errors(scan.lengths, target, windows), np.inf),
+    )
+    assert report.exhaustive and all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
+    assert len(limits) > 1 and np.all(np.diff(limits) <= 0)
+
+
 @pytest.mark.parametrize("constant", [0.0, 99995.50866340027, 1e6 - 1])
 def test_a_large_constant_in_the_rotation_breaks_no_bound(scans, constant) -> None:
-    # The rounding of so large a mean once left a mean of 6e-11, and bounds above the error for targets as short as this.
+    # Rounding of so large a mean leaves a mean of 6e-11, which counts for targets as short as this.
     scan = scans["increasing"]
     target = make_target(np.full(100, constant), crank_angle=np.deg2rad(np.linspace(0, 0.3, 100)))
     wanted, everything = naive_scan(scan, target, 60)
