@@ -29,8 +29,8 @@ off by at most e |p| / (|q| - e). e is the file's ``curve_error`` plus the coeff
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
-from threading import Lock
+from concurrent.futures import Executor, ThreadPoolExecutor, wait
+from threading import Event, Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -148,15 +148,18 @@ class Scan:
         """
         while not self._lock.acquire(timeout=_PATIENCE):
             checkpoint()
+        given_up = Event()
         try:
-            if not self._phasors:
-                buckets = [cells.bucket for cells in self._cells]
-                with ThreadPoolExecutor(self.threads) as pool:
-                    self._phasors = list(
-                        pool.map(
-                            lambda one: prepare_phasors(self._atlas, one, _PREPARED_AT_ONCE, checkpoint), buckets
-                        )
-                    )
+            with ThreadPoolExecutor(self.threads) as pool:
+                work = [] if self._phasors else [cells.bucket for cells in self._cells]
+                made = [pool.submit(prepare_phasors, self._atlas, one, _PREPARED_AT_ONCE, given_up) for one in work]
+                try:
+                    while made and wait(made, _PATIENCE).not_done:
+                        checkpoint()
+                except BaseException:
+                    given_up.set()
+                    raise
+            self._phasors = self._phasors or [one.result() for one in made]
         finally:
             self._lock.release()
 

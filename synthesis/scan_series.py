@@ -8,9 +8,11 @@ phases e^{ihs} of the starts, which no request changes. A matrix has one row a w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from threading import Event
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -181,7 +183,7 @@ def join(parts: list[Bucket]) -> Bucket:
     return replace(parts[0], **columns)
 
 
-def prepare_phasors(atlas: Atlas, bucket: Bucket, at_once: int, checkpoint: Callable[[], object]) -> Phasors:
+def prepare_phasors(atlas: Atlas, bucket: Bucket, at_once: int, given_up: Event) -> Phasors:
     """Series of e^{i theta2} of a bucket's types, with a few more harmonics than theta2 has; so many types at once."""
     reach = int(1.25 * bucket.harmonics) + 4
     count = len(bucket.rows)
@@ -191,7 +193,8 @@ def prepare_phasors(atlas: Atlas, bucket: Bucket, at_once: int, checkpoint: Call
     place = np.empty(len(atlas), dtype=np.int64)
     place[bucket.rows] = np.arange(count)
     for first in range(0, count, at_once):
-        checkpoint()
+        if given_up.is_set():
+            raise CancelledError
         for curves in _curves(atlas, bucket.rows[first : first + at_once]):
             part = place[curves.rows]
             series[part], lost = _phasor_series(curves.spectrum, curves.samples, bucket.winding, reach)

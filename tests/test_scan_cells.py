@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from conftest import make_atlas
 
+from synthesis import scan as scan_module
 from synthesis import scan_cells, scan_descent
 from synthesis.atlas_file import AtlasRule, load_atlas
 from synthesis.dimension_types import OrderRule, TypeRule
@@ -198,3 +199,19 @@ def test_types_that_the_file_leaves_unresolved_are_taken_from_their_lengths() ->
     assert np.mean(np.concatenate([cells.bucket.error for cells in scan._cells]) > 1e-5) < 0.01
     scan.prepare_positions()
     assert np.mean(np.concatenate([phasors.error for phasors in scan._phasors]) > 1e-4) < 0.01
+
+
+def test_a_preparation_that_is_given_up_leaves_nothing_half_made(monkeypatch) -> None:
+    class GivenUp(Exception):
+        pass
+
+    def checkpoint() -> None:
+        raise GivenUp
+
+    monkeypatch.setattr(scan_module, "_PATIENCE", 1e-4)
+    scan = Scan(make_atlas(AtlasRule(TypeRule(150, 2), 256)))
+    with pytest.raises(GivenUp):
+        scan.prepare_positions(checkpoint)
+    assert not scan._phasors
+    scan.prepare_positions()
+    assert len(scan._phasors) == len(scan._cells)
