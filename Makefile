@@ -16,7 +16,7 @@ help:
 	@echo "make fault      the slow destructive tests: kills, bit flips"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about five minutes)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md"
-	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md (about forty minutes)"
+	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md (forty minutes, 17 GB)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently (about half an hour)"
 	@echo "make docs       tables and pictures of the scenes: docs/lift.md, docs/chain.md, docs/knotter.md"
 	@echo "make clean      remove the environment and the atlas"
@@ -57,7 +57,7 @@ lint: $(READY)
 bench: $(READY) $(ATLAS)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,opponents]'
 	$(BIN)/python -m benchmarks.foundation --atlas $(ATLAS)
-	$(BIN)/python -m benchmarks.retrieval
+	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)
 

@@ -126,9 +126,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             result["refusal"] = {"types": row["types"], **refusal(atlas)}
         shown = {name: round(value, 2) for name, value in row.items() if isinstance(value, int | float)}
         print(json.dumps(shown), flush=True)
-        scaling.GROWTH.write_text(
-            json.dumps(result, indent=1) + "\n"
-        )  # what is measured is kept if the next one fails
+        # after each perimeter: what has been measured is kept whatever comes
+        scaling.GROWTH.write_text(json.dumps(result, indent=1) + "\n")
     scaling.write()
     for name, exponents in scaling.exponents(result["rows"]).items():
         print(f"{name:<20} types^{exponents.overall:.2f}, from 200 {exponents.large:.2f}")

@@ -260,7 +260,6 @@ def ratios_text(services: Sequence[dict[str, Any]]) -> str:
     }  # the last load of a route is that of the most clients
     one, two = (rates[name] for name in ("one service", "two services"))
     most = max(load["clients"] for load in services[0]["loads"])
-    ratios = " and ".join(f"{significant(two[path] / one[path], 2)} times as many to {path}" for path in one)
     ratios = " and ".join(f"{significant(two[path] / one[path], 2)} times the requests to {path}" for path in one)
     return f"With {most} clients two services answer {ratios} that one does."
 

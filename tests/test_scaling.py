@@ -11,12 +11,14 @@ from itertools import count
 import numpy as np
 import pytest
 
-from benchmarks import scaling, service
+from benchmarks import retrieval, scaling, service
 
 
 def test_the_page_shows_what_was_measured() -> None:
     text = scaling.PAGE.read_text()
     assert text == scaling.fill(text, scaling.parts()), "python -m benchmarks.scaling writes it anew"
+    told = json.loads(retrieval.RESULT.read_text())
+    assert retrieval.tables(told) in text, "python -m benchmarks.retrieval --redraw writes it anew"
     assert {"build", "growth", "exponents", "throughput", "overload", "billion"} <= set(scaling.parts())
 
 
