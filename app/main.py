@@ -30,9 +30,13 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
         app.state.turnstile = Turnstile(settings.max_concurrent, settings.max_waiting)
         resources.prepare()
         stopping = threading.Event()
-        threading.Thread(target=resources.prepare_positions, args=[stopping], daemon=True).start()  # ready without it
-        yield
-        stopping.set()
+        behind = threading.Thread(target=resources.prepare_positions, args=[stopping])
+        behind.start()  # the service is ready without it
+        try:
+            yield
+        finally:
+            stopping.set()
+            behind.join()
 
     app = FastAPI(
         title="linkage-atlas",
