@@ -146,22 +146,30 @@ class Scan:
 
         ``checkpoint`` is called all the time, also while another thread makes them; what it raises ends the work.
         """
+        if self._phasors:
+            return
         while not self._lock.acquire(timeout=_PATIENCE):
             checkpoint()
-        given_up = Event()
         try:
-            with ThreadPoolExecutor(self.threads) as pool:
-                work = [] if self._phasors else [cells.bucket for cells in self._cells]
-                made = [pool.submit(prepare_phasors, self._atlas, one, _PREPARED_AT_ONCE, given_up) for one in work]
-                try:
-                    while made and wait(made, _PATIENCE).not_done:
-                        checkpoint()
-                except BaseException:
-                    given_up.set()
-                    raise
-            self._phasors = self._phasors or [one.result() for one in made]
+            if not self._phasors:  # else another thread has made them meanwhile
+                self._phasors = self._make_phasors(checkpoint)
         finally:
             self._lock.release()
+
+    def _make_phasors(self, checkpoint: Callable[[], object]) -> list[Phasors]:
+        given_up = Event()
+        with ThreadPoolExecutor(self.threads) as pool:
+            made = [
+                pool.submit(prepare_phasors, self._atlas, cells.bucket, _PREPARED_AT_ONCE, given_up)
+                for cells in self._cells
+            ]
+            try:
+                while made and wait(made, _PATIENCE).not_done:
+                    checkpoint()
+            except BaseException:
+                given_up.set()
+                raise
+        return [one.result() for one in made]
 
     # -- bounds -------------------------------------------------------------------------------------------------------
 
@@ -189,9 +197,9 @@ class Scan:
         rotations is done sooner by one thread: so many short steps would mostly wait for the interpreter.
         """
         highest = limit()
-        pieces = [part.work(highest) for part in parts]
-        work = [piece for some in pieces for piece in some]
-        heavy = sum(len(some) for some, part in zip(pieces, parts) if part.heavy)
+        found = [part.work(highest) for part in parts]
+        work = [piece for pieces, _ in found for piece in pieces]
+        heavy = sum(len(pieces) for pieces, are_heavy in found if are_heavy)
         run = pool.map if pool is not None and 2 * heavy > len(work) else map
         first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
         while first < len(work) and not (first and expired()):
@@ -293,9 +301,9 @@ class Scan:
             parts = self._requested(target, expired)
             probed, ceiling = self._probe(parts, top, exact, out_of_time)
             most = np.inf if max_windows is None else max(max_windows, 4 * top)
-            count, evaluated = int(min(_FIRST_COUNT if ceiling == np.inf else _COUNT_BELOW, most)), 0
+            count = int(min(max(_FIRST_COUNT if ceiling == np.inf else _COUNT_BELOW, 4 * top), most))
+            evaluated = 0
             while True:
-                count = max(count, 4 * top)
                 ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, out_of_time, run)
                 windows, done, worst = self._evaluate(ids, bounds, top, exact, out_of_time)
                 evaluated = max(evaluated, done)  # a further pass begins with the same windows

@@ -174,14 +174,14 @@ class Cells:
 def make_cells(bucket: Bucket) -> Cells:
     """The cells of a bucket. Law: every type is in one cell of each level."""
     order, first = _halve(bucket)
-    bucket = bucket.take(order)
-    places = np.minimum(first[:-1, None] + np.arange(np.max(np.diff(first))), first[1:, None] - 1)
-    levels = [_level(bucket, places, None, bucket.error)]
+    cells = Cells(bucket.take(order), first, [])
+    levels = cells.levels
+    levels.append(_level(cells.bucket, cells.types_of(np.arange(len(first) - 1)), None, cells.bucket.error))
     while len(levels[0].cells.rows) >= PARTS * FEWEST:
         fine = levels[0]
         groups = np.arange(len(fine.cells.rows)).reshape(-1, PARTS)
         levels.insert(0, _level(fine.cells, groups, fine.bounds, fine.error))
-    return Cells(bucket, first, levels)
+    return cells
 
 
 def _halve(bucket: Bucket) -> tuple[Ints, Ints]:

@@ -73,11 +73,6 @@ class Descent:
     arcs : Arcs
     matrices : Matrices
     phasors : Phasors, or None where no position is requested
-
-    Attributes
-    ----------
-    heavy : bool
-        The pieces of work are matrix products large enough for threads of their own.
     """
 
     def __init__(self, cells: Cells, arcs: Arcs, matrices: Matrices, phasors: Phasors | None) -> None:
@@ -85,7 +80,6 @@ class Descent:
         self.arcs = arcs
         self.matrices = matrices
         self.phasors = phasors
-        self.heavy = phasors is not None
 
     @cached_property
     def rotation(self) -> RotationMatrix | None:
@@ -118,7 +112,6 @@ class Descent:
     # -- every window -------------------------------------------------------------------------------------------------
 
     def _everything(self) -> list[Piece]:
-        self.heavy = True
         count = len(self.bucket.rows)
         return [partial(self._block, slice(k, k + BLOCK_ROWS)) for k in range(0, count, BLOCK_ROWS)]
 
@@ -157,11 +150,13 @@ class Descent:
     def _descends(self) -> bool:
         return self.rotation is not None and bool(self.cells.levels)
 
-    def work(self, limit: float) -> list[Piece]:
-        """Pieces of work that between them find every window whose bound is at most any limit up to this one."""
-        self.heavy = self.phasors is not None
+    def work(self, limit: float) -> tuple[list[Piece], bool]:
+        """Pieces of work that between them find every window whose bound is at most any limit up to this one.
+
+        And whether they are heavy: matrix products large enough for threads of their own.
+        """
         if not self._descends or limit > HOPELESS:
-            return self._everything()
+            return self._everything(), True
         level = self.cells.levels[0]
         radius = gather(self.arcs.radius(level, np.arange(len(self._top))), self.arcs.piece, axis=1)
         cell, window = np.divmod(np.flatnonzero(self._may_be_below(self._top, radius, limit)), self.windows)
@@ -169,9 +164,9 @@ class Descent:
         for fine in self.cells.levels[1:]:
             left = self._parts(left, limit, fine)
         if left.window.size > WORTHWHILE * self.windows * (len(self.cells.first) - 1):
-            return self._everything()
+            return self._everything(), True
         width = 8 * max(self.cells.most, 2 * self.bucket.harmonics)
-        return [partial(self._types, *chunk) for chunk in left.chunks(width)]
+        return [partial(self._types, *chunk) for chunk in left.chunks(width)], self.phasors is not None
 
     def _may_be_below(self, squared: Floats, radius: NDArray[np.floating], limit: float) -> NDArray[np.bool_]:
         reach = (radius + limit) * ABOVE_SINGLE

@@ -244,7 +244,7 @@ def _both_branches(shifted: Complexes, sign: int = 1) -> Floats:
 
 
 class Matrices:
-    """What one request multiplies the series of an atlas with; each matrix is made when it is first asked for.
+    """What one request multiplies the series of an atlas with; what buckets share is made once, when first asked for.
 
     Parameters
     ----------
@@ -262,7 +262,6 @@ class Matrices:
         self._coarse = np.exp(1j * np.outer(_HARMONICS_AT_ONCE * np.arange(blocks), target.crank)) / target.samples
         self._fine = np.exp(1j * np.outer(target.crank, np.arange(_HARMONICS_AT_ONCE)))
         self._along: dict[int, tuple[Floats, Floats]] = {}
-        self._rotation: dict[tuple[int, int], RotationMatrix] = {}
         self._position: dict[int, PositionMatrices] = {}
 
     def means(self, weights: NDArray[Any]) -> Complexes:
@@ -302,18 +301,15 @@ class Matrices:
 
     def rotation(self, bucket: Bucket) -> RotationMatrix:
         """For the mean squared rotation error."""
-        key = bucket.winding, bucket.harmonics
-        if key not in self._rotation:
-            reach = 2 * bucket.harmonics
-            centred, along = self._turned(bucket.winding)
-            line, slopes = self._line
-            self._rotation[key] = RotationMatrix(
-                np.concatenate([self.average[:, : 2 * reach], -2 * along[:, :reach]], axis=1),
-                float(np.mean(centred**2)),
-                np.ascontiguousarray(slopes[:, :reach]),
-                float(np.mean(centred * line)),
-            )
-        return self._rotation[key]
+        reach = 2 * bucket.harmonics
+        centred, along = self._turned(bucket.winding)
+        line, slopes = self._line
+        return RotationMatrix(
+            np.concatenate([self.average[:, : 2 * reach], -2 * along[:, :reach]], axis=1),
+            float(np.mean(centred**2)),
+            np.ascontiguousarray(slopes[:, :reach]),
+            float(np.mean(centred * line)),
+        )
 
     def position(self, reach: int) -> PositionMatrices:
         """For the mean squared position error of phasors of some reach."""
