@@ -13,7 +13,7 @@ from pydantic import ConfigDict, Field, Strict
 from app.motion import SynthesizeRequest, answer_synthesize
 from app.query import Export, Number, RequestModel, Resources
 from synthesis.errors import FieldError
-from synthesis.export import MountedLinkage, to_csv, to_dxf, to_mjcf, to_svg
+from synthesis.fourbar.files import MountedLinkage, to_csv, to_dxf, to_mjcf, to_svg
 from synthesis.target import Target
 
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}

@@ -17,7 +17,7 @@ from app.query import Export, Query, ReplyModel
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile
-from synthesis.fourbar import family
+from synthesis.fourbar.kinematics import family
 
 
 def create_app(settings: Settings | None = None, resources: ServiceResources | None = None) -> FastAPI:

@@ -9,14 +9,22 @@ import numpy as np
 from pydantic import Field
 
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel, Resources
-from synthesis.atlas_search import best_rows
+from synthesis.atlas.best import best_rows
+from synthesis.atlas.haar import features, resample
+from synthesis.atlas.scan import window_angles
 from synthesis.errors import FieldError
-from synthesis.haar import features, resample
-from synthesis.limits import Limits
-from synthesis.rounding import round_solution
-from synthesis.scan import window_angles
-from synthesis.search import DEFAULT_TOLERANCE, search
-from synthesis.solution import Determination, Sensitivity, Solution, Status, determinations, principal, sensitivities
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.rounding import round_solution
+from synthesis.fourbar.solution import (
+    Determination,
+    Sensitivity,
+    Solution,
+    Status,
+    determinations,
+    principal,
+    sensitivities,
+)
+from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
 MAX_TOP = 1000

@@ -14,10 +14,10 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from app.settings import Settings
-from synthesis.atlas_file import Atlas, load_atlas
+from synthesis.atlas.file import Atlas, load_atlas
+from synthesis.atlas.scan import Scan
 from synthesis.errors import AtlasError
-from synthesis.scan import Scan
-from synthesis.search import Levels
+from synthesis.search.search import Levels
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from app.settings import Settings
 from benchmarks.classes import EXACT, HARD, NAMES, UNREACHABLE, Case, generator, make_case
 from benchmarks.heavy import heavy_objective, heavy_within
 from benchmarks.recompute import recompute, requested_crank
-from synthesis.limits import Limits
+from synthesis.fourbar.limits import Limits
 from synthesis.target import Target
 
 RESULT = Path(__file__).parent / "results" / "acceptance.json"

@@ -22,12 +22,12 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.optimize import brentq
 
-from synthesis import chain
-from synthesis.chain_closure import Chain, closing_links
-from synthesis.chain_fit import fit_error, fit_slot
-from synthesis.chain_report import chord_error, report, wheel_conflict
-from synthesis.chain_slot import Slot
-from synthesis.chain_track import Segment, Track, arc, line, stadium
+from synthesis.chain import crescent as chain
+from synthesis.chain.closure import Chain, closing_links
+from synthesis.chain.fit import fit_error, fit_slot
+from synthesis.chain.report import chord_error, report, wheel_conflict
+from synthesis.chain.slot import Slot
+from synthesis.chain.track import Segment, Track, arc, line, stadium
 
 ROOT = Path(__file__).parents[1]
 DOC, IMAGES, RESULTS = (

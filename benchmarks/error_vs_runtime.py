@@ -23,18 +23,18 @@ from threadpoolctl import threadpool_limits
 from benchmarks import opponents
 from benchmarks.acceptance import REACHED, target_of
 from benchmarks.classes import EXACT, NAMES, UNREACHABLE, make_case
-from synthesis.atlas_file import Atlas, AtlasRule, generator_versions
-from synthesis.atlas_rows import compute_rows
-from synthesis.atlas_search import best_rows
-from synthesis.charts import FullCrankChart
-from synthesis.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar import TURN, coupler_angle
-from synthesis.limits import Limits
-from synthesis.mounting import objective
-from synthesis.refine import Problem, refine
-from synthesis.scan import Scan
-from synthesis.search import DEFAULT_TOLERANCE, Levels, mirrored, search
-from synthesis.solution import make_solutions
+from synthesis.atlas.best import best_rows
+from synthesis.atlas.file import Atlas, AtlasRule, generator_versions
+from synthesis.atlas.rows import compute_rows
+from synthesis.atlas.scan import Scan
+from synthesis.fourbar.charts import FullCrankChart
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
+from synthesis.fourbar.kinematics import TURN, coupler_angle
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.pose import objective
+from synthesis.fourbar.solution import make_solutions
+from synthesis.search.refine import Problem, refine
+from synthesis.search.search import DEFAULT_TOLERANCE, Levels, mirrored, search
 from synthesis.target import Target
 
 ROOT = Path(__file__).parents[1]

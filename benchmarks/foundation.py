@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synthesis.atlas_file import load_atlas
-from synthesis.fourbar import coupler_angle
-from synthesis.scan import STARTS, Scan, Windows, window_errors
+from synthesis.atlas.file import load_atlas
+from synthesis.atlas.scan import STARTS, Scan, Windows, window_errors
+from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.target import Target, make_target
 
 RESULTS = Path(__file__).parent / "results" / "foundation.json"

@@ -31,7 +31,7 @@ from benchmarks.service import (
     serve_command,
     uvicorn_command,
 )
-from synthesis.dimension_types import MAX_PERIMETER
+from synthesis.fourbar.dimension_types import MAX_PERIMETER
 
 PERIMETERS = (100, 200, 400, 800, 1600)
 SAMPLES = {400: 256, 800: 128, MAX_PERIMETER: 64}

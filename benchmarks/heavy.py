@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from synthesis.charts import AnyChart, Chart, FullCrankChart
-from synthesis.fourbar import TURN, family
-from synthesis.limits import Limits
-from synthesis.refine import LimitedProblem, Problem, refine
-from synthesis.search import mirrored
+from synthesis.fourbar.charts import AnyChart, Chart, FullCrankChart
+from synthesis.fourbar.kinematics import TURN, family
+from synthesis.fourbar.limits import Limits
+from synthesis.search.refine import LimitedProblem, Problem, refine
+from synthesis.search.search import mirrored
 from synthesis.target import Target
 
 SHEETS = {"crank_rocker": -1, "double_crank": 1}

@@ -16,10 +16,10 @@ from pathlib import Path
 import mpmath as mp
 import numpy as np
 
-from synthesis import knotter
-from synthesis.knotter_mechanism import Mechanism
-from synthesis.knotter_predicates import classify, crossing_point, inside, orientations
-from synthesis.knotter_study import solve, study
+from synthesis.knotter import machine as knotter
+from synthesis.knotter.mechanism import Mechanism
+from synthesis.knotter.predicates import classify, crossing_point, inside, orientations
+from synthesis.knotter.study import solve, study
 
 ROOT = Path(__file__).parents[1]
 PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]

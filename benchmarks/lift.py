@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from synthesis.lift import acceleration, motion, velocity
-from synthesis.lift_loops import (
+from synthesis.lift.loops import (
     angular_velocities,
     condition,
     largest_residual,
@@ -23,10 +22,11 @@ from synthesis.lift_loops import (
     loop_residuals,
     velocity_by_instant_centre,
 )
-from synthesis.lift_objective import Evaluator, Objective, Task, project
-from synthesis.lift_optimum import optimize, optimize_batch
-from synthesis.lift_pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
-from synthesis.lift_published import published_for
+from synthesis.lift.motion import acceleration, motion, velocity
+from synthesis.lift.objective import Evaluator, Objective, Task, project
+from synthesis.lift.optimum import optimize, optimize_batch
+from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
+from synthesis.lift.published import published_for
 
 INITIAL = Design(300.0, 180.0, 240.0, 330.0, 480.0)
 OPTIMUM = Design(351.9, 162.8, 351.9, 347.2, 535.8)

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.classes import generator
-from synthesis.atlas_file import Atlas
-from synthesis.charts import FullCrankChart
-from synthesis.fourbar import TURN, close_loop, coupler_angle
-from synthesis.mounting import objective
-from synthesis.refine import Problem
-from synthesis.scan import STARTS
+from synthesis.atlas.file import Atlas
+from synthesis.atlas.scan import STARTS
+from synthesis.fourbar.charts import FullCrankChart
+from synthesis.fourbar.kinematics import TURN, close_loop, coupler_angle
+from synthesis.fourbar.pose import objective
+from synthesis.search.refine import Problem
 from synthesis.target import Target
 
 EVOLUTION_GENERATIONS = (5, 20, 80, 320, 1280)

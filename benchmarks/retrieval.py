@@ -36,9 +36,9 @@ from benchmarks import scaling
 from benchmarks.classes import SAMPLES, base_order, generator
 from benchmarks.opponents import flat_index, stumpy_mass
 from benchmarks.service import machine
-from synthesis.atlas_file import Atlas, load_atlas
-from synthesis.fourbar import TURN, coupler_angle
-from synthesis.scan import TIE, Scan, Windows
+from synthesis.atlas.file import Atlas, load_atlas
+from synthesis.atlas.scan import TIE, Scan, Windows
+from synthesis.fourbar.kinematics import TURN, coupler_angle
 from synthesis.target import MIN_SPAN, Target, make_target
 
 Floats = NDArray[np.float64]

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from app.settings import Settings
-from synthesis.dimension_types import MAX_PERIMETER, TypeRule, count_types
+from synthesis.fourbar.dimension_types import MAX_PERIMETER, TypeRule, count_types
 
 ROOT = Path(__file__).parents[1]
 GROWTH = ROOT / "benchmarks" / "results" / "growth.json"

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.classes import SAMPLES, base_order, generator, make_case
-from synthesis.fourbar import TURN, coupler_angle
+from synthesis.fourbar.kinematics import TURN, coupler_angle
 
 ROOT = Path(__file__).parents[1]
 START_SECONDS = 1800.0

@@ -20,9 +20,9 @@ from benchmarks.acceptance import REACHED, Times, answer, compare, target_of
 from benchmarks.classes import is_crank_rocker, make_case, simplex
 from benchmarks.recompute import DIGITS, close_by_circles
 from synthesis.errors import FieldError
-from synthesis.fourbar import close_loop
-from synthesis.refine import Problem, refine
-from synthesis.search import FullCrankChart
+from synthesis.fourbar.kinematics import close_loop
+from synthesis.search.refine import Problem, refine
+from synthesis.search.search import FullCrankChart
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "benchmarks" / "results" / "stability.json"

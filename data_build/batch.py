@@ -22,9 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
-from synthesis.atlas_file import Atlas, AtlasRule, encode_atlas, generator_versions
-from synthesis.atlas_rows import AtlasRows, compute_rows, concatenate
-from synthesis.dimension_types import enumerate_types
+from synthesis.atlas.file import Atlas, AtlasRule, encode_atlas, generator_versions
+from synthesis.atlas.rows import AtlasRows, compute_rows, concatenate
+from synthesis.fourbar.dimension_types import enumerate_types
 
 SHARD_TYPES = 4096
 """Types of one shard: the same whatever the number of workers, so that the file is the same too."""

@@ -16,9 +16,9 @@ from tqdm import tqdm
 
 from data_build.batch import BuildLocked, build_atlas
 from data_build.executors import dask_executor, local_executor
-from synthesis.atlas_file import Atlas, AtlasRule, load_atlas
-from synthesis.dimension_types import OrderRule, TypeRule, count_types
+from synthesis.atlas.file import Atlas, AtlasRule, load_atlas
 from synthesis.errors import AtlasError, AtlasFault, FieldError
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_DAMAGED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
 MAX_BUILD_BYTES = 8_000_000_000

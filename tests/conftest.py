@@ -10,9 +10,9 @@ from hypothesis import HealthCheck, settings
 
 from data_build.batch import build_atlas
 from data_build.executors import local_executor
-from synthesis.atlas_file import Atlas, AtlasRule, encode_atlas, generator_versions
-from synthesis.atlas_rows import compute_rows
-from synthesis.dimension_types import OrderRule, TypeRule, enumerate_types
+from synthesis.atlas.file import Atlas, AtlasRule, encode_atlas, generator_versions
+from synthesis.atlas.rows import compute_rows
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 
 # Every run tries the same examples, and a slow machine is no failure.
 settings.register_profile(

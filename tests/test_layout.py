@@ -13,7 +13,7 @@ from app.scenes import SCENES
 
 ROOT = Path(__file__).parents[1]
 FLOORS = {"synthesis": {"synthesis"}, "data_build": {"synthesis", "data_build"}, "app": {"synthesis", "app"}}
-SOLE_IMPORTERS = {"h5py": "synthesis/atlas_file.py", "pywt": "synthesis/haar.py"}
+SOLE_IMPORTERS = {"h5py": "synthesis/atlas/file.py", "pywt": "synthesis/atlas/haar.py"}
 
 
 def imported_names(path: Path) -> set[str]:

@@ -1,4 +1,4 @@
-"""The chain over HTTP and on the command line: answers made from `synthesis.chain`."""
+"""The chain over HTTP and on the command line: answers made from `synthesis.chain.crescent`."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from app.scenes.chain_models import (
 from synthesis.errors import FieldError
 
 if TYPE_CHECKING:
-    from synthesis.chain_slot import Slot
-    from synthesis.chain_track import Track
+    from synthesis.chain.slot import Slot
+    from synthesis.chain.track import Track
 
 CHECK_PHASES = 9001
 """Phases at which a fit's errors are measured."""
@@ -58,7 +58,7 @@ def _check_size(request: SlotOptions, links: int) -> None:
 
 def _fit(slot: Slot, request: SlotOptions, scale: float) -> FitReply | None:
     """The fit's reply; its phases are multiplied by ``scale``, and slopes by the phase divided."""
-    from synthesis.chain_fit import fit_error, fit_slot
+    from synthesis.chain.fit import fit_error, fit_slot
 
     if request.fit is None:
         return None
@@ -96,8 +96,8 @@ def _fit(slot: Slot, request: SlotOptions, scale: float) -> FitReply | None:
 
 def _common(slot: Slot, request: SlotOptions, scale: float) -> tuple[Any, dict[str, Any]]:
     """The report on a slot, and the reply's fields that do not depend on the kind of track."""
-    from synthesis.chain_closure import STRETCH_TOLERANCE
-    from synthesis.chain_report import report
+    from synthesis.chain.closure import STRETCH_TOLERANCE
+    from synthesis.chain.report import report
 
     facts = report(slot, _phases(slot, request.samples))
     slack = facts.slack_min > STRETCH_TOLERANCE * request.pitch
@@ -127,7 +127,7 @@ def _common(slot: Slot, request: SlotOptions, scale: float) -> tuple[Any, dict[s
 
 
 def _crescent(request: ChainSlotRequest) -> Any:
-    from synthesis.chain import crescent_slot
+    from synthesis.chain.crescent import crescent_slot
 
     _check_size(request, request.links)
     start = request.phase_start
@@ -146,8 +146,8 @@ def _crescent(request: ChainSlotRequest) -> Any:
 
 def answer_slot(request: ChainSlotRequest, resources: Any) -> ChainSlotReply:
     """The crescent's closure and slot."""
-    from synthesis.chain import RIGHT_WHEEL
-    from synthesis.chain_report import wheel_conflict
+    from synthesis.chain.crescent import RIGHT_WHEEL
+    from synthesis.chain.report import wheel_conflict
 
     crescent, slot = _crescent(request)
     angle = _angle(request)
@@ -195,8 +195,8 @@ def answer_slot(request: ChainSlotRequest, resources: Any) -> ChainSlotReply:
 
 
 def _track(request: ChainTrackRequest) -> Track:
-    from synthesis.chain import critical_stadium
-    from synthesis.chain_track import Track, TrackError, arc, line, stadium
+    from synthesis.chain.crescent import critical_stadium
+    from synthesis.chain.track import Track, TrackError, arc, line, stadium
 
     if (request.stadium is None) == (request.segments is None):
         raise FieldError("/segments", "either 'segments' or 'stadium' is wanted, and not both")
@@ -225,9 +225,9 @@ def _track(request: ChainTrackRequest) -> Track:
 
 def _track_slot(request: ChainTrackRequest) -> tuple[Slot, int, int]:
     """The slot, and the driving and the free segment in the request's own numbering."""
-    from synthesis.chain import RADIUS_RATIO, driving_segment, tightest_room, track_slot
-    from synthesis.chain_closure import closing_links
-    from synthesis.chain_track import ChordError
+    from synthesis.chain.closure import closing_links
+    from synthesis.chain.crescent import RADIUS_RATIO, driving_segment, tightest_room, track_slot
+    from synthesis.chain.track import ChordError
 
     if request.links is not None:
         _check_size(request, request.links)
@@ -308,8 +308,8 @@ def _slot_of(request: Any) -> tuple[Slot, str, float]:
 
 
 def _walls(slot: Slot, request: Any) -> Any:
-    from synthesis.chain_export import roller_walls
-    from synthesis.chain_report import smallest_radius
+    from synthesis.chain.export import roller_walls
+    from synthesis.chain.report import smallest_radius
 
     if request.roller_radius is None:
         return None
@@ -318,7 +318,7 @@ def _walls(slot: Slot, request: Any) -> Any:
 
 def render_csv(request: Any, resources: Any) -> bytes:
     """The slot and a roller's walls as a table."""
-    from synthesis.chain_export import to_csv
+    from synthesis.chain.export import to_csv
 
     slot, name, scale = _slot_of(request)
     return to_csv(slot, _phases(slot, request.samples), name, scale, _walls(slot, request)).encode()
@@ -326,7 +326,7 @@ def render_csv(request: Any, resources: Any) -> bytes:
 
 def render_svg(request: Any, resources: Any) -> bytes:
     """Track, pins, slot and a roller's walls as a drawing."""
-    from synthesis.chain_export import to_svg
+    from synthesis.chain.export import to_svg
 
     slot, *_ = _slot_of(request)
     _walls(slot, request)
@@ -335,7 +335,7 @@ def render_svg(request: Any, resources: Any) -> bytes:
 
 def render_dxf(request: Any, resources: Any) -> bytes:
     """Track, pins, slot and a roller's walls for CAD."""
-    from synthesis.chain_export import to_dxf
+    from synthesis.chain.export import to_dxf
 
     slot, *_ = _slot_of(request)
     _walls(slot, request)

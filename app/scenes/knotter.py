@@ -1,4 +1,4 @@
-"""The knotter over HTTP and on the command line: answers made from `synthesis.knotter`."""
+"""The knotter over HTTP and on the command line: answers made from `synthesis.knotter.machine`."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _given(model: RequestModel) -> dict[str, Any]:
 
 
 def _law(name: str, model: LawModel, angles: _Angles) -> Any:
-    from synthesis.knotter_mechanism import Linear, Table
+    from synthesis.knotter.mechanism import Linear, Table
 
     field = f"/laws/{name}"
     kinds = [model.lead is not None or model.ratio is not None, model.table is not None, model.dwell is not None]
@@ -89,7 +89,7 @@ def _range(field: str, found: list[float] | None, default: tuple[float, float], 
 
 def _machine(request: MachineRequest, angles: _Angles) -> tuple[Any, dict[str, Any]]:
     """The mechanism of a request and its three conditions by name."""
-    from synthesis import knotter
+    from synthesis.knotter import machine as knotter
 
     lengths = _given(request.parameters)
     mechanism = knotter.knotter(
@@ -114,7 +114,7 @@ def _machine(request: MachineRequest, angles: _Angles) -> tuple[Any, dict[str, A
 
 
 def _provenance(request: MachineRequest, given_angles: set[str]) -> dict[str, Any]:
-    from synthesis import knotter
+    from synthesis.knotter import machine as knotter
 
     given = [*_given(request.parameters), *_given(request.laws), *_given(request.points)]
     given += [name for name in given_angles if name not in given]
@@ -137,8 +137,8 @@ def _provenance(request: MachineRequest, given_angles: set[str]) -> dict[str, An
 
 
 def _entry(condition: Any, result: Any, row: int, angles: _Angles) -> EntryReply:
-    from synthesis.knotter_entry import Found
-    from synthesis.knotter_predicates import Crossing
+    from synthesis.knotter.entry import Found
+    from synthesis.knotter.predicates import Crossing
 
     enters = result.windows[row] > 0
     opened = int(result.opened_by[row])
@@ -174,8 +174,8 @@ def _condition(name: str, condition: Any, result: Any, row: int, angles: _Angles
 
 def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     """Every combination of the grid under the conditions that are asked for."""
-    from synthesis import knotter
-    from synthesis.knotter_study import study
+    from synthesis.knotter import machine as knotter
+    from synthesis.knotter.study import study
 
     start = resources.clock()
     angles = _Angles(request.angle_unit)
@@ -225,7 +225,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
 
 def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
     """The values of one parameter at which a condition's verdict changes."""
-    from synthesis.knotter_study import solve
+    from synthesis.knotter.study import solve
 
     angles = _Angles(request.angle_unit)
     mechanism, conditions = _machine(request, angles)
@@ -262,7 +262,7 @@ def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
 
 def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
     """Clearance and length at the needle's angle, and the angles for a given clearance or length."""
-    from synthesis import knotter
+    from synthesis.knotter import machine as knotter
 
     angles = _Angles(request.angle_unit)
     alpha2 = knotter.ALPHA2 if request.alpha2 is None else angles.inward(request.alpha2)

@@ -1,4 +1,4 @@
-"""The lift over HTTP and on the command line: answers made from `synthesis.lift`."""
+"""The lift over HTTP and on the command line: answers made from `synthesis.lift.motion`."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ from synthesis.errors import FieldError
 if TYPE_CHECKING:
     import numpy as np
 
-    from synthesis.lift import Motion
-    from synthesis.lift_objective import Task
-    from synthesis.lift_optimum import Optimum
-    from synthesis.lift_pose import Cylinder, Design
+    from synthesis.lift.motion import Motion
+    from synthesis.lift.objective import Task
+    from synthesis.lift.optimum import Optimum
+    from synthesis.lift.pose import Cylinder, Design
 
 TABLE_ROWS = 21
 """Times that the terminal's table shows."""
 
 
 def _design(model: DesignModel) -> Design:
-    from synthesis.lift_pose import Design
+    from synthesis.lift.pose import Design
 
     return Design(model.l2, model.l3, model.l4, model.l5, model.b)
 
 
 def _cylinder(model: CylinderModel) -> Cylinder:
-    from synthesis.lift_pose import Cylinder
+    from synthesis.lift.pose import Cylinder
 
     for name, value in (("speed", model.speed), ("acceleration", model.acceleration)):
         if 0 < abs(value) < MIN_MAGNITUDE:
@@ -59,7 +59,7 @@ def _cylinder(model: CylinderModel) -> Cylinder:
 
 
 def _move(request: MotionRequest) -> Motion:
-    from synthesis.lift import motion
+    from synthesis.lift.motion import motion
 
     if request.times is not None and request.samples is not None:
         raise FieldError("/times", "give either `times` or `samples`, not both")
@@ -69,8 +69,8 @@ def _move(request: MotionRequest) -> Motion:
 
 def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
     """The motion that was asked for, and of the extras only those in ``include``."""
-    from synthesis.lift_loops import condition, smallest_condition
-    from synthesis.lift_pose import pose_at_turn
+    from synthesis.lift.loops import condition, smallest_condition
+    from synthesis.lift.pose import pose_at_turn
 
     moved = _move(request)
     limits, design = moved.stroke, moved.design
@@ -103,7 +103,8 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
 
 def _extras(request: MotionRequest, moved: Motion) -> dict[str, Any]:
     """Only what ``include`` asks for."""
-    from synthesis import lift_loops, lift_pose
+    from synthesis.lift import loops as lift_loops
+    from synthesis.lift import pose as lift_pose
 
     wanted = set(request.include)
     design, pose, speed = moved.design, moved.pose, moved.cylinder_speed
@@ -179,7 +180,7 @@ def motion_table(reply: MotionReply) -> str:
 
 
 def _task(cylinder: CylinderModel, request: OptimizeRequest | BatchRequest) -> Task:
-    from synthesis.lift_objective import Objective, Task
+    from synthesis.lift.objective import Objective, Task
 
     wanted = request.objective
     if isinstance(wanted, DiscreteObjective):
@@ -215,8 +216,8 @@ NOTES = {
 
 def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeReply:
     """The optimum design, and the published one beside it."""
-    from synthesis.lift_optimum import optimize
-    from synthesis.lift_published import published_for
+    from synthesis.lift.optimum import optimize
+    from synthesis.lift.published import published_for
 
     task = _task(request.cylinder, request)
     optimum = optimize(task, resources.clock)
@@ -267,8 +268,8 @@ def optimize_table(reply: OptimizeReply) -> str:
 
 def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
     """The optimum for each cylinder; one that has none says why and does not stop the others."""
-    from synthesis.lift_optimum import optimize_batch
-    from synthesis.lift_published import published_for
+    from synthesis.lift.optimum import optimize_batch
+    from synthesis.lift.published import published_for
 
     if isinstance(request.objective, DiscreteObjective):
         steps = request.objective.n * len(request.cylinders)

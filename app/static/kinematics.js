@@ -1,4 +1,4 @@
-// Kinematics of the planar four-bar in the browser: the same cancellation-free form as synthesis/fourbar.py.
+// Kinematics of the planar four-bar in the browser: the same cancellation-free form as synthesis/fourbar/kinematics.py.
 // Lengths L1 crank, L2 coupler, L3 rocker, L4 ground; radians, counter-clockwise from the ground line A->B.
 
 const TURN = 2 * Math.PI;

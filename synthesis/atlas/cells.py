@@ -1,0 +1,278 @@
+"""Cells of types whose curves are alike: one representative tells enough of a cell to pass over most of its windows.
+
+A bucket's types are halved again and again along the coefficient in which they differ most, down to cells of a few types;
+eight neighbouring cells make a cell of the next coarser level. Each cell has a *representative*, one of its types, and for
+every part of the turn a *radius*.
+
+Bound. Let d be the difference of the series of a type and of its cell's representative, and W the arc of crank angles of a
+window. The rms of what is left after the best constant is a seminorm, so by the triangle inequality the error of the type
+is at least that of the representative less the rms of d, whatever the samples in W are and however they lie. The *radius*
+of a cell in W is a bound of that rms for all of its types, the smaller of two:
+
+* (max - min) / 2 of d over W: no value is further than that from the middle of its range;
+* with u the crank angle from the middle m of W, d = d(m) + d'(m) u + d''(m) u^2 / 2 + a rest of at most |d'''| |u|^3 / 6
+  (Taylor), so std(u) |d'(m)| + std(u^2) |d''(m)| / 2 + S^3 / 48 max_W |d'''|, with S the length of W and std that of the samples.
+
+The second is far smaller where the window is short. What is kept of a cell is the largest of these over its types, for
+pieces and arcs of pieces of the turn: neighbours differ less over less of a turn, and that is what makes the bound useful.
+
+Between the points of a grid of step h a series is off its neighbours by at most h^2/8 times its largest second derivative
+(linear interpolation), and that is at most the sum of k^2 times its amplitudes, which is added; alike for derivatives. The
+values of a coarser cell are, by the triangle inequality again, the largest over its parts of the value of the difference of
+the representatives plus the part's value.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.atlas.series import Bucket, Floats, Ints, gather, start_angles
+from synthesis.fourbar.kinematics import TURN
+from synthesis.target import Target
+
+Bounds = NDArray[np.float32]
+Radii = NDArray[np.floating]
+
+_NEARLY = 1e-9
+ABOVE_SINGLE = np.float32(1 + 1e-6)
+"""Makes up for the rounding of a few operations in single precision."""
+
+LEAF = 48
+"""Most types of a cell of the finest level."""
+PARTS = 8
+"""Cells that make one of the next coarser level."""
+FEWEST = 24
+"""No coarser level than one of so many cells: evaluating all of its representatives costs little."""
+ARCS = 64
+"""Pieces of the turn."""
+RANGES = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64)
+"""Pieces of the arcs over which the range of d is kept."""
+THIRDS = (2, 3, 4, 6, 8, 12, 16)
+"""Pieces of the arcs over which the largest third derivative is kept."""
+_SLOPE = len(RANGES)
+_CURVATURE = _SLOPE + 1
+_THIRD = _CURVATURE + 1
+_POINTS_AT_ONCE = 1 << 18
+_POINTS = 8
+"""Points of the grid for one period of the highest harmonic."""
+_SPLIT_HARMONICS = 6
+
+
+class Arcs:
+    """Where the windows of a request lie, and how large the radius of a cell there is.
+
+    Parameters
+    ----------
+    target : Target
+    starts : int
+
+    Attributes
+    ----------
+    piece : ndarray of int, shape (2 starts,)
+        Piece of the turn in which each window begins: all starts of branch +1, then of branch -1, whose windows are those of
+        the mirrored turn, crank angles -(s + t).
+    """
+
+    def __init__(self, target: Target, starts: int) -> None:
+        start = start_angles(starts)
+        low, high = target.crank.min(), target.crank.max()
+        begin = np.concatenate([start + low, -(start + high)]) * (ARCS / TURN)
+        self.piece = np.floor(begin - _NEARLY).astype(np.int64) % ARCS
+        span = high - low
+        pieces = span * (ARCS / TURN)
+        # a window that begins somewhere in a piece ends in the last of so many
+        reached = min(int(np.ceil(pieces + _NEARLY)) + 1, ARCS)
+        self._range = bisect_left(RANGES, reached)
+        self._third = bisect_left(THIRDS, reached)
+        self._middle = int(pieces / 2)
+        along = target.crank - (low + high) / 2
+        self._taylor = [np.float32(v) for v in (np.std(along), np.std(along**2) / 2, span**3 / 48)]
+
+    def radius(self, level: Level, cells: Ints) -> Radii:
+        """Radius of some cells of a level for windows by the piece they begin in, (cells, ARCS)."""
+        result = gather(level.bounds[self._range], cells)
+        if self._third < len(THIRDS):
+            slope, curvature, third = self._taylor
+            taylor = slope * gather(level.bounds[_SLOPE], cells)
+            taylor += curvature * gather(level.bounds[_CURVATURE], cells)
+            # from the piece of the middle of a window to that of its begin
+            taylor = np.concatenate([taylor[..., self._middle :], taylor[..., : self._middle]], axis=-1)
+            taylor += third * gather(level.bounds[_THIRD + self._third], cells)
+            taylor *= ABOVE_SINGLE
+            result = np.minimum(result, taylor)
+        return result + gather(level.error, cells)[..., None]
+
+
+@dataclass(frozen=True)
+class Level:
+    """Cells of one size.
+
+    Attributes
+    ----------
+    cells : Bucket
+        The representatives.
+    bounds : ndarray of float32, shape (kinds, cells, ARCS)
+        What the radius is made of, by the piece of the turn where an arc begins: (max - min) / 2 of d over the arcs of RANGES
+        pieces, largest |d'| and |d''| over two pieces, largest |d^(3)| over the arcs of THIRDS pieces.
+    error : ndarray of float32, shape (cells,)
+        Largest error of the series of a cell's types.
+    """
+
+    cells: Bucket
+    bounds: Bounds
+    error: NDArray[np.float32]
+
+    @cached_property
+    def series(self) -> Floats:
+        """(cells of the coarser level, PARTS, 6H)."""
+        return self.cells.series.reshape(-1, PARTS, self.cells.series.shape[1])
+
+    @cached_property
+    def mean_square(self) -> Floats:
+        """(cells of the coarser level, PARTS)."""
+        return self.cells.mean_square.reshape(-1, PARTS)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A bucket in the order of its cells, and the levels of cells above it, coarse to fine.
+
+    Cell c of a level has the cells PARTS c .. PARTS c + PARTS - 1 of the next; those of the finest have the bucket's types
+    from ``first[c]`` on, up to ``first[c + 1]``.
+    """
+
+    bucket: Bucket
+    first: Ints
+    levels: list[Level]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the levels."""
+        arrays = [self.first]
+        for level in self.levels:
+            arrays += [level.bounds, level.cells.series]
+        return sum(array.nbytes for array in arrays)
+
+    def types_of(self, cells: Ints) -> Ints:
+        """Places of the types of finest cells, (cells, LEAF); a cell with fewer repeats its last."""
+        return np.minimum(
+            gather(self.first, cells)[:, None] + np.arange(self.most), gather(self.first, cells + 1)[:, None] - 1
+        )
+
+    @cached_property
+    def most(self) -> int:
+        """Most types of a finest cell."""
+        return int(np.max(np.diff(self.first)))
+
+
+def make_cells(bucket: Bucket) -> Cells:
+    """The cells of a bucket. Law: every type is in one cell of each level."""
+    order, first = _halve(bucket)
+    cells = Cells(bucket.take(order), first, [])
+    levels = cells.levels
+    levels.append(_level(cells.bucket, cells.types_of(np.arange(len(first) - 1)), None, cells.bucket.error))
+    while len(levels[0].cells.rows) >= PARTS * FEWEST:
+        fine = levels[0]
+        groups = np.arange(len(fine.cells.rows)).reshape(-1, PARTS)
+        levels.insert(0, _level(fine.cells, groups, fine.bounds, fine.error))
+    return cells
+
+
+def _halve(bucket: Bucket) -> tuple[Ints, Ints]:
+    """Order of the types, and where in it each cell begins (and the last ends)."""
+    count = len(bucket.rows)
+    features = bucket.periodic[:, : 2 * _SPLIT_HARMONICS]
+    order = np.arange(count)
+    sizes = np.array([count])
+    while sizes.max() > LEAF:
+        first = np.cumsum(sizes) - sizes
+        sorted_features = features[order]
+        mean = np.add.reduceat(sorted_features, first, axis=0) / sizes[:, None]
+        spread = np.add.reduceat(sorted_features**2, first, axis=0) / sizes[:, None] - mean**2
+        cell = np.repeat(np.arange(sizes.size), sizes)
+        key = sorted_features[np.arange(count), spread.argmax(axis=1)[cell]]
+        order = order[np.lexsort((key, cell))]
+        sizes = np.stack([sizes // 2, sizes - sizes // 2], axis=1).ravel()
+    return order, np.concatenate([[0], np.cumsum(sizes)])
+
+
+def _middle(periodic: Floats) -> Ints:
+    """Which of the types of each group is nearest to their mean, over the turn; (groups, types, 2H) to (groups,)."""
+    difference = periodic - periodic.mean(axis=1, keepdims=True)
+    return np.einsum("gtk,gtk->gt", difference, difference).argmin(axis=1)
+
+
+def _level(types: Bucket, groups: Ints, bounds: Bounds | None, error: Floats) -> Level:
+    """Cells of the types or representatives in each of some groups, (groups, members), with their own bounds and errors."""
+    chosen, own = [], []
+    at_once = max(1, _POINTS_AT_ONCE // (groups.shape[1] * _points(types.harmonics)))
+    for k in range(0, len(groups), at_once):
+        part = groups[k : k + at_once]
+        periodic = types.periodic[part]
+        middle = part[np.arange(len(part)), _middle(periodic)]
+        reach = _reaches(periodic - types.periodic[middle][:, None])
+        if bounds is not None:
+            reach += bounds[:, part]
+        chosen.append(middle)
+        own.append(_upwards(reach.max(axis=2)))
+    return Level(types.take(np.concatenate(chosen)), np.concatenate(own, axis=1), _upwards(error[groups].max(axis=1)))
+
+
+def _upwards(values: NDArray[np.floating]) -> Bounds:
+    """As float32, not smaller even if ``values`` are rounded to that."""
+    return np.nextafter(values.astype(np.float32) * ABOVE_SINGLE, np.float32(np.inf))
+
+
+def _points(harmonics: int) -> int:
+    """Points of the grid on which series are compared."""
+    return max(2 * ARCS, 1 << (_POINTS * harmonics - 1).bit_length())
+
+
+def _reaches(differences: Floats) -> NDArray[np.floating]:
+    """What `Level.bounds` keeps, of each of some series; (groups, types, 2H) to (kinds, groups, types, ARCS)."""
+    harmonics = differences.shape[-1] // 2
+    points = _points(harmonics)
+    order = np.arange(1, harmonics + 1)
+    amplitudes = np.conj(np.ascontiguousarray(differences).view(complex))
+    size = np.abs(amplitudes)
+    result = np.empty((_THIRD + len(THIRDS), *size.shape[:-1], ARCS), dtype=np.float32)
+
+    def pieces(derivative: int) -> tuple[Radii, Radii, Floats]:
+        """Largest and least value in each piece at the points of a grid, and how much may be missed between them."""
+        spectrum = np.zeros((*size.shape[:-1], points // 2 + 1), dtype=complex)
+        spectrum[..., 1 : harmonics + 1] = amplitudes * ((1j * order) ** derivative * (points / 2))
+        values = np.fft.irfft(spectrum, points, axis=-1).astype(np.float32)
+        values = values.reshape(*values.shape[:-1], ARCS, points // ARCS)
+        highest = lowest = np.roll(values[..., 0], -1, axis=-1)  # a piece ends where the next begins
+        for k in range(points // ARCS):  # a reduction over so short an axis would take ten times as long
+            highest, lowest = np.maximum(highest, values[..., k]), np.minimum(lowest, values[..., k])
+        missed = size @ (order ** (2.0 + derivative) * ((TURN / points) ** 2 / 8) + 1e-6 * order**derivative)
+        return highest, lowest, missed[..., None]
+
+    highest, lowest, missed = pieces(0)
+    for index, (high, low) in enumerate(zip(_over_arcs(highest, RANGES), _over_arcs(-lowest, RANGES))):
+        result[index] = (high + low) / 2 + missed
+    # Two pieces: a window's middle is somewhere in a stretch as long as one. (That it may leave them by 1e-9 of a piece is
+    # within what is added for rounding.)
+    for derivative, first, arcs in ((1, _SLOPE, (2,)), (2, _CURVATURE, (2,)), (3, _THIRD, THIRDS)):
+        highest, lowest, missed = pieces(derivative)
+        for index, largest in enumerate(_over_arcs(np.maximum(highest, -lowest), arcs)):
+            result[first + index] = largest + missed
+    return result
+
+
+def _over_arcs(values: Radii, lengths: tuple[int, ...]) -> Iterator[Radii]:
+    """Largest value over the arcs of so many pieces that begin in each."""
+    length = 1
+    for wanted in lengths:
+        while 2 * length <= wanted:
+            values = np.maximum(values, np.roll(values, -length, axis=-1))
+            length *= 2
+        # two arcs of ``length`` pieces, the second ending where the wanted one ends, cover it
+        yield np.maximum(values, np.roll(values, length - wanted, axis=-1))

@@ -1,0 +1,260 @@
+"""One request's way through the cells of a bucket, down to the windows that may be among the best.
+
+    all representatives x all windows --(bound <= limit)--> cells and their windows left --> their parts, those windows
+    --> ... --> finest cells --> their types, those windows: lower bounds, window by window
+
+Where too many windows are left for that to pay, the bucket's types are taken one after the other, all their windows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.atlas.cells import ABOVE_SINGLE, ARCS, PARTS, Arcs, Cells, Level
+from synthesis.atlas.series import Bucket, Floats, Ints, Matrices, Phasors, PositionMatrices, RotationMatrix, gather
+
+Piece = Callable[[float], tuple[Ints, Floats] | None]
+"""Window numbers and lower bounds of those windows of a piece of work whose bound is at most a limit."""
+
+BLOCK_ROWS = 256
+CHUNK_BYTES = 1 << 20
+"""Of the gathered matrices of a chunk of cells: they stay in a core's cache."""
+FILLED = 0.6
+"""Least part of a chunk's rows that is windows and no filling."""
+HOPELESS = 1e6
+"""A limit in radians that excludes next to nothing; the descent, partly in single precision, is for smaller ones."""
+SPARSE = 0.12
+"""Part of the windows of a chunk below which each is taken by itself."""
+WORTHWHILE = 0.4
+"""Part of the windows beyond which gathering those that are left costs more than it saves."""
+
+
+class Left(NamedTuple):
+    """Windows left of some cells: cell i has the next ``count[i]`` of ``window``."""
+
+    cell: Ints
+    count: Ints
+    window: Ints
+
+    @classmethod
+    def of(cls, cell: Ints, window: Ints) -> Left:
+        """From a cell, each in one stretch, and a window for every pair that is left."""
+        first = np.flatnonzero(np.diff(cell, prepend=-1))
+        return cls(cell[first], np.diff(first, append=cell.size), window)
+
+    def chunks(self, width: int) -> Iterator[tuple[Ints, Ints, NDArray[np.bool_]]]:
+        """Cells with about as many windows each: cells (g,), windows (g, w), and which of these are no filling."""
+        first = np.cumsum(self.count) - self.count
+        order = np.argsort(-self.count, kind="stable")
+        falling = -self.count[order]
+        at = 0
+        while at < order.size:
+            most = -int(falling[at])
+            fitting = at + max(1, CHUNK_BYTES // (width * most))
+            part = order[at : min(fitting, np.searchsorted(falling, -FILLED * most, side="right"))]
+            at += part.size
+            place = np.arange(most)
+            real = place < self.count[part, None]
+            place = np.where(real, place, 0) + first[part, None]
+            yield self.cell[part], gather(self.window, place), real
+
+
+class Descent:
+    """A request's matrices for the cells of a bucket.
+
+    Parameters
+    ----------
+    cells : Cells
+    arcs : Arcs
+    matrices : Matrices
+    phasors : Phasors, or None where no position is requested
+    """
+
+    def __init__(self, cells: Cells, arcs: Arcs, matrices: Matrices, phasors: Phasors | None) -> None:
+        self.cells = cells
+        self.arcs = arcs
+        self.matrices = matrices
+        self.phasors = phasors
+
+    @cached_property
+    def rotation(self) -> RotationMatrix | None:
+        """For the rotation, if one is requested."""
+        return None if self.matrices.target.rotation is None else self.matrices.rotation(self.bucket)
+
+    @cached_property
+    def position(self) -> PositionMatrices | None:
+        """For the positions, if any are requested; made when the first window is left to ask about."""
+        return None if self.phasors is None else self.matrices.position(self.phasors.reach)
+
+    @property
+    def bucket(self) -> Bucket:
+        return self.cells.bucket
+
+    @property
+    def windows(self) -> int:
+        """Windows of one type."""
+        return self.arcs.piece.size
+
+    def squared(self, part: slice) -> Floats:
+        """Mean squared error of all windows of some types, or a lower bound of it, (n, windows)."""
+        squared: Floats | float = 0.0
+        if self.rotation is not None:
+            squared = self.rotation.mean_square_error(self.bucket, part)
+        if self.position is not None:
+            squared = squared + self.position.mean_square_error(self.phasors, part)
+        return squared
+
+    # -- every window -------------------------------------------------------------------------------------------------
+
+    def _everything(self) -> list[Piece]:
+        count = len(self.bucket.rows)
+        return [partial(self._block, slice(k, k + BLOCK_ROWS)) for k in range(0, count, BLOCK_ROWS)]
+
+    def _block(self, part: slice, limit: float) -> tuple[Ints, Floats] | None:
+        bucket = self.bucket
+        places = np.arange(len(bucket.rows))[part]
+        squared: Floats | float = 0.0
+        if self.rotation is not None:
+            squared = self.rotation.mean_square_error(bucket, part)
+            # cheap test on D itself first: bound = sqrt(D - rounding) - e <= limit
+            keep = squared <= ((limit + bucket.error[part]) ** 2 + self.rotation.rounding)[:, None]
+            some = keep.any(axis=1)
+            if not some.any():
+                return None
+            places, squared, keep = places[some], squared[some], keep[some]
+            squared = self._lowered(squared, bucket.error[places, None]) ** 2
+        if self.position is not None:
+            squared = squared + self.position.mean_square_error(self.phasors, places)
+            keep = squared <= limit**2
+        place, window = np.nonzero(keep)
+        return bucket.rows[places[place]] * self.windows + window, np.sqrt(squared[place, window])
+
+    def _lowered(self, squared: Floats, error: Floats) -> Floats:
+        """Lower bound of the rms rotation error from D and the error of the series."""
+        return np.maximum(np.sqrt(np.maximum(squared - self.rotation.rounding, 0.0)) - error, 0.0)
+
+    # -- the descent --------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _top(self) -> Floats:
+        """D of all windows of the representatives of the coarsest cells."""
+        cells = self.cells.levels[0].cells
+        return self.rotation.mean_square_error(cells, slice(None))
+
+    @property
+    def _descends(self) -> bool:
+        return self.rotation is not None and bool(self.cells.levels)
+
+    def work(self, limit: float) -> tuple[list[Piece], bool]:
+        """Pieces of work that between them find every window whose bound is at most any limit up to this one.
+
+        And whether they are heavy: matrix products large enough for threads of their own.
+        """
+        if not self._descends or limit > HOPELESS:
+            return self._everything(), True
+        level = self.cells.levels[0]
+        radius = gather(self.arcs.radius(level, np.arange(len(self._top))), self.arcs.piece, axis=1)
+        cell, window = np.divmod(np.flatnonzero(self._may_be_below(self._top, radius, limit)), self.windows)
+        left = Left.of(cell, window)
+        for fine in self.cells.levels[1:]:
+            left = self._parts(left, limit, fine)
+        if left.window.size > WORTHWHILE * self.windows * (len(self.cells.first) - 1):
+            return self._everything(), True
+        width = 8 * max(self.cells.most, 2 * self.bucket.harmonics)
+        return [partial(self._types, *chunk) for chunk in left.chunks(width)], self.phasors is not None
+
+    def _may_be_below(self, squared: Floats, radius: NDArray[np.floating], limit: float) -> NDArray[np.bool_]:
+        reach = (radius + limit) * ABOVE_SINGLE
+        reach *= reach
+        reach += self.rotation.rounding
+        return squared <= reach
+
+    def _parts(self, left: Left, limit: float, fine: Level) -> Left:
+        """What is left of the windows of some cells in the cells that they are made of."""
+        cells, windows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+        for cell, window, real in left.chunks(8 * fine.series.shape[-1]):
+            squared = self.rotation.of_windows(gather(fine.series, cell), window)
+            squared += (gather(fine.mean_square, cell) + self.rotation.variance)[..., None]
+            part = PARTS * cell[:, None] + np.arange(PARTS)
+            radius = self.arcs.radius(fine, part)
+            at = ARCS * np.arange(part.size).reshape(*part.shape, 1) + gather(self.arcs.piece, window)[:, None]
+            keep = self._may_be_below(squared, gather(radius.ravel(), at), limit)
+            keep &= real[:, None]
+            row, column = np.divmod(np.flatnonzero(keep), window.shape[1])
+            cells.append(gather(part.ravel(), row))
+            windows.append(window[row // PARTS, column])
+        return Left.of(np.concatenate(cells), np.concatenate(windows))
+
+    def _types(self, cell: Ints, window: Ints, real: NDArray[np.bool_], limit: float) -> tuple[Ints, Floats] | None:
+        """Windows of the types of some finest cells."""
+        types = self.cells.types_of(cell)
+        error = gather(self.bucket.error, types)
+        group, place, column, squared = self._near(types, window, error, limit)
+        # no filling of short rows: neither a window twice nor a type twice
+        own = real[group, column] & ((place == 0) | (types[group, place] != types[group, place - 1]))
+        group, place, column = group[own], place[own], column[own]
+        if not group.size:
+            return None
+        bound = self._lowered(squared[own], error[group, place])
+        if self.phasors is not None:
+            some, inside = np.unique(group, return_inverse=True)
+            left = self.position.of_windows(self.phasors, types[some], window[some])
+            bound = np.sqrt(bound**2 + left[inside, place, column])
+            own = bound <= limit
+            group, place, column, bound = group[own], place[own], column[own], bound[own]
+        return self.bucket.rows[types[group, place]] * self.windows + window[group, column], bound
+
+    def _near(self, types: Ints, window: Ints, error: Floats, limit: float) -> tuple[Ints, Ints, Ints, Floats]:
+        """Group, place and column of the windows whose D allows an error of at most ``limit``, and that D."""
+        bucket, rotation = self.bucket, self.rotation
+        constant = gather(bucket.mean_square, types) + rotation.variance
+        most = (limit + error) ** 2 + rotation.rounding
+        shape = (*types.shape, window.shape[1])
+        # Slopes take a quarter of the time of D and mostly suffice. Few windows left are taken one by one, many all together.
+        slope = rotation.slopes_of_windows(bucket.gather_periodic(types), window)
+        near = np.flatnonzero(slope <= np.sqrt(most)[..., None])
+        if near.size > SPARSE * slope.size:
+            squared = rotation.of_windows(gather(bucket.series, types), window)
+            near = np.flatnonzero(squared <= (most - constant)[..., None])
+            group, place, column = np.unravel_index(near, shape)
+            return group, place, column, squared.ravel()[near] + constant[group, place]
+        group, place, column = np.unravel_index(near, shape)
+        squared = rotation.of_pairs(gather(bucket.series, types[group, place]), window[group, column])
+        squared += constant[group, place]
+        kept = np.flatnonzero(squared <= most[group, place])
+        return group[kept], place[kept], column[kept], squared[kept]
+
+    # -- a first guess ------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def nearest(self) -> tuple[Floats, Ints]:
+        """Least D of each of the coarsest cells, and its window; of none where there are no cells."""
+        if not self._descends:
+            return np.empty(0), np.empty(0, dtype=np.int64)
+        window = self._top.argmin(axis=1)
+        return self._top[np.arange(len(window)), window], window
+
+    def probe(self, cell: Ints) -> tuple[Ints, Floats]:
+        """Windows of the types that lie below some of the coarsest cells, near their best window: probably good ones."""
+        window = self.nearest[1][cell]
+        for fine in self.cells.levels[1:]:
+            part = PARTS * cell[:, None] + np.arange(PARTS)
+            around = self._around(window)
+            squared = self.rotation.of_windows(fine.series[cell], around) + fine.mean_square[cell][..., None]
+            best = squared.reshape(len(cell), -1).argmin(axis=1)
+            group = np.arange(len(cell))
+            cell, window = part[group, best // around.shape[1]], around[group, best % around.shape[1]]
+        found = self._types(cell, self._around(window), np.ones((len(cell), 3), dtype=bool), np.inf)
+        assert found is not None
+        return found
+
+    def _around(self, window: Ints) -> Ints:
+        """Windows and their neighbours of the same branch, (n, 3)."""
+        starts = self.windows // 2
+        start, branch = window % starts, window // starts
+        return branch[:, None] * starts + (start[:, None] + np.array([-1, 0, 1])) % starts

@@ -1,0 +1,319 @@
+"""The atlas as a value and as the bytes of its file: a checked header of 512 bytes, then an HDF5 image.
+
+HDF5 never touches a disk here: the image is built and read in memory. The header lies in what HDF5 calls the user block,
+so any HDF5 reader opens the file. It holds a SHA-256 of everything behind it, which is compared *before* HDF5 parses a byte.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import stat
+import zlib
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.atlas import haar
+from synthesis.errors import AtlasError, AtlasFault, FieldError
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types, enumerate_types
+
+SCHEMA = 1
+HEADER_BYTES = 512
+MAGIC = "linkage-atlas"
+MIN_SAMPLES, MAX_SAMPLES = 16, 4096
+CHUNK_BYTES = 1 << 20
+MAX_TYPES = 8_000_000
+"""Types that are read unless the caller sets another limit."""
+
+_DATASETS = {"lengths": "<u2", "average": "<f8", "details": "<f4", "winding": "|i1", "curve_error": "<f4"}
+_UNITS = {
+    "lengths": "whole numbers L1 crank, L2 coupler, L3 rocker, L4 ground; type number n is row n - 1",
+    "average": "radians: Haar average of the periodic part of the coupler angle over one turn of the crank",
+    "details": "radians: Haar details, (mean of first half - mean of second half) / 2 of each block, coarse to fine: "
+    "level n, block l (from 0) is column 2^n - 1 + l",
+    "winding": "turns of the coupler in one turn of the crank; coupler angle = winding * crank angle + periodic part",
+    "curve_error": "radians: bound of the error, at any crank angle, of the stored curve's band-limited interpolation "
+    "(all harmonics below samples / 2)",
+}
+_CURVE = (
+    "coupler angle theta2 (measured from the ground line A->B, branch +1: C left of D->B) at crank angles "
+    "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1: theta2(x) = -theta2_plus(-x)"
+)
+
+
+@dataclass(frozen=True)
+class AtlasRule:
+    """What an atlas holds: its dimension types and the samples of each curve.
+
+    Parameters
+    ----------
+    types : TypeRule
+    samples : int
+        Samples of a curve over the whole turn; a power of two from 16 to 4,096.
+    """
+
+    types: TypeRule = field(default_factory=TypeRule)
+    samples: int = 256
+
+    def __post_init__(self) -> None:
+        in_range = MIN_SAMPLES <= self.samples <= MAX_SAMPLES
+        if not in_range or self.samples & (self.samples - 1):
+            raise FieldError(
+                "/samples", f"must be a power of two from {MIN_SAMPLES} to {MAX_SAMPLES}, found {self.samples}"
+            )
+
+    def as_json(self) -> dict[str, Any]:
+        """The rule as plain JSON values."""
+        return {
+            "perimeter": self.types.perimeter,
+            "smallest": self.types.smallest,
+            "order": self.types.order.value,
+            "samples": self.samples,
+        }
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """A wavelet atlas in memory, arrays read-only.
+
+    Attributes
+    ----------
+    rule : AtlasRule
+    lengths : ndarray of uint16, shape (T, 4)
+    average : ndarray of float64, shape (T,)
+    details : ndarray of float32, shape (T, samples - 1)
+        In the *mean* normalisation of `haar`.
+    winding : ndarray of int8, shape (T,)
+    curve_error : ndarray of float32, shape (T,)
+    generator : dict
+        Versions of what wrote it.
+    """
+
+    rule: AtlasRule
+    lengths: NDArray[np.uint16]
+    average: NDArray[np.float64]
+    details: NDArray[np.float32]
+    winding: NDArray[np.int8]
+    curve_error: NDArray[np.float32]
+    generator: dict[str, str]
+    schema: int = SCHEMA
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    def curves(self, rows: Any = slice(None)) -> NDArray[np.float64]:
+        """Periodic part of theta2 of some rows, shape (rows, samples): the inverse transform of what is stored."""
+        return haar.curve_from_features(self.average[rows], self.details[rows])
+
+    def content_hash(self) -> str:
+        """SHA-256 over the raw little-endian arrays and the rule: the same for equal content, however it is packed."""
+        digest = hashlib.sha256(json.dumps(self.rule.as_json(), sort_keys=True).encode())
+        for name, dtype in _DATASETS.items():
+            digest.update(np.ascontiguousarray(getattr(self, name), dtype=dtype).data)
+        return digest.hexdigest()
+
+
+def _header(body: bytes | memoryview) -> bytes:
+    text = f"{MAGIC} {SCHEMA}\nsha256 {hashlib.sha256(body).hexdigest()}\nbytes {len(body)}\n"
+    return text.encode().ljust(HEADER_BYTES - 1, b" ") + b"\n"
+
+
+def encode_atlas(atlas: Atlas) -> bytes:
+    """The file's bytes. Law: the same bytes for the same atlas, on every run on one machine."""
+    with h5py.File.in_memory(libver=("v110", "v110")) as file:
+        file.attrs.update(
+            {
+                "schema": atlas.schema,
+                "rule": json.dumps(atlas.rule.as_json(), sort_keys=True),
+                "curve": _CURVE,
+                "normalisation": "mean",
+                "levels": haar.levels(atlas.rule.samples),
+                "samples": atlas.rule.samples,
+                "generator": json.dumps(atlas.generator, sort_keys=True),
+                "content_sha256": atlas.content_hash(),
+            }
+        )
+        for name, dtype in _DATASETS.items():
+            values = np.asarray(getattr(atlas, name), dtype=dtype)
+            options: dict[str, Any] = {}
+            if values.size:
+                row_bytes = values.dtype.itemsize * int(np.prod(values.shape[1:], dtype=int))
+                rows = min(len(values), max(1, CHUNK_BYTES // row_bytes))
+                options = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
+                options["chunks"] = (rows, *values.shape[1:])
+            dataset = file.create_dataset(name, data=values, track_times=False, **options)
+            dataset.attrs["units"] = _UNITS[name]
+        file.flush()
+        body = file.id.get_file_image()
+    return _header(body) + body
+
+
+def _refuse(fault: AtlasFault, detail: str) -> None:
+    raise AtlasError(fault, detail)
+
+
+def _attribute(file: h5py.File, name: str, kind: type) -> Any:
+    """A scalar attribute, after a look at its type and size: a hostile one is never read."""
+    if name not in file.attrs:
+        _refuse(AtlasFault.SCHEMA, f"attribute {name} is missing")
+    info = file.attrs.get_id(name)
+    is_text = info.dtype.kind == "O" and h5py.check_string_dtype(info.dtype) is not None
+    if info.shape != () or not (is_text if kind is str else info.dtype.kind in "iu"):
+        _refuse(AtlasFault.SCHEMA, f"attribute {name} is not a single {kind.__name__}")
+    return kind(file.attrs[name])
+
+
+def _dataset(file: h5py.File, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """One array, after a look at everything that could read elsewhere, fill silently or blow up."""
+    if (
+        not isinstance(file.get(name, getlink=True), h5py.HardLink)
+        or file.get(name, getclass=True) is not h5py.Dataset
+    ):
+        _refuse(AtlasFault.SCHEMA, f"{name} is no plain dataset of this file")
+    dataset = file[name]
+    creation = dataset.id.get_create_plist()
+    filters = {creation.get_filter(k)[0] for k in range(creation.get_nfilters())}
+    allowed = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
+    if dataset.is_virtual or dataset.external or not filters <= allowed:
+        _refuse(AtlasFault.SCHEMA, f"{name} uses external or virtual storage or a foreign filter")
+    if dataset.dtype != np.dtype(_DATASETS[name]) or dataset.shape != shape:
+        _refuse(AtlasFault.SCHEMA, f"{name} has type {dataset.dtype} and shape {dataset.shape}, wanted {shape}")
+    if dataset.chunks and np.prod(dataset.chunks, dtype=float) * dataset.dtype.itemsize > 4 * CHUNK_BYTES:
+        _refuse(AtlasFault.SCHEMA, f"{name} has chunks of {dataset.chunks}")
+    if dataset.chunks:
+        complete = dataset.id.get_num_chunks() == np.prod(
+            [-(-s // c) for s, c in zip(shape, dataset.chunks)], dtype=int
+        )
+    else:
+        complete = dataset.id.get_storage_size() == dataset.nbytes
+    if h5py.h5z.FILTER_DEFLATE in filters:
+        _check_inflation(dataset)
+    if not complete:  # HDF5 would fill the gap silently
+        _refuse(AtlasFault.CONTENT, f"{name} lacks a part of its data")
+    values = dataset[()]
+    values.flags.writeable = False
+    return values
+
+
+def _check_inflation(dataset: h5py.Dataset) -> None:
+    """Refuse chunks that inflate to more than a chunk: HDF5 would inflate them all the way, a thousand times their size."""
+    chunks: list[Any] = []
+    dataset.id.chunk_iter(chunks.append)
+    size = int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
+    for chunk in chunks:
+        _, stored = dataset.id.read_direct_chunk(chunk.chunk_offset)
+        if chunk.filter_mask or len(zlib.decompressobj().decompress(stored, size + 1)) != size:
+            _refuse(AtlasFault.SCHEMA, f"{dataset.name} has a chunk that does not inflate to its size")
+
+
+def check_bytes(data: bytes) -> memoryview:
+    """The HDF5 image behind a header that it matches; AtlasError otherwise. Costs one SHA-256 and parses nothing."""
+    head, body = data[:HEADER_BYTES], memoryview(data)[HEADER_BYTES:]
+    if len(head) < HEADER_BYTES or not head.startswith(MAGIC.encode()):
+        _refuse(AtlasFault.SCHEMA, "its header is not an atlas's")
+    if not head.startswith(f"{MAGIC} {SCHEMA}\n".encode()):
+        _refuse(AtlasFault.SCHEMA, f"its header names another schema than {SCHEMA}")
+    if _header(body) != head:
+        _refuse(AtlasFault.CHECKSUM, f"{len(body)} bytes behind the header")
+    return body
+
+
+def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
+    """The atlas in a file's bytes.
+
+    Parameters
+    ----------
+    data : bytes
+        The whole file.
+    max_types : int
+        Refuse an atlas of more types before any of its arrays is read.
+
+    Returns
+    -------
+    Atlas
+        Law: ``decode_atlas(encode_atlas(atlas))`` holds the same arrays.
+
+    Raises
+    ------
+    AtlasError
+        Where the bytes are not those that were written, not of this schema, or the arrays are not what the rule enumerates.
+    """
+    body = check_bytes(data)
+    try:
+        with h5py.File(io.BytesIO(body), "r") as file:
+            atlas, claimed = _read(file, max_types)
+    except AtlasError:
+        raise
+    except Exception as error:  # h5py raises whatever type its C library's state suggests
+        raise AtlasError(AtlasFault.SCHEMA, f"HDF5 cannot read it: {type(error).__name__}") from None
+    if not np.array_equal(atlas.lengths, enumerate_types(atlas.rule.types)):
+        _refuse(AtlasFault.CONTENT, "the lengths are not those of its rule")
+    for name in ("average", "details", "curve_error"):
+        values = getattr(atlas, name)
+        if values.size and not (values.min() > -20 and values.max() < 20):  # NaN fails both
+            _refuse(AtlasFault.CONTENT, f"{name} is not finite")
+    if np.any((atlas.winding < 0) | (atlas.winding > 1)) or np.any(atlas.curve_error < 0):
+        _refuse(AtlasFault.CONTENT, "winding or curve_error is out of range")
+    if atlas.content_hash() != claimed:
+        _refuse(AtlasFault.CONTENT, "the content hash differs")
+    return atlas
+
+
+def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TYPES) -> Atlas:
+    """The verified atlas of a file; nothing of the file stays open.
+
+    Raises
+    ------
+    AtlasError
+        Missing, larger than allowed, damaged, foreign, or contradicting itself; never a half-read atlas.
+    """
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            _refuse(AtlasFault.MISSING, f"{path} is no regular file")
+        if max_bytes is not None and status.st_size > max_bytes:
+            _refuse(AtlasFault.LIMIT, f"{status.st_size} bytes, at most {max_bytes}")
+        data = path.read_bytes()
+    except OSError as error:
+        raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
+    return decode_atlas(data, max_types)
+
+
+def _read(file: h5py.File, max_types: int) -> tuple[Atlas, str]:
+    if _attribute(file, "schema", int) != SCHEMA:
+        _refuse(AtlasFault.SCHEMA, "another schema")
+    if set(file) != set(_DATASETS):
+        _refuse(AtlasFault.SCHEMA, f"it holds {len(set(file))} entries, wanted {', '.join(_DATASETS)}")
+    try:
+        rule_values = json.loads(_attribute(file, "rule", str))
+        generator = {str(k): str(v) for k, v in json.loads(_attribute(file, "generator", str)).items()}
+        rule = AtlasRule(
+            TypeRule(int(rule_values["perimeter"]), int(rule_values["smallest"]), OrderRule(rule_values["order"])),
+            int(rule_values["samples"]),
+        )
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise AtlasError(AtlasFault.SCHEMA, "its rule cannot be read") from None
+    types = count_types(rule.types)
+    if types > max_types:
+        _refuse(AtlasFault.LIMIT, f"{types} types, at most {max_types}")
+    shapes = {"lengths": (types, 4), "details": (types, rule.samples - 1)}
+    arrays = {name: _dataset(file, name, shapes.get(name, (types,))) for name in _DATASETS}
+    return Atlas(rule=rule, generator=generator, **arrays), _attribute(file, "content_sha256", str)
+
+
+def generator_versions() -> dict[str, str]:
+    """Versions of what computes and writes an atlas, for its ``generator`` attribute."""
+    return {
+        "linkage-atlas": version("linkage-atlas"),
+        "numpy": np.__version__,
+        "h5py": h5py.__version__,
+        "hdf5": h5py.version.hdf5_version,
+        "pywavelets": version("PyWavelets"),
+    }

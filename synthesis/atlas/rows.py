@@ -1,0 +1,81 @@
+"""The rows of an atlas: from dimension types to what the file stores of their coupler curves. Pure; any part alone."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from synthesis.atlas import haar
+from synthesis.fourbar.kinematics import TURN, coupler_angle
+
+BLOCK = 256
+"""Linkages worked on at a time: their samples fit a core's cache, which is twice as fast as all at once."""
+BETWEEN = 1.5
+"""Error anywhere over error at the samples and midway: sqrt(2) for a trigonometric polynomial of these harmonics (Ehlich and
+Zeller, 1964: 1 / cos(pi n / M) for degree n at M points), and a little for what the samples do not resolve."""
+
+
+class AtlasRows(NamedTuple):
+    """Columns of the file for some types; see `atlas_file.Atlas`."""
+
+    average: NDArray[np.float64]
+    details: NDArray[np.float32]
+    winding: NDArray[np.int8]
+    curve_error: NDArray[np.float32]
+
+
+def concatenate(parts: list[AtlasRows]) -> AtlasRows:
+    """Rows of all parts, in order."""
+    return AtlasRows(*(np.concatenate(columns) for columns in zip(*parts)))
+
+
+def compute_rows(lengths: ArrayLike, samples: int) -> AtlasRows:
+    """What the atlas stores of each linkage.
+
+    Parameters
+    ----------
+    lengths : array_like, shape (T, 4)
+        Linkages whose crank turns fully.
+    samples : int
+        Power of two.
+
+    Returns
+    -------
+    AtlasRows
+        Law: the rows of a part are the part of the rows, bit for bit, if parts begin at multiples of `BLOCK`.
+    """
+    lengths = np.asarray(lengths, dtype=float).reshape(-1, 4)
+    blocks = [_compute_block(lengths[k : k + BLOCK], samples) for k in range(0, max(len(lengths), 1), BLOCK)]
+    return concatenate(blocks)
+
+
+def _compute_block(lengths: NDArray[np.float64], samples: int) -> AtlasRows:
+    step = TURN / samples
+    crank = np.arange(samples) * step
+    winding = (lengths[:, 0] > lengths[:, 3]).astype(np.int8)
+
+    def periodic(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        return coupler_angle(lengths, np.ones(len(lengths)), angle) - winding[:, None] * angle
+
+    curve = periodic(crank)
+    average, details = haar.features(curve)
+    stored = details.astype("<f4")
+    read_back = haar.curve_from_features(average, stored)
+    at, midway = interpolate(read_back)
+    error = np.maximum(np.abs(at - curve), np.abs(midway - periodic(crank + step / 2))).max(axis=-1)
+    return AtlasRows(average, stored, winding, np.nextafter((BETWEEN * error).astype("<f4"), np.float32(np.inf)))
+
+
+def interpolate(curve: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Band-limited interpolation of periodic samples, at each and midway to its next, both shaped as ``curve``.
+
+    It is the trigonometric polynomial of all harmonics below the highest, whose phase the samples do not tell; so it does
+    not pass through them.
+    """
+    samples = curve.shape[-1]
+    spectrum = np.fft.rfft(curve, axis=-1)
+    spectrum[..., -1] = 0
+    shift = np.exp(1j * np.pi / samples * np.arange(samples // 2 + 1))
+    return np.fft.irfft(spectrum, samples, axis=-1), np.fft.irfft(spectrum * shift, samples, axis=-1)

@@ -1,0 +1,311 @@
+"""The chain on a U-shaped slide: the crescent of two arcs and two wheels, and the size at which its chain closes.
+
+Source: Li, Hong, "Realization of compensation trajectory for constrained chain with U-type slide based on MATLAB",
+Heavy Machinery 2014-5. The upper arc (radius R1) lies around the origin, the lower arc (R2) around (0, b); the
+wheels (R0) touch the upper arc from outside and the lower one from inside. Lengths in the user's own unit, angles in
+radians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from synthesis.chain.closure import Chain, NotClosing, critical_parameter
+from synthesis.chain.slot import NoSlot, Slot, Stretched, find_slot
+from synthesis.chain.track import ChordError, Segment, Track, arc, stadium
+from synthesis.errors import FieldError
+
+FLATTEST = 1e-6
+"""Half the lower arc's sweep, radians, of the flattest crescent that is searched: almost a straight lower run."""
+RADIUS_RATIO = 1e6
+"""Largest radius in pitches."""
+
+LEFT_WHEEL, LOWER_ARC, RIGHT_WHEEL, UPPER_ARC = range(4)
+"""The crescent's segments in the order of travel, counterclockwise."""
+
+
+@dataclass(frozen=True)
+class Crescent:
+    """The paper's track.
+
+    Law: all four joints are tangent for any radii and any eccentricity whose triangle exists.
+
+    Parameters
+    ----------
+    wheel_radius, upper_radius, lower_radius : float
+        R0, R1, R2.
+    eccentricity : float
+        b, height of the lower arc's centre over the upper one's.
+    alpha : float
+        Half the lower arc's sweep; xi = pi/2 - alpha.
+    eps : float
+        Polar angle of the right wheel's centre seen from the origin; 0 in the intended layout.
+    """
+
+    wheel_radius: float
+    upper_radius: float
+    lower_radius: float
+    eccentricity: float
+    alpha: float
+    eps: float
+
+    @property
+    def xi(self) -> float:
+        """Angle under the horizontal at which wheel and lower arc touch, atan(b/c) for eps = 0."""
+        return np.pi / 2 - self.alpha
+
+    @property
+    def tangency_residual(self) -> float:
+        """hypot(c, b) - a: 0 when the wheels' centres are at the height of the upper arc's centre."""
+        c, a = self.upper_radius + self.wheel_radius, self.lower_radius - self.wheel_radius
+        return float(np.hypot(c, self.eccentricity) - a)
+
+    @property
+    def track(self) -> Track:
+        """The closed path from the upper-left joint: left wheel, lower arc, right wheel, upper arc.
+
+        Every segment starts from a wheel, so no large radius enters a coordinate.
+        """
+        r0, r1, r2 = self.wheel_radius, self.upper_radius, self.lower_radius
+        xi, eps = self.xi, self.eps
+        cx, cy = (r1 + r0) * np.cos(eps), (r1 + r0) * np.sin(eps)
+        turn = np.pi + xi + eps
+        lower, upper = np.pi + xi, np.pi + eps
+        return Track(
+            [
+                arc(-cx, cy, r0, -eps, turn),
+                Segment(
+                    -cx + r0 * np.cos(lower), cy + r0 * np.sin(lower), lower + np.pi / 2, 1 / r2, 2 * self.alpha * r2
+                ),
+                arc(cx, cy, r0, -xi, turn),
+                Segment(
+                    cx + r0 * np.cos(upper),
+                    cy + r0 * np.sin(upper),
+                    upper + np.pi / 2,
+                    -1 / r1,
+                    (np.pi + 2 * eps) * r1,
+                ),
+            ]
+        )
+
+    def link_angles(self, pitch: float) -> tuple[float, float, float]:
+        """Angle of one link on the wheel, the upper and the lower arc: dq, du, dd = 2 asin(L/2R)."""
+        half = [pitch / (2 * radius) for radius in (self.wheel_radius, self.upper_radius, self.lower_radius)]
+        return tuple(2 * float(np.arcsin(min(1.0, h))) for h in half)  # the models hold h < 1
+
+
+def level_crescent(wheel_radius: float, upper_radius: float, alpha: float) -> Crescent:
+    """The crescent with its wheels at the height of the upper arc's centre: a^2 = c^2 + b^2, tan xi = b/c."""
+    c = wheel_radius + upper_radius
+    lower_radius = wheel_radius + c / np.sin(alpha)
+    return Crescent(wheel_radius, upper_radius, float(lower_radius), float(c * np.tan(np.pi / 2 - alpha)), alpha, 0.0)
+
+
+def given_crescent(wheel_radius: float, upper_radius: float, lower_radius: float, eccentricity: float) -> Crescent:
+    """The crescent of four given lengths: the triangle of the centres is solved, so its joints are exactly tangent.
+
+    Raises
+    ------
+    FieldError
+        Where the triangle a, b, c does not exist or its arcs have no sweep.
+    """
+    c, a, b = upper_radius + wheel_radius, lower_radius - wheel_radius, eccentricity
+    if not (a > 0 and abs(c - b) < a < c + b):
+        least, most = wheel_radius + abs(c - b), wheel_radius + c + b
+        raise FieldError(
+            "/lower_radius",
+            f"the wheels cannot touch both arcs: with this eccentricity the radius must lie between {least:.6g} "
+            f"and {most:.6g}",
+            constraint="tangency",
+            amount=least - lower_radius if lower_radius <= least else lower_radius - most,
+        )
+    # cy = (c^2 + b^2 - a^2)/(2b), with the difference taken of the two lengths that are close to each other.
+    cy = ((c - a) * (c + a) + b * b) / (2 * b) if b < c else ((b - a) * (b + a) + c * c) / (2 * b)
+    cx = np.sqrt((c - cy) * (c + cy))
+    if not cx > wheel_radius:
+        raise FieldError(
+            "/eccentricity", "the two wheels overlap", constraint="wheel_overlap", amount=float(wheel_radius - cx)
+        )
+    alpha, eps = float(np.arctan2(cx, b - cy)), float(np.arctan2(cy, cx))
+    return Crescent(wheel_radius, upper_radius, lower_radius, eccentricity, alpha, eps)
+
+
+def critical_crescent(pitch: float, links: int, upper_radius: float, wheel_radius: float) -> Crescent:
+    """The level crescent on which the chain just closes: at one phase it fits exactly, at no phase it is stretched.
+
+    Its lower radius is the largest that any phase asks for (the paper's theta1m).
+
+    Raises
+    ------
+    FieldError
+        No crescent of these radii closes; with the nearest number of links and the missing or excess length.
+    """
+    try:
+        alpha = critical_parameter(
+            lambda alpha: level_crescent(wheel_radius, upper_radius, alpha).track, pitch, links, np.pi / 2, FLATTEST
+        )
+    except NotClosing as error:
+        raise not_closing(links, error.nearest_links, error.missing, "on any lower radius") from None
+    return level_crescent(wheel_radius, upper_radius, alpha)
+
+
+def critical_stadium(pitch: float, links: int, radius: float) -> Track:
+    """The stadium of a given radius on which the chain just closes.
+
+    Raises
+    ------
+    FieldError
+        The chain is shorter than the two half circles.
+    """
+    if not pitch < 2 * radius * (1 - 1e-9):
+        raise link_on_arc("/stadium/radius", pitch, radius)
+    longest = links * pitch
+    least = 1e-6 * pitch
+    try:
+        straight = critical_parameter(lambda x: stadium(radius, x), pitch, links, longest, least)
+    except NotClosing as error:
+        raise not_closing(links, error.nearest_links, error.missing, "on any straight of this stadium") from None
+    return stadium(radius, straight)
+
+
+def link_on_arc(field: str, pitch: float, radius: float) -> FieldError:
+    """The error of an arc whose diameter is no longer than a link."""
+    return FieldError(
+        field,
+        f"a link does not fit on an arc of radius {radius:.6g}; more than {pitch / 2:.6g} is wanted",
+        constraint="link_on_arc",
+        amount=pitch / 2 - radius,
+    )
+
+
+def not_closing(links: int, nearest: int, missing: float, where: str) -> FieldError:
+    """The error of a chain that is too short (``missing`` > 0) or too long for its track."""
+    word = "missing" if missing > 0 else "in excess"
+    verb = "would be stretched" if missing > 0 else "does not close"
+    return FieldError(
+        "/links",
+        f"a chain of {links} links {verb} {where}: {abs(missing):.6g} of length is {word}; {nearest} links close",
+        constraint="closure",
+        amount=abs(missing),
+        nearest_links=nearest,
+        **({"missing_length": missing} if missing > 0 else {"excess_length": -missing}),
+    )
+
+
+def crescent_slot(
+    pitch: float,
+    links: int,
+    upper_radius: float,
+    wheel_radius: float | None = None,
+    lower_radius: float | None = None,
+    eccentricity: float | None = None,
+    start: float | None = None,
+) -> tuple[Crescent, Slot]:
+    """The crescent and its slot, under the middle of the upper arc.
+
+    Parameters
+    ----------
+    wheel_radius : float, optional
+        Default pitch/sqrt(2): four pins a turn.
+    lower_radius, eccentricity : float, optional
+        Both: the layout is taken as it is. One: the other follows from wheels at the height of the upper arc's
+        centre. None: both follow from the critical closure.
+    start : float, optional
+        P1's angle on the left wheel at which the window starts; default: where the chain is least slack.
+
+    Raises
+    ------
+    FieldError
+        No such crescent, or the chain would be stretched or does not close on it.
+    """
+    wheel_radius = pitch / np.sqrt(2) if wheel_radius is None else wheel_radius
+    named = {"upper_radius": upper_radius, "wheel_radius": wheel_radius, "lower_radius": lower_radius}
+    for name, radius in named.items():
+        if radius is not None and not pitch < 2 * radius * (1 - 1e-9):
+            raise link_on_arc(f"/{name}", pitch, radius)
+        if radius is not None and radius > RADIUS_RATIO * pitch:
+            raise FieldError(
+                f"/{name}",
+                f"the radius may be at most {RADIUS_RATIO:.0e} pitches, found {radius / pitch:.6g}",
+                constraint="radius_ratio",
+                amount=radius - RADIUS_RATIO * pitch,
+            )
+    if lower_radius is None and eccentricity is None:
+        crescent = critical_crescent(pitch, links, upper_radius, wheel_radius)
+    else:
+        c = upper_radius + wheel_radius
+        if lower_radius is None:
+            lower_radius = float(wheel_radius + np.hypot(c, eccentricity))
+        elif eccentricity is None:
+            a = lower_radius - wheel_radius
+            if not a > c:
+                raise FieldError(
+                    "/lower_radius",
+                    f"with the wheels at the height of the upper arc's centre it must exceed {wheel_radius + c:.6g}",
+                    constraint="tangency",
+                    amount=c - a,
+                )
+            eccentricity = float(np.sqrt((a - c) * (a + c)))
+        crescent = given_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
+    track = crescent.track
+    middle = float(track.joints[UPPER_ARC] + 0.5 * track.length[UPPER_ARC])
+    phase = None if start is None else start * wheel_radius
+    return crescent, track_slot(track, pitch, links, middle, start=phase, place_field="/upper_radius")
+
+
+def track_slot(
+    track: Track,
+    pitch: float,
+    links: int,
+    middle: float,
+    side: int | None = None,
+    start: float | None = None,
+    place_field: str = "/free_segment",
+) -> Slot:
+    """The slot of a chain on any track, nearest to the arc length ``middle``; see `chain_slot.find_slot`.
+
+    ``place_field`` is the request's field that decides where the slot lies.
+
+    Raises
+    ------
+    FieldError
+        The chain would be stretched, does not close, or a link does not fit on the track.
+    """
+    try:
+        return find_slot(Chain(track, pitch, links), middle, side, start)
+    except Stretched as error:
+        raise not_closing(links, error.nearest_links, error.missing, "on this track") from None
+    except NoSlot as error:
+        raise FieldError(place_field, str(error), constraint="no_slot") from None
+    except ChordError as error:
+        raise FieldError("/pitch", str(error), constraint=error.fault.name.lower(), amount=error.position) from None
+
+
+def tightest_room(track: Track, pitch: float, driver: int) -> int:
+    """The segment for the free pin: the tightest arc, other than the driver, that holds two links; else the roomiest.
+
+    On a tight arc a little slack makes a shallow slot. On a straight run the slot is about sqrt(pitch * slack) deep,
+    and its gain is without bound where the slack vanishes.
+    """
+    room = track.length / track.link_lengths(pitch)
+    others = [index for index in range(track.count) if index != driver] or [driver]
+    arcs = [index for index in others if track.curvature[index] != 0 and room[index] >= 2 - 1e-9]
+    if arcs:
+        return max(arcs, key=lambda index: (abs(track.curvature[index]), -index))
+    return max(others, key=lambda index: (room[index], -index))
+
+
+def driving_segment(track: Track, pitch: float) -> int:
+    """The first segment that holds a link.
+
+    Raises
+    ------
+    FieldError
+        There is none.
+    """
+    holds = np.flatnonzero(track.link_lengths(pitch) <= track.length)
+    if not len(holds):
+        raise FieldError("/pitch", "no segment of the track is long enough for one link", constraint="link_on_track")
+    return int(holds[0])

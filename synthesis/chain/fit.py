@@ -1,0 +1,264 @@
+"""Representations of a slot by few numbers: pieces of Chebyshev series, a periodic spline, Fourier, one polynomial.
+
+The slot is smooth but its curvature jumps where a pin passes a joint. Pieces between these phases converge like an
+analytic function; anything that runs across them is limited by the jumps, not by its conditioning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from synthesis.chain.slot import Slot
+from synthesis.chain.track import Floats
+from synthesis.errors import FieldError
+
+FitKind = Literal["chebyshev", "spline", "fourier", "polynomial"]
+
+ORDER_RANGE: dict[str, tuple[int, int]] = {
+    "chebyshev": (1, 64),
+    "spline": (4, 4096),
+    "fourier": (1, 256),
+    "polynomial": (1, 100),
+}
+"""Smallest and largest order: degree of each piece, number of knots, number of harmonics, degree."""
+FOURIER_SAMPLES = 4096
+DEFAULT_SAMPLES = 91
+"""Of the polynomial: one a degree, as in the paper, with both ends."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A representation of a slot.
+
+    Parameters
+    ----------
+    kind : {"chebyshev", "spline", "fourier", "polynomial"}
+    order : int
+        Degree of each piece, number of knots, number of harmonics, or degree.
+    unknowns : int
+        Numbers that have to be stored, beside phases and frame.
+    condition : float
+        Condition number (2-norm) of the equations that were solved for them.
+    data : dict
+        The numbers, as plain lists, phases as arc length of P1.
+    evaluate : callable
+        ``evaluate(phase) -> points``, shapes (n,) and (n, 2).
+    slide : callable, optional
+        Of a curve that does not say where on it the pin is: ``slide(near, centre) -> points`` on the curve, one pitch
+        from ``centre`` and near ``near``, all of shape (n, 2).
+    """
+
+    kind: str
+    order: int
+    unknowns: int
+    condition: float
+    data: dict[str, Any]
+    evaluate: Callable[[Floats], Floats]
+    slide: Callable[[Floats, Floats], Floats] | None = None
+
+
+@dataclass(frozen=True)
+class FitError:
+    """Largest errors of a fit, in the track's unit."""
+
+    normal: float
+    """Distance of the fitted slot from the exact one, square to it."""
+    chord: float
+    """Difference between the pitch and the free pin's links, when the pin is where the fit puts it. A curve leaves it
+    free to slide: then the first link keeps its length and the last one takes the whole error."""
+
+
+def fit_slot(slot: Slot, kind: FitKind, order: int, phases: Floats | None = None) -> Fit:
+    """A slot's representation of one kind.
+
+    Parameters
+    ----------
+    order : int
+        Within `ORDER_RANGE`.
+    phases : ndarray, optional
+        Phases, shape (n,), whose points the polynomial is fitted to; by default 91 over the whole window. The other
+        kinds take their own.
+
+    Raises
+    ------
+    FieldError
+        Order out of range, fewer samples than coefficients, or a slot that this kind cannot represent.
+    """
+    low, high = ORDER_RANGE[kind]
+    if not low <= order <= high:
+        raise FieldError("/fit/order", f"{kind} takes an order from {low} to {high}, found {order}")
+    if kind == "polynomial":
+        phases = np.linspace(slot.start, slot.end, DEFAULT_SAMPLES) if phases is None else phases
+        return _polynomial(slot, order, phases)
+    return {"chebyshev": _chebyshev, "spline": _spline, "fourier": _fourier}[kind](slot, order)
+
+
+def fit_error(slot: Slot, fit: Fit, phases: Floats) -> FitError:
+    """Errors of a fit at phases of shape (n,)."""
+    before, _, after, _ = slot.neighbours(phases)
+    track, pitch = slot.chain.track, slot.chain.pitch
+    found = fit.evaluate(phases)
+    off = found - slot.path(phases)
+    normal = np.abs(np.sum(off * slot.normals(phases), axis=1)).max()
+    first, last = track.points(before), track.points(after)
+    if fit.slide is not None:
+        found = fit.slide(found, first)
+    chords = [np.hypot(*(found - pin).T) for pin in (first, last)]
+    return FitError(float(normal), float(np.abs(np.array(chords) - pitch).max()))
+
+
+def _chebyshev(slot: Slot, degree: int) -> Fit:
+    """Interpolation of x and y at the Chebyshev points of each piece between two crossings."""
+    breaks = slot.breaks
+    nodes = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+    basis = chebyshev.chebvander(nodes, degree)
+    # The columns are orthogonal at these points: the series follows by a product, nothing is solved.
+    weights = basis.T * (2 / (degree + 1))
+    weights[0] /= 2
+    # About the middle of the slot, so that an origin far away costs no digits.
+    origin = slot.frame[0]
+    middle, half = 0.5 * (breaks[1:] + breaks[:-1]), 0.5 * np.diff(breaks)
+    points = slot.path((middle[:, None] + half[:, None] * nodes).ravel()).reshape(len(half), degree + 1, 2) - origin
+    series = np.einsum("cn,pnd->pcd", weights, points)
+
+    def evaluate(phase: Floats) -> Floats:
+        piece = np.clip(np.searchsorted(breaks, phase, side="right") - 1, 0, len(half) - 1)
+        out = np.empty((len(phase), 2))
+        for index in np.unique(piece):
+            rows = piece == index
+            u = (phase[rows] - middle[index]) / half[index]
+            out[rows] = chebyshev.chebval(u, series[index]).T
+        return out + origin
+
+    data = {
+        "origin": origin.tolist(),
+        "pieces": [
+            {"phase": [float(a), float(b)], "x": xy[:, 0].tolist(), "y": xy[:, 1].tolist()}
+            for a, b, xy in zip(breaks[:-1], breaks[1:], series)
+        ],
+    }
+    return Fit("chebyshev", degree, series.size, float(np.linalg.cond(basis)), data, evaluate)
+
+
+def _along_base(slot: Slot, phase: Floats) -> tuple[Floats, float, float]:
+    """The slot as the track's own coordinates, periodic in the phase: arc length less its linear part, and depth."""
+    along, depth = slot.foot(slot.path(phase))
+    (start, end), _ = slot.foot(slot.path(np.array([slot.start, slot.end])))
+    slope = float(end - start) / slot.chain.period
+    return np.stack([along - start - slope * (phase - slot.start), depth], axis=1), float(start), slope
+
+
+def _from_base(slot: Slot, phase: Floats, values: Floats, start: float, slope: float) -> Floats:
+    segment = slot.base[0][0]
+    along = values[:, 0] + start + slope * (phase - slot.start)
+    place = slot.chain.track.place(0.0)
+    place = place._replace(
+        segment=np.full(len(phase), segment), along=along, lap=np.zeros(len(phase), dtype=np.int64)
+    )
+    return slot.chain.track.beside(place, slot.outward * values[:, 1])
+
+
+def _needs_one_segment(slot: Slot) -> None:
+    if len(slot.base) > 1:
+        raise FieldError(
+            "/fit/kind",
+            "this slot replaces pieces of several segments, so it is not periodic in the coordinates of one; "
+            "take 'chebyshev'",
+        )
+
+
+def _spline(slot: Slot, knots: int) -> Fit:
+    """Periodic cubic spline of depth and arc length along the base (on an arc: of r and phi) over the phase."""
+    from scipy.interpolate import CubicSpline
+
+    _needs_one_segment(slot)
+    phases = slot.start + slot.chain.period * np.arange(knots + 1) / knots
+    values, start, slope = _along_base(slot, phases)
+    values[-1] = values[0]  # equal but for rounding; the periodic end condition asks for equal numbers
+    spline = CubicSpline(phases, values, bc_type="periodic")
+    data = {
+        "segment": slot.base[0][0],
+        "start": start,
+        "slope": slope,
+        "phase": phases[:-1].tolist(),
+        "along": values[:-1, 0].tolist(),
+        "depth": values[:-1, 1].tolist(),
+    }
+    # Evenly spaced knots: the circulant matrix [1 4 1] has eigenvalues 4 + 2 cos(2 pi j/n).
+    eigenvalues = 4 + 2 * np.cos(2 * np.pi * np.arange(knots) / knots)
+    condition = float(eigenvalues.max() / eigenvalues.min())
+    return Fit("spline", knots, 2 * knots, condition, data, lambda p: _from_base(slot, p, spline(p), start, slope))
+
+
+def _fourier(slot: Slot, harmonics: int) -> Fit:
+    """Fourier series of depth and arc length along the base over the period."""
+    _needs_one_segment(slot)
+    period = slot.chain.period
+    phases = slot.start + period * np.arange(FOURIER_SAMPLES) / FOURIER_SAMPLES
+    values, start, slope = _along_base(slot, phases)
+    spectrum = np.fft.rfft(values, axis=0)[: harmonics + 1] / FOURIER_SAMPLES
+    spectrum[1:] *= 2
+
+    def evaluate(phase: Floats) -> Floats:
+        # Clenshaw's recurrence for the sum of c_m z^m: one complex product a harmonic, no table of powers.
+        z = np.exp(2j * np.pi * (phase - slot.start) / period)[:, None]
+        total = np.zeros((len(phase), 2), dtype=complex)
+        for coefficient in spectrum[::-1]:
+            total = total * z + coefficient
+        return _from_base(slot, phase, total.real, start, slope)
+
+    data = {
+        "segment": slot.base[0][0],
+        "start": start,
+        "slope": slope,
+        **{
+            f"{name}_{part}": values.tolist()
+            for column, name in enumerate(("along", "depth"))
+            for part, values in (("cos", spectrum[:, column].real), ("sin", -spectrum[1:, column].imag))
+        },
+    }
+    # Columns 1, cos, sin on an even grid are orthogonal; only their lengths differ.
+    return Fit("fourier", harmonics, 2 * (2 * harmonics + 1), float(np.sqrt(2)), data, evaluate)
+
+
+def _polynomial(slot: Slot, degree: int, phases: Floats) -> Fit:
+    """One polynomial y(x) in the slot's own frame, least squares in Chebyshev polynomials of the scaled x.
+
+    The paper's form. Scaling keeps the conditioning harmless at any degree and any origin; the raw powers are not.
+    """
+    if degree + 1 > len(phases):
+        raise FieldError(
+            "/fit/order", f"a polynomial of degree {degree} needs at least {degree + 1} samples, found {len(phases)}"
+        )
+    x, y = slot.in_frame(slot.path(phases)).T
+    if not np.all(np.diff(x) < 0):
+        raise FieldError("/fit/kind", "this slot is no function y(x): it turns back; take 'chebyshev'")
+    ends = slot.in_frame(slot.path(np.array([slot.start, slot.end])))[:, 0]
+    low, high = float(ends.min()), float(ends.max())
+    stretch = 2 / (high - low)
+    design = chebyshev.chebvander(stretch * (x - low) - 1, degree)
+    series, _, _, singular = np.linalg.lstsq(design, y, rcond=None)
+    slope = chebyshev.chebder(series) * stretch
+
+    def evaluate(phase: Floats) -> Floats:
+        x = slot.in_frame(slot.path(phase))[:, 0]
+        return slot.from_frame(np.stack([x, chebyshev.chebval(stretch * (x - low) - 1, series)], axis=1))
+
+    def slide(near: Floats, centre: Floats) -> Floats:
+        centre, x = slot.in_frame(centre), slot.in_frame(near)[:, 0]
+        for _ in range(6):  # Newton; the start is off by the fit's error only
+            u = stretch * (x - low) - 1
+            dx, dy = x - centre[:, 0], chebyshev.chebval(u, series) - centre[:, 1]
+            away = dx + dy * chebyshev.chebval(u, slope)
+            error = 0.5 * ((dx**2 + dy**2) - slot.chain.pitch**2)
+            x = np.clip(x - error / np.where(away == 0, np.inf, away), low - 0.5 / stretch, high + 0.5 / stretch)
+        return slot.from_frame(np.stack([x, chebyshev.chebval(stretch * (x - low) - 1, series)], axis=1))
+
+    origin, angle = slot.frame
+    data = {"origin": origin.tolist(), "angle": angle, "x": [low, high], "coefficients": series.tolist()}
+    return Fit("polynomial", degree, degree + 1, float(singular[0] / singular[-1]), data, evaluate, slide)

@@ -1,0 +1,1 @@
+"""The four-bar linkage: kinematics, dimension types, pose, limits, drawings and files."""

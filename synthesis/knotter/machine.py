@@ -1,0 +1,265 @@
+"""The D-knotter's rope disc, bill and hook: which spatial angles let the knot be tied.
+
+The machine is data: chains of named turns, points, and three conditions for the general study of
+`synthesis.knotter.study`. Equation numbers are those of Zhang, Feng, Dong, Zhang and Han, "Analysis of spatial angle
+parameters of rope-holding disc and bill hook of D-knotter", Transactions of the Chinese Society for Agricultural
+Machinery 49(8), 2018. Lengths in mm (or any one unit), angles in radians.
+
+Frames: ``u3`` turns with the disc, ``seat`` is the disc's bearing, ``u4`` turns with the bill, ``u5`` with the hook.
+The driver is the bill's angle alpha.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from synthesis.knotter import events
+from synthesis.knotter.conditions import Clearance, Condition
+from synthesis.knotter.entry import SegmentHitsTriangle
+from synthesis.knotter.mechanism import DRIVER, Chain, Law, Linear, Mechanism, Shift, Table, Turn
+
+Point = tuple[float, float, float]
+
+PUBLISHED_LENGTHS: Mapping[str, float] = MappingProxyType(
+    {"S1x": 22.0, "S1y": 39.0, "r0": 16.0, "D0": 20.0, "d6": 142.0, "r1": 30.0, "d5": 54.0}
+)
+"""Printed lengths in mm; the disc's starting angle beta0 is 15 degrees, the needle's angle alpha2 8 degrees."""
+BETA0, ALPHA2 = float(np.radians(15.0)), float(np.radians(8.0))
+
+ASSUMED_PARAMETERS: Mapping[str, float] = MappingProxyType({"d1": 136.0, "D": 20.0, "d9": 12.0, "d10": 24.5})
+"""Lengths that the source does not give: fitted so that its published pattern comes out, and not unique."""
+SENSES: Mapping[str, int] = MappingProxyType({"alpha": -1, "beta": -1})
+"""Senses of alpha1 and alpha3 and of beta; the source's own are at odds with its results or not given."""
+POINTS: Mapping[str, Point] = MappingProxyType(
+    {
+        "S0": (-30.0 * float(np.sin(BETA0)), 0.0, 30.0 * float(np.cos(BETA0))),
+        "S1": (22.0, 14.0, -39.0),
+        "S3": (0.0, 16.0, -12.0),
+        "S4": (0.0, 8.0, -28.0),
+        "S5": (0.0, 0.0, 0.0),
+        "S7": (26.5, -5.5, -53.0),
+        "S8": (40.0, 0.0, -27.0),
+        "S9": (56.5, 0.0, -30.5),
+        "S10": (59.0, 0.0, 31.5),
+    }
+)
+POINT_FRAMES: Mapping[str, str] = MappingProxyType(
+    {"S0": "u3", "S1": "u4", "S3": "u4", "S4": "u4", "S5": "u4", "S7": "u4", "S8": "u5", "S9": "u4", "S10": "u5"}
+)
+PUBLISHED_POINTS = ("S3", "S4")
+GRID_DEGREES: Mapping[str, tuple[float, ...]] = MappingProxyType(
+    {"alpha1": (0.0, 10.0, 20.0), "alpha3": (20.0, 25.0, 30.0)}
+)
+WRAP_WINDOW = (0.0, float(np.radians(180.0)))
+BITE_WINDOW = (float(np.radians(270.0)), float(np.radians(360.0)))
+CLEARANCE_AT = float(np.radians(270.0))
+CLEARANCE_OVER = (float(np.radians(240.0)), float(np.radians(300.0)))
+
+
+def reference_laws() -> dict[str, Law]:
+    """The assumed laws: the disc turns half as fast as the bill, the hook closes within 67 degrees after 270."""
+    return {
+        "beta": Linear(float(np.radians(23.5)), 0.5),
+        "alpha4": Table.dwell(float(np.radians(22.5)), 0.0, CLEARANCE_AT, float(np.radians(337.0))),
+    }
+
+
+def knotter(
+    parameters: Mapping[str, float | np.ndarray] | None = None,
+    senses: Mapping[str, int] | None = None,
+    laws: Mapping[str, Law] | None = None,
+    points: Mapping[str, Point] | None = None,
+) -> Mechanism:
+    """The knotter as a mechanism; what is not given has the published or else the assumed value.
+
+    Parameters
+    ----------
+    parameters : mapping
+        ``alpha1, alpha2, alpha3`` (rad) and ``d1, D, d5, d6, d9, d10``.
+    senses : mapping
+        ``alpha`` and ``beta``, each 1 or -1.
+    laws : mapping
+        ``beta`` (disc) and ``alpha4`` (hook) over the bill's angle.
+    points : mapping
+        Coordinates, each in its frame of `POINT_FRAMES`.
+
+    Notes
+    -----
+    Eq 9 with its senses made explicit; the printed eq 17 is not its inverse (it turns the bill the wrong way), so the
+    inverse is derived from this chain. Law: ``u3`` to ``u4`` and back is the identity.
+    """
+    sense = {**SENSES, **(senses or {})}
+    chains = (
+        Chain("u3", "seat", (Turn("j", "beta", sense["beta"]),)),
+        Chain(
+            "seat",
+            "u4",
+            (
+                Shift(j="-D"),
+                Turn("i", "alpha1", -sense["alpha"]),
+                Shift(i="d5", k="-d1"),
+                Turn("i", "alpha3", -sense["alpha"]),
+                Turn("j", "alpha2"),
+                Shift(k="d6"),
+                Turn("k", DRIVER),
+            ),
+        ),
+        Chain("u5", "u4", (Turn("j", "alpha4"), Shift(i="-d9", k="-d10"))),  # eqs 22-24
+    )
+    place = {**POINTS, **(points or {})}
+    return Mechanism(
+        parameters={
+            "alpha1": 0.0,
+            "alpha2": ALPHA2,
+            "alpha3": 0.0,
+            "d5": PUBLISHED_LENGTHS["d5"],
+            "d6": PUBLISHED_LENGTHS["d6"],
+            **ASSUMED_PARAMETERS,
+            **(parameters or {}),
+        },
+        laws={**reference_laws(), **(laws or {})},
+        chains=chains,
+        points={**{name: (POINT_FRAMES[name], at) for name, at in place.items()}, "O5": ("u5", (0.0, 0.0, 0.0))},
+    )
+
+
+def wrap(window: tuple[float, float] = WRAP_WINDOW) -> SegmentHitsTriangle:
+    """The rope S0-S1 comes to lie on the bill: it first enters S3 S4 S5 through S3S4 (eqs 11-15)."""
+    return SegmentHitsTriangle("wrap", ("S0", "S1"), ("S3", "S4", "S5"), "u4", window, enter=0)
+
+
+def bite(window: tuple[float, float] = BITE_WINDOW) -> SegmentHitsTriangle:
+    """The hook catches the rope S0-S7: it first enters O5 S8 S9 through S8S9 (eqs 26-30)."""
+    return SegmentHitsTriangle("bite", ("S0", "S7"), ("O5", "S8", "S9"), "u5", window, enter=1)
+
+
+def clearance(
+    at: float = CLEARANCE_AT,
+    over: tuple[float, float] = CLEARANCE_OVER,
+    radius: float = np.inf,
+    hook_locked: bool = True,
+) -> Clearance:
+    """The hook's tip S10 passes the disc on its free side (eq 18), over a range and not at one angle only."""
+    return Clearance("clearance", "S10", "seat", 1, -1, at, over, radius, "alpha4" if hook_locked else None)
+
+
+def conditions() -> list[Condition]:
+    """The three conditions of a knot with the source's ranges."""
+    return [wrap(), clearance(), bite()]
+
+
+BESIDE_POLE = float(np.pi / 2 - 1e-7)
+"""An angle beside 90 degrees, from which the pole of eq 4 can be judged."""
+
+
+@dataclass(frozen=True)
+class Needle:
+    """The needle that lays the rope past the bill, its angle alpha2 limited by the frame (eqs 4 and 5).
+
+    Parameters
+    ----------
+    S1x, S1y : float
+        The rope's end at the bill.
+    r0, D0 : float
+        Radius of the main shaft and diameter of the needle, positive.
+    d6, r1 : float
+        Distance of the bill's bore and radius of the rope point on the disc.
+    beta0 : float
+        Starting angle of the disc, rad.
+
+    Notes
+    -----
+    All angles alpha2 lie between -90 and 90 degrees, where ``cos alpha2`` is positive. There the clearance is concave
+    wherever it is positive: it is positive on one interval or nowhere.
+    """
+
+    S1x: float = PUBLISHED_LENGTHS["S1x"]
+    S1y: float = PUBLISHED_LENGTHS["S1y"]
+    r0: float = PUBLISHED_LENGTHS["r0"]
+    D0: float = PUBLISHED_LENGTHS["D0"]
+    d6: float = PUBLISHED_LENGTHS["d6"]
+    r1: float = PUBLISHED_LENGTHS["r1"]
+    beta0: float = BETA0
+
+    def clearance(self, alpha2: np.ndarray | float) -> np.ndarray | float:
+        """``L(alpha2)`` of eq 4; the needle is free where it is positive."""
+        return self.S1x * np.cos(alpha2) + self.S1y * np.sin(alpha2) - self.r0 / np.cos(alpha2) - self.D0 / 2
+
+    def clearance_slope(self, alpha2: np.ndarray | float) -> np.ndarray | float:
+        """``dL / d alpha2``."""
+        cosine, sine = np.cos(alpha2), np.sin(alpha2)
+        return self.S1y * cosine - self.S1x * sine - self.r0 * sine / cosine**2
+
+    def best(self) -> float:
+        """The angle of the largest clearance, a zero of ``cos^2 L'``."""
+
+        def falling(alpha2: np.ndarray) -> np.ndarray:
+            cosine, sine = np.cos(alpha2), np.sin(alpha2)
+            return cosine**2 * (self.S1y * cosine - self.S1x * sine) - self.r0 * sine
+
+        return max(self._zeros(falling), key=lambda angle: float(self.clearance(angle)))
+
+    def free_range(self) -> tuple[float, float] | None:
+        """The angles between which the clearance is positive; None if it never is."""
+        best = self.best()
+        if not self.clearance(best) > 0:
+            return None
+
+        def free(alpha2: np.ndarray) -> np.ndarray:  # L without its poles at 90 degrees
+            cosine, sine = np.cos(alpha2), np.sin(alpha2)
+            return cosine * (self.S1x * cosine + self.S1y * sine - self.D0 / 2) - self.r0
+
+        zeros = self._zeros(free)
+        below = [angle for angle in zeros if angle < best]
+        above = [angle for angle in zeros if angle > best]
+        # Without a zero on a side the clearance stays positive as far as doubles tell the angle from 90 degrees.
+        low = -np.pi / 2 if free(np.array(-BESIDE_POLE)) > 0 else best
+        high = np.pi / 2 if free(np.array(BESIDE_POLE)) > 0 else best
+        return max(below, default=low), min(above, default=high)
+
+    def smallest_whole_degree(self) -> int | None:
+        """The smallest whole number of degrees at which the clearance is positive; None if there is none."""
+        free = self.free_range()
+        if free is None:
+            return None
+        low, high = (float(np.degrees(end)) for end in free)
+        candidates = range(max(-89, int(np.floor(low))), min(89, int(np.ceil(high))) + 1)
+        return next((degree for degree in candidates if self.clearance(np.radians(degree)) > 0), None)
+
+    def lay(self, alpha2: np.ndarray | float) -> np.ndarray | float:
+        """``d5`` at which the rope is laid on the disc (eq 5)."""
+        return self.r1 * np.sin(self.beta0) + self.S1x * np.cos(alpha2) + (self.d6 + self.S1y) * np.sin(alpha2)
+
+    def lay_slope(self, alpha2: np.ndarray | float) -> np.ndarray | float:
+        """``d d5 / d alpha2``; zero where an angle for a given d5 is ill-conditioned."""
+        return (self.d6 + self.S1y) * np.cos(alpha2) - self.S1x * np.sin(alpha2)
+
+    def angles_for_lay(self, d5: float) -> list[float]:
+        """The angles between -90 and 90 degrees at which eq 5 gives ``d5``, increasing; none if it is out of reach.
+
+        ``d5 - r1 sin beta0 = C cos(alpha2 - chi)``; the inverse cosine is taken as an arctangent of
+        ``sqrt((C - m)(C + m))``, which keeps its digits where the two solutions meet.
+        """
+        height = self.d6 + self.S1y
+        amplitude, chi = np.hypot(self.S1x, height), np.arctan2(height, self.S1x)
+        m = d5 - self.r1 * np.sin(self.beta0)
+        if abs(m) > amplitude or amplitude == 0:
+            return []
+        delta = np.arctan2(np.sqrt((amplitude - m) * (amplitude + m)), m)
+        turned = [np.remainder(chi + sign * delta + np.pi, 2 * np.pi) - np.pi for sign in (-1, 1)]
+        return sorted({float(angle) for angle in turned if abs(angle) < np.pi / 2})
+
+    def _zeros(self, function: Callable[[np.ndarray], np.ndarray]) -> list[float]:
+        """The zeros of a smooth function between -90 and 90 degrees, increasing."""
+        ends = events.edges(-np.pi / 2, np.pi / 2, [], lambda low, high: 3.0)
+        size = abs(self.S1x) + abs(self.S1y) + self.r0 + self.D0
+        floor = np.full((1, 1), 16 * np.finfo(float).eps * size)
+
+        def single(angle: np.ndarray, item: np.ndarray) -> np.ndarray:
+            return np.broadcast_to(function(angle), np.broadcast_shapes(angle.shape, item.shape))[None]
+
+        return sorted(float(x) for x in events.roots(events.pieces(single, ends, 1, floor), single, floor).driver)

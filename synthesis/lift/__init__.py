@@ -1,0 +1,1 @@
+"""The pneumatic lift: pose in closed form, motion without integration, optimum design."""

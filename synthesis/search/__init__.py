@@ -1,0 +1,1 @@
+"""The search for the best linkage: seeds from a coarse table, refinement in rounds, within limits or without."""

@@ -1,0 +1,336 @@
+"""The knotter's contract over HTTP and on the command line: names, units, provenance, refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas
+from app.main import create_app
+from app.scenes import knotter_models as models
+from synthesis.knotter.conditions import MAX_PIECES
+
+FIGURES = json.loads((Path(__file__).parents[2] / "reference" / "knotter.json").read_text())
+POINTS = ("S0", "S1", "S3", "S4", "S5", "S7", "S8", "S9", "S10")
+
+
+@pytest.fixture(scope="module")
+def client():
+    with TestClient(create_app()) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def reference(client):
+    return client.post("/v1/knotter/scan", json={}).json()
+
+
+def scan(client, **body):
+    reply = client.post("/v1/knotter/scan", json=body)
+    assert reply.status_code == 200, reply.text
+    return reply.json()
+
+
+def finite(value) -> bool:
+    if isinstance(value, dict):
+        return all(map(finite, value.values()))
+    if isinstance(value, list):
+        return all(map(finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def test_defaults_give_the_published_pattern(reference) -> None:
+    assert reference["status"] == "feasible"
+    assert reference["feasible"] == FIGURES["paper"]["feasible"]
+    for pair in reference["pairs"]:
+        key = f"{pair['alpha1']:g},{pair['alpha3']:g}"
+        angle, edge, y, z, leave = FIGURES["wrap"][key]
+        assert pair["wrap"]["angle"] == pytest.approx(angle, abs=1e-9)
+        assert pair["wrap"]["edge"] == edge and pair["wrap"]["holds"] == (edge == "S3S4")
+        assert pair["wrap"]["point"] == pytest.approx([0, y, z], abs=1e-8)
+        assert pair["wrap"]["leave"] == pytest.approx(leave, abs=1e-6)
+        if key in FIGURES["bite"]:
+            assert pair["bite"]["angle"] == pytest.approx(FIGURES["bite"][key][0], abs=1e-8)
+            assert pair["bite"]["fraction"] == pytest.approx(FIGURES["bite"][key][1], abs=1e-8)
+            assert pair["bite"]["edge"] == "S8S9"
+        if key in FIGURES["S10_j3_at_270"]:
+            assert pair["clearance"]["value"] == pytest.approx(FIGURES["S10_j3_at_270"][key], abs=1e-9)
+        if key in FIGURES["worst_angle"]:
+            assert pair["clearance"]["worst_angle"] == pytest.approx(FIGURES["worst_angle"][key], abs=1e-5)
+        assert pair["feasible"] == all(pair[name]["holds"] for name in ("wrap", "clearance", "bite"))
+        assert pair["margin"] == min(pair[name]["margin"] for name in ("wrap", "clearance", "bite"))
+
+
+def test_reply_tells_assumed_from_published(client, reference) -> None:
+    assert {"d1", "D", "d9", "d10", "beta", "alpha4", "S0", "S1", "S5", "S7", "S8", "S9", "S10"} <= set(
+        reference["assumed"]
+    )
+    assert {"alpha2", "d5", "d6", "S3", "S4"} <= set(reference["published"])
+    assert not reference["given"]
+    assert {name: reference["frames"][name] for name in POINTS} == {
+        "S0": "u3", "S1": "u4", "S3": "u4", "S4": "u4", "S5": "u4", "S7": "u4", "S8": "u5", "S9": "u4", "S10": "u5"
+    }  # fmt: skip
+    own = scan(client, parameters={"d1": 136}, laws={"beta": {"lead": 23.5, "ratio": 0.5}}, senses={"beta": -1})
+    assert set(own["given"]) == {"d1", "beta", "senses.beta"}
+    assert not {"d1", "beta", "senses.beta"} & set(own["assumed"])
+    assert own["pairs"] == reference["pairs"]
+    every = set(own["assumed"]) | set(own["published"]) | set(own["given"])
+    assert every == set(reference["assumed"]) | set(reference["published"])
+
+
+def test_radians_are_the_same_answer(client, reference) -> None:
+    found = scan(client, angle_unit="rad")
+    for degrees, radians in zip(reference["pairs"], found["pairs"]):
+        assert radians["alpha1"] == pytest.approx(math.radians(degrees["alpha1"]), abs=1e-15)
+        for name, field in (("wrap", "angle"), ("wrap", "leave"), ("bite", "angle"), ("clearance", "worst_angle")):
+            assert radians[name][field] == pytest.approx(math.radians(degrees[name][field]), abs=1e-12)
+        assert radians["wrap"]["point"] == degrees["wrap"]["point"]
+    table = [[math.radians(270), math.radians(22.5)], [math.radians(337), 0]]
+    own = scan(
+        client,
+        angle_unit="rad",
+        parameters={"alpha2": math.radians(8)},
+        laws={"beta": {"lead": math.radians(23.5), "ratio": 0.5}, "alpha4": {"table": table}},
+    )
+    assert own["pairs"] == found["pairs"]
+
+
+def test_only_what_is_asked_for_is_computed(client) -> None:
+    # The disc's law ends at 180 degrees: the wrap can be told, the bite cannot.
+    laws = {"beta": {"table": [[0, 23.5], [180, 113.5]]}}
+    found = scan(client, conditions=["wrap"], laws=laws)
+    assert all(pair["clearance"] is None and pair["bite"] is None for pair in found["pairs"])
+    assert len(found["feasible"]) == 7
+    scan(client, conditions=["clearance", "wrap"], laws=laws)  # the disc's spin does not move its plane
+    reply = client.post("/v1/knotter/scan", json={"laws": laws})
+    assert reply.status_code == 422 and reply.json()["errors"][0]["pointer"] == "#/laws/beta"
+
+
+def test_equal_laws_in_other_words_give_equal_answers(client, reference) -> None:
+    for laws in (
+        {"beta": {"table": [[0, 23.5], [360, 203.5]]}},
+        {"beta": {"table": [[0, 23.5], [100, 73.5], [360, 203.5]], "kind": "pchip"}},
+        {"alpha4": {"dwell": {"before": 22.5, "after": 0, "start": 270, "end": 337}}},
+        {"alpha4": {"table": [[0, 22.5], [270, 22.5], [337, 0], [400, 0]], "outside": "error"}},
+    ):
+        for one, other in zip(reference["pairs"], scan(client, laws=laws)["pairs"]):
+            for name, field in (("wrap", "angle"), ("bite", "angle"), ("clearance", "worst"), ("bite", "margin")):
+                assert one[name][field] == pytest.approx(other[name][field], abs=1e-10)
+
+
+def test_grid_may_hold_any_parameter(client) -> None:
+    found = scan(client, grid={"alpha1": [10], "alpha3": [25], "d5": [54, 74.5, 74.51]}, conditions=["wrap"])
+    assert found["axes"] == ["alpha1", "alpha3", "d5"]
+    assert [pair["parameters"] for pair in found["pairs"]] == [{"d5": 54}, {"d5": 74.5}, {"d5": 74.51}]
+    assert found["feasible"] == [[10, 25, 54], [10, 25, 74.5]]
+
+
+def test_a_sample_at_one_angle_is_equation_18(client, reference) -> None:
+    for one, other in zip(reference["pairs"], scan(client, clearance={"over": [270, 270]})["pairs"]):
+        assert other["clearance"]["worst"] == other["clearance"]["value"] == one["clearance"]["value"]
+        assert other["clearance"]["worst_angle"] == 270
+
+
+def test_range_ends_come_back_as_they_were_given(client) -> None:
+    body = {
+        "windows": {"wrap": [0, 100.3]},
+        "clearance": {"over": [240.1, 270]},
+        "grid": {"alpha1": [10], "alpha3": [25]},
+    }
+    pair = scan(client, **body)["pairs"][0]
+    assert pair["wrap"]["leave"] == 100.3
+    assert pair["wrap"]["status"].startswith("the segment first enters through the wanted edge")
+    inside = scan(client, windows={"wrap": [95.7, 180]}, grid={"alpha1": [10], "alpha3": [25]})["pairs"][0]["wrap"]
+    assert (
+        inside["angle"] == 95.7 and inside["entered_by"] == "start" and inside["edge"] is None and not inside["holds"]
+    )
+
+
+def test_large_grid_is_answered_whole(client) -> None:
+    body = {"grid": {"alpha1": [0.2 * k for k in range(101)], "alpha3": [15 + 0.2 * k for k in range(101)]}}
+    found = scan(client, **body)
+    assert len(found["pairs"]) == 101 * 101
+    assert finite(found)
+    pair = next(pair for pair in found["pairs"] if (pair["alpha1"], pair["alpha3"]) == (10, 25))
+    assert pair["wrap"]["angle"] == pytest.approx(FIGURES["wrap"]["10,25"][0], abs=1e-9)
+
+
+def test_needle_over_http(client) -> None:
+    found = client.post("/v1/knotter/needle", json={"alpha2": 8}).json()
+    assert found["status"] == "free"
+    assert found["clearance"] == pytest.approx(FIGURES["L"]["8"], abs=1e-10)
+    assert found["alpha2_range"] == pytest.approx(FIGURES["L_roots"], abs=1e-9)
+    assert found["d5"] == pytest.approx(FIGURES["d5"]["8"], abs=1e-10)
+    assert found["alpha2_for_d5"] == pytest.approx(FIGURES["alpha2_for_54"], abs=1e-9)
+    assert (found["alpha2_whole_degrees"], found["d5_whole"]) == (7, 54)
+    assert found["assumed"] == [] and found["given"] == ["alpha2"]
+    moved = client.post("/v1/knotter/needle", json={"d5": 54.001}).json()
+    assert moved["alpha2_for_d5"] - found["alpha2_for_d5"] == pytest.approx(1e-3 * found["alpha2_per_d5"], rel=1e-4)
+    radians = client.post("/v1/knotter/needle", json={"alpha2": math.radians(8), "angle_unit": "rad"}).json()
+    assert radians["alpha2_range"] == pytest.approx([math.radians(x) for x in found["alpha2_range"]], rel=1e-14)
+    assert radians["d5_per_angle"] == pytest.approx(math.degrees(found["d5_per_angle"]), rel=1e-13)
+    blocked = client.post("/v1/knotter/needle", json={"r0": 60, "d5": 500}).json()
+    assert blocked["status"] == "blocked" and blocked["alpha2_range"] is None and blocked["alpha2_for_d5"] is None
+
+
+def test_limit_over_http(client) -> None:
+    found = client.post("/v1/knotter/limit", json={}).json()
+    (limit,) = found["limits"]
+    assert limit["value"] == pytest.approx(FIGURES["closing_d5"][0], abs=1e-7)
+    assert limit["wrap"]["angle"] == pytest.approx(FIGURES["closing_d5"][1], abs=1e-6)
+    assert limit["holds"] == "below" and found["status"] == "limited"
+    for between, status in (([20, 30], "always"), ([80, 90], "never")):
+        assert client.post("/v1/knotter/limit", json={"between": between}).json()["status"] == status
+
+
+SCAN_REFUSALS = {
+    "empty grid": ({"grid": {"alpha1": []}}, "/grid/alpha1", ""),
+    "coincident points": ({"points": {"S4": [0, 16, -12]}}, "/points", "S3 and S4"),
+    "points on a line": ({"points": {"S5": [0, 12, -20]}}, "/points", "S3, S4 and S5"),
+    "hook without a blade": ({"points": {"S8": [0, 0, 0]}}, "/points", "O5 and S8"),
+    "law too short": ({"laws": {"beta": {"table": [[0, 0], [90, 45]]}}}, "/laws/beta", "not defined"),
+    "law elsewhere": ({"laws": {"alpha4": {"table": [[0, 22], [10, 0]]}}}, "/laws/alpha4", "not defined"),
+    "lock before the law": (
+        {"conditions": ["clearance"], "laws": {"alpha4": {"table": [[280, 22], [337, 0]], "outside": "error"}}},
+        "/laws/alpha4",
+        "not defined",
+    ),
+    "law of one row": ({"laws": {"alpha4": {"table": [[270, 22]]}}}, "/laws/alpha4", "two rows"),
+    "law of no row": ({"laws": {"beta": {"table": []}}}, "/laws/beta", "two rows"),
+    "law that turns back": ({"laws": {"beta": {"table": [[0, 1], [9, 2], [8, 3]]}}}, "/laws/beta", "row 2"),
+    "law of nothing": ({"laws": {"beta": {}}}, "/laws/beta", "exactly one"),
+    "law twice": ({"laws": {"beta": {"lead": 0, "table": [[0, 1], [9, 2]]}}}, "/laws/beta", "exactly one"),
+    "law too fast": ({"laws": {"beta": {"table": [[0, 0], [180, 1e9], [360, 0]]}}}, "/laws", "fast"),
+    "ratio too large": ({"laws": {"beta": {"lead": 0, "ratio": 1e5}}}, "/laws/beta/ratio", ""),
+    "turned range": ({"windows": {"wrap": [180, 0]}}, "/windows/wrap", "smaller"),
+    "endless range": ({"windows": {"bite": [0, 1e6]}}, "/windows/bite", "turns"),
+    "turned clearance": ({"clearance": {"over": [300, 240]}}, "/clearance/over", "smaller"),
+    "no radius": ({"clearance": {"disc_radius": 0}}, "/clearance/disc_radius", ""),
+    "too many pairs": ({"grid": {"alpha1": [0] * 200, "alpha3": [0] * 200}}, "/grid", "40000"),
+    "twice": ({"grid": {"d5": [54]}, "parameters": {"d5": 54}}, "/grid/d5", "both"),
+    "no such condition": ({"conditions": ["knot"]}, "/conditions/0", ""),
+    "no condition": ({"conditions": []}, "/conditions", ""),
+    "sense of zero": ({"senses": {"alpha": 0}}, "/senses/alpha", ""),
+    "sense of true": ({"senses": {"alpha": True}}, "/senses/alpha", ""),
+    "overflow": ({"parameters": {"d1": 1e308}}, "/parameters/d1", ""),
+    "text": ({"points": {"S0": [1, 2, "3"]}}, "/points/S0/2", ""),
+    "flat point": ({"points": {"S0": [1, 2]}}, "/points/S0", ""),
+    "unknown point": ({"points": {"S2": [1, 2, 3]}}, "/points/S2", ""),
+}
+
+
+@pytest.mark.parametrize("name", SCAN_REFUSALS)
+def test_refusals_point_to_the_field(name: str, client) -> None:
+    body, field, word = SCAN_REFUSALS[name]
+    reply = client.post("/v1/knotter/scan", json=body)
+    assert reply.status_code == 422, reply.text
+    assert reply.headers["content-type"] == "application/problem+json"
+    row = reply.json()["errors"][0]
+    assert row["pointer"] == "#" + field
+    assert word in row["detail"]
+
+
+@pytest.mark.parametrize(
+    ("query", "body", "field"),
+    [
+        ("needle", {"alpha2": 90}, "/alpha2"),
+        ("needle", {"r0": 0}, "/r0"),
+        ("needle", {"S1x": 1e300}, "/S1x"),
+        ("limit", {"between": [5, 5]}, "/between"),
+        ("limit", {"parameter": "S1"}, "/parameter"),
+        ("limit", {"parameter": "d5", "parameters": {"d5": 54}}, "/parameter"),
+        ("limit", {"parameter": "alpha3", "alpha3": 25}, "/parameter"),
+        ("limit", {"samples": 2}, "/samples"),
+    ],
+)
+def test_other_refusals(query: str, body, field: str, client) -> None:
+    reply = client.post(f"/v1/knotter/{query}", json=body)
+    assert reply.status_code == 422 and reply.json()["errors"][0]["pointer"] == "#" + field
+
+
+EXTREMES = {
+    "huge": {"parameters": {name: 1e9 for name in ("d1", "D", "d5", "d6", "d9", "d10")}},
+    "tiny": {"parameters": {name: 1e-9 for name in ("d1", "D", "d5", "d6", "d9", "d10")}},
+    "zero": {"parameters": {name: 0 for name in ("d1", "D", "d5", "d6", "d9", "d10")}},
+    "small triangle": {"points": {"S3": [0, 2e-9, 1e-9], "S4": [0, 1e-9, 2e-9]}},
+    "small points": {"points": {name: [1e-9, 2e-9 * k, 3e-9 * k * k] for k, name in enumerate(POINTS)}},
+    "huge angles": {"grid": {"alpha1": [1e9], "alpha3": [-1e9]}, "laws": {"beta": {"lead": -1e9, "ratio": 0}}},
+    "step": {"laws": {"beta": {"table": [[0, 0], [100, 0], [100.0000001, 90], [400, 90]]}}},
+    "smooth step": {"laws": {"beta": {"table": [[0, 0], [100, 0], [100.0000001, 90], [400, 90]], "kind": "pchip"}}},
+    "fast": {"laws": {"beta": {"lead": 1, "ratio": 100}}},
+    "narrow range": {"windows": {"wrap": [90, 90.0000000001], "bite": [300, 300.0000000001]}},
+    "two turns": {
+        "windows": {"wrap": [0, 720], "bite": [-360, 360]},
+        "clearance": {"over": [0, 720], "disc_radius": 30},
+    },
+    "needle upright": {"parameters": {"alpha2": 90}},
+}
+
+
+@pytest.mark.parametrize("name", EXTREMES)
+def test_extremes_are_answered_with_finite_numbers(name: str, client) -> None:
+    assert finite(scan(client, **EXTREMES[name]))
+
+
+def test_csv_holds_the_same_numbers(client, reference) -> None:
+    text = client.post("/v1/knotter/scan.csv", json={})
+    assert text.headers["content-type"].startswith("text/csv")
+    rows = list(csv.DictReader(text.text.splitlines()))
+    assert len(rows) == 9
+    for row, pair in zip(rows, reference["pairs"]):
+        assert float(row["wrap.angle"]) == pair["wrap"]["angle"]
+        assert [float(x) for x in row["bite.point"].split()] == pair["bite"]["point"]
+        assert (row["feasible"] == "True") == pair["feasible"]
+
+
+def test_page_runs_and_states_the_limits_that_hold(capsys) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "knotter.md").read_text()
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1), {})
+    assert capsys.readouterr().out.split()[0] == "[63.43494882"
+    limits = page[page.index("## Limits\n") :]
+    for value in (
+        models.MAX_LENGTH,
+        models.MAX_RATIO,
+        models.MAX_TABLE_ROWS,
+        models.MAX_GRID_VALUES,
+        models.MAX_PAIRS,
+        models.MAX_RANGE_TURNS,
+        MAX_PIECES,
+    ):
+        assert any(f" {text}" in limits for text in (f"{value:,}", f"{value:g}".replace("e+0", "e"), str(value))), (
+            value
+        )
+
+
+def test_a_hook_at_rest_before_its_turn_may_be_locked_there(client) -> None:
+    later = {"alpha4": {"table": [[300, 22.5], [337, 0]]}}
+    locked = scan(client, conditions=["clearance"], laws=later)["pairs"]
+    steady = scan(client, conditions=["clearance"], laws={"alpha4": {"lead": 22.5}})["pairs"]
+    assert locked == steady
+
+
+def test_a_rope_that_never_enters_says_why(client) -> None:
+    pair = scan(client, grid={"alpha1": [10], "alpha3": [25], "d5": [120]}, conditions=["wrap"])["pairs"][0]["wrap"]
+    assert pair["angle"] is None and pair["margin"] < 0
+    assert 0 <= pair["nearest_angle"] <= 180 and "outside the triangle" in pair["nearest_case"]
+    plane = scan(client, points={"S1": [0, 14, -39]}, conditions=["wrap"])["pairs"][0]["wrap"]
+    assert "plane throughout" in plane["status"]
+
+
+def test_command_line_prints_a_table_and_names_a_bad_field(tmp_path, capsys) -> None:
+    request = tmp_path / "request.json"
+    request.write_text(json.dumps({"grid": {"alpha1": [10], "alpha3": [25]}}))
+    assert linkage_atlas.main(["knotter", "scan", str(request)]) == 0
+    table = capsys.readouterr().out
+    assert "90.139580 S3S4" in table and "feasible: 1 of 1" in table and "assumed, not published: d1" in table
+    assert linkage_atlas.main(["knotter", "scan", str(request), "--export", str(tmp_path / "pairs.csv")]) == 0
+    assert (tmp_path / "pairs.csv").read_text().startswith("alpha1,alpha3,wrap.holds")
+    request.write_text(json.dumps({"points": {"S4": [0, 16, -12]}}))
+    assert linkage_atlas.main(["knotter", "scan", str(request)]) == 2
+    assert "points: S3 and S4 coincide" in capsys.readouterr().err

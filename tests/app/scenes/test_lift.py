@@ -1,0 +1,303 @@
+"""The lift over HTTP and on the command line: contract, refusals with name and amount, only what is asked for."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas
+from app.main import create_app
+from app.scenes import lift_models as models
+from synthesis.lift import loops as lift_loops
+
+DESIGN = {"l2": 300, "l3": 180, "l4": 240, "l5": 330, "b": 480}
+MOTION = {"design": DESIGN, "cylinder": {"length": 220, "speed": 100, "acceleration": 0}, "samples": 11}
+OPTIMIZE = {
+    "cylinder": {"length": 220, "speed": 100},
+    "stroke": [200, 510],
+    "objective": {"kind": "discrete", "n": 31},
+    "upper_bound": 600,
+}
+
+
+@pytest.fixture(scope="module")
+def client():
+    with TestClient(create_app(), raise_server_exceptions=True) as client:
+        yield client
+
+
+def changed(body: dict, path: str, value) -> dict:
+    """A copy of a request with one value changed; None removes it."""
+    body = copy.deepcopy(body)
+    *parents, last = path.split(".")
+    at = body
+    for name in parents:
+        at = at[name]
+    if value is None:
+        at.pop(last, None)
+    else:
+        at[last] = value
+    return body
+
+
+def test_motion_replies_what_the_contract_names(client) -> None:
+    reply = client.post("/v1/lift/motion", json=MOTION).json()
+    assert reply["status"] == "ok" and reply["direction"] == "rising"
+    assert reply["rise_time"] == pytest.approx(5.720227, abs=1e-6)
+    assert reply["height_start"] == pytest.approx(199.999314, abs=1e-5)
+    assert reply["height_top"] == 510.0
+    assert reply["dead_point_length"] == pytest.approx(218.42632, abs=1e-5)
+    assert reply["condition"]["start"] == pytest.approx(36.57, rel=5e-3)
+    assert reply["condition"]["top"] == pytest.approx(11.22, rel=5e-3)
+    assert reply["condition"]["min"] == pytest.approx(8.14, rel=5e-3)
+    for name in ("time", "height", "velocity", "acceleration", "cylinder_length"):
+        assert len(reply[name]) == 11
+    assert reply["cylinder_length"][-1] == pytest.approx(792.022727, abs=1e-5)
+    for name in ("angles", "points", "residual", "assemblies", "conditions", "instant_centre"):
+        assert reply[name] is None
+
+
+def test_lowering_starts_at_the_top(client) -> None:
+    body = changed(MOTION, "cylinder.speed", -100)
+    reply = client.post("/v1/lift/motion", json=body).json()
+    assert reply["height"][0] == reply["height_start"] == reply["height_top"] == 510.0
+    assert reply["height_end"] == pytest.approx(199.999314, abs=1e-5)
+    assert reply["condition"]["start"] == reply["condition"]["top"]
+    assert reply["velocity"][-1] == pytest.approx(-256.89163, abs=1e-3)
+
+
+def test_everything_can_be_asked_for_and_agrees(client) -> None:
+    extras = ["angles", "angular_velocities", "angular_accelerations", "points", "conditions", "residual"]
+    body = {**MOTION, "include": [*extras, "instant_centre", "assemblies"]}
+    reply = client.post("/v1/lift/motion", json=body).json()
+    assert reply["angles"]["theta3"][0] == pytest.approx(210.460883, abs=1e-5)
+    assert reply["angular_velocities"]["link1"][0] == pytest.approx(math.degrees(2.209501), abs=1e-4)
+    assert reply["conditions"][0] == pytest.approx(reply["condition"]["start"], rel=1e-12)
+    assert reply["residual"] < 1e-9
+    assert reply["instant_centre"] == pytest.approx(reply["velocity"], rel=1e-9, abs=1e-9)
+    assert [row["working"] for row in reply["assemblies"]] == [True, False]
+    points = reply["points"]
+    for k in range(11):
+        a, b, c = points["A"][k], points["B"][k], points["C"][k]
+        assert math.dist(a, b) == pytest.approx(300) and math.dist(a, c) == pytest.approx(180)
+        assert math.dist(b, c) == pytest.approx(240) and math.dist(c, points["D"]) == pytest.approx(330)
+        assert math.hypot(*b) == pytest.approx(reply["cylinder_length"][k])
+    radians = client.post("/v1/lift/motion", json={**body, "angle_unit": "rad"}).json()
+    assert radians["angles"]["theta3"][0] == pytest.approx(math.radians(reply["angles"]["theta3"][0]))
+    assert radians["angular_velocities"]["link1"][0] == pytest.approx(2.209501, abs=1e-5)
+    assert radians["height"] == reply["height"]
+
+
+def test_only_what_is_asked_for_is_computed(client, monkeypatch) -> None:
+    asked_for = []
+    for name in ("angular_velocities", "angular_accelerations", "largest_residual", "velocity_by_instant_centre"):
+        monkeypatch.setattr(lift_loops, name, lambda *_, name=name: asked_for.append(name))
+    assert client.post("/v1/lift/motion", json=MOTION).status_code == 200
+    assert asked_for == []
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "constraint", "amount"),
+    [
+        ("design.l4", 490, "triangle", 10.0),
+        ("design.l4", 480, "triangle", 0.0),
+        ("design.l3", 335, "l3<l5", 5.0),
+        ("cylinder.length", 218, "dead_point", 0.42632),
+        ("cylinder.length", 1, "dead_point", 217.42632),
+        ("cylinder.length", 800, "cylinder_length", 7.977273),
+        ("cylinder.speed", 0, "speed", 0.0),
+        ("cylinder.acceleration", -10, "stopping", 72.022727),
+        ("design.l4", 479.9, "top_lever", 458.0758),
+    ],
+)
+def test_motion_refusals(client, path, value, constraint, amount) -> None:
+    reply = client.post("/v1/lift/motion", json=changed(MOTION, path, value))
+    assert reply.status_code == 422
+    row = reply.json()["errors"][0]
+    assert row["constraint"] == constraint
+    assert row["amount"] == pytest.approx(amount, abs=1e-4)
+    assert row["pointer"].startswith("#/" + path.split(".")[0])
+
+
+def test_a_time_past_the_rise(client) -> None:
+    body = changed({**MOTION, "times": [0, 5.8]}, "samples", None)
+    row = client.post("/v1/lift/motion", json=body).json()["errors"][0]
+    assert (row["pointer"], row["constraint"]) == ("#/times/1", "time")
+    assert row["amount"] == pytest.approx(5.8 - 5.720227, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "pointer"),
+    [
+        ("design.l2", -1, "#/design/l2"),
+        ("design.l2", 0, "#/design/l2"),
+        ("design.l2", "300", "#/design/l2"),
+        ("design.l2", True, "#/design/l2"),
+        ("design.l2", [1], "#/design/l2"),
+        ("design.b", 1e308, "#/design/b"),
+        ("design.b", 1e-300, "#/design/b"),
+        ("design.b", None, "#/design/b"),
+        ("design", None, "#/design"),
+        ("cylinder.speed", 1e308, "#/cylinder/speed"),
+        ("cylinder.speed", 1e-300, "#/cylinder/speed"),
+        ("cylinder.acceleration", 5e-324, "#/cylinder/acceleration"),
+        ("cylinder.colour", 1, "#/cylinder/colour"),
+        ("samples", 1, "#/samples"),
+        ("samples", 10**9, "#/samples"),
+        ("samples", 2.5, "#/samples"),
+        ("times", [], "#/times"),
+        ("times", [0], "#/times"),
+        ("times", [[0]], "#/times/0"),
+        ("include", ["everything"], "#/include/0"),
+        ("angle_unit", "grad", "#/angle_unit"),
+    ],
+)
+def test_bad_motion_input_names_the_field(client, path, value, pointer) -> None:
+    reply = client.post("/v1/lift/motion", json=changed(MOTION, path, value))
+    assert reply.status_code == 422
+    assert reply.json()["errors"][0]["pointer"] == pointer
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "pointer"),
+    [
+        ("stroke", [510, 200], "#/stroke"),
+        ("stroke", [200, 200], "#/stroke"),
+        ("stroke", [200], "#/stroke"),
+        ("stroke", [200, 510, 600], "#/stroke"),
+        ("stroke", [-1, 510], "#/stroke/0"),
+        ("objective", {"kind": "fastest"}, "#/objective"),
+        ("objective", {"kind": "discrete", "n": 10**9}, "#/objective/discrete/n"),
+        ("objective", {"kind": "discrete", "n": 1}, "#/objective/discrete/n"),
+        ("objective", {"kind": "continuous", "n": 5}, "#/objective/continuous/n"),
+        ("upper_bound", 0, "#/upper_bound"),
+        ("upper_bound", 100, "#/upper_bound"),
+        ("cylinder.speed", 0, "#/cylinder/speed"),
+        ("cylinder.acceleration", -50, "#/cylinder/acceleration"),
+    ],
+)
+def test_bad_optimize_input_names_the_field(client, path, value, pointer) -> None:
+    reply = client.post("/v1/lift/optimize", json=changed(OPTIMIZE, path, value))
+    assert reply.status_code == 422
+    assert reply.json()["errors"][0]["pointer"] == pointer
+
+
+@pytest.mark.parametrize("literal", ["NaN", "Infinity", "1e999", "-1e999", '"\\ud800"', "null"])
+def test_numbers_that_are_none(client, literal) -> None:
+    for path, body in (("motion", MOTION), ("optimize", OPTIMIZE)):
+        text = json.dumps(body).replace("220", literal)
+        headers = {"content-type": "application/json"}
+        reply = client.post(f"/v1/lift/{path}", content=text, headers=headers)
+        assert reply.status_code in (400, 422)
+        assert reply.json()["errors"]
+
+
+def numbers(value):
+    """All numbers in a JSON value."""
+    if isinstance(value, dict):
+        for entry in value.values():
+            yield from numbers(entry)
+    elif isinstance(value, list):
+        for entry in value:
+            yield from numbers(entry)
+    elif isinstance(value, (int, float)):
+        yield value
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1.0, 1e6, 1e9])
+@pytest.mark.parametrize("speed", [1e-6, -100.0, 1e9])
+def test_any_scale_is_answered_with_finite_numbers(client, scale, speed) -> None:
+    body = copy.deepcopy(MOTION)
+    body["design"] = {name: value * scale for name, value in DESIGN.items()}
+    body["cylinder"] = {"length": 220 * scale, "speed": speed}
+    body["include"] = ["angles", "angular_velocities", "angular_accelerations", "conditions", "instant_centre"]
+    reply = client.post("/v1/lift/motion", json=body)
+    assert reply.status_code == 200, reply.text
+    assert all(map(math.isfinite, numbers(reply.json())))
+    assert reply.json()["rise_time"] == pytest.approx(572.022727 * scale / abs(speed), rel=1e-8)
+
+
+def test_many_samples_in_one_request(client) -> None:
+    reply = client.post("/v1/lift/motion", json={**MOTION, "samples": models.MAX_SAMPLES})
+    assert reply.status_code == 200 and len(reply.json()["height"]) == models.MAX_SAMPLES
+
+
+def test_optimize_replies_what_the_contract_names(client) -> None:
+    body = changed(OPTIMIZE, "objective", {"kind": "discrete", "n": 310})
+    reply = client.post("/v1/lift/optimize", json=body).json()
+    assert reply["status"] == "optimal"
+    assert reply["objective"] == pytest.approx(334.8844, abs=1e-3)
+    assert reply["design"]["l2"] == pytest.approx(378.034, abs=0.1)
+    assert reply["active"] == ["l4<=l2"]
+    assert reply["motion"]["rise_time"] == pytest.approx(8.068, abs=2e-3)
+    assert reply["motion"]["velocity_start"] == pytest.approx(100 * (220 + reply["design"]["l2"]) / 200)
+    assert reply["objective_of_published"] == pytest.approx(340.157, abs=2e-3)
+    assert "1.55 %" in reply["published"]["reason"]
+    moved = client.post("/v1/lift/motion", json={"design": reply["design"], "cylinder": body["cylinder"]}).json()
+    assert moved["rise_time"] == pytest.approx(reply["motion"]["rise_time"], rel=1e-9)
+    assert moved["velocity"][0] == pytest.approx(reply["motion"]["velocity_start"], rel=1e-7)
+    assert client.post("/v1/lift/optimize", json=body).json() == reply
+
+
+def test_another_stroke_has_nothing_published(client) -> None:
+    body = changed(OPTIMIZE, "stroke", [180, 500])
+    reply = client.post("/v1/lift/optimize", json=body).json()
+    assert reply["published"] is None and reply["objective_of_published"] is None
+
+
+def test_a_bound_that_the_published_design_breaks_is_the_reason(client) -> None:
+    body = changed(changed(OPTIMIZE, "upper_bound", 500), "objective.n", 310)
+    reply = client.post("/v1/lift/optimize", json=body).json()
+    assert "not admissible" in reply["published"]["reason"]
+    assert reply["active"] == ["l4<=l2", "b<=upper_bound"]
+
+
+def test_batch_rows_are_single_answers_and_errors_stay_in_their_row(client) -> None:
+    cylinders = [{"length": 220, "speed": 100}, {"length": 220, "speed": 0}, {"length": 9000, "speed": 100}]
+    body = {**changed(OPTIMIZE, "cylinder", None), "cylinders": cylinders}
+    rows = client.post("/v1/lift/batch", json=body).json()["rows"]
+    one = client.post("/v1/lift/optimize", json=OPTIMIZE).json()
+    assert rows[0]["design"] == one["design"] and rows[0]["objective"] == one["objective"]
+    assert (rows[1]["status"], rows[1]["constraint"]) == ("infeasible", "speed")
+    assert rows[2]["constraint"] == "b<=upper_bound" and rows[2]["amount"] > 8000
+
+
+def test_batch_limits_its_work(client) -> None:
+    body = {**changed(OPTIMIZE, "cylinder", None), "objective": {"kind": "discrete", "n": models.MAX_STEPS}}
+    body["cylinders"] = [{"length": 200 + k, "speed": 100} for k in range(models.MAX_CYLINDERS)]
+    row = client.post("/v1/lift/batch", json=body).json()["errors"][0]
+    assert row["constraint"] == "batch_steps" and row["pointer"] == "#/objective/n"
+    body["cylinders"] *= 2
+    assert client.post("/v1/lift/batch", json=body).status_code == 422
+
+
+def test_csv_has_a_line_for_each_time(client, tmp_path) -> None:
+    reply = client.post("/v1/lift/motion.csv", json=MOTION)
+    assert reply.headers["content-type"].startswith("text/csv")
+    lines = reply.text.splitlines()
+    assert lines[0].startswith("time,height,velocity") and len(lines) == 12
+    target = tmp_path / "motion.csv"
+    request = tmp_path / "request.json"
+    request.write_text(json.dumps(MOTION))
+    assert linkage_atlas.main(["lift", "motion", str(request), "--export", str(target)]) == 0
+    assert target.read_bytes() == reply.content
+
+
+@pytest.mark.parametrize(("command", "body"), [("motion", MOTION), ("optimize", OPTIMIZE)])
+def test_command_line_refuses_with_code_2_and_the_field(command, body, tmp_path, capsys) -> None:
+    request = tmp_path / "request.json"
+    request.write_text(json.dumps(changed(body, "cylinder.speed", 0)))
+    assert linkage_atlas.main(["lift", command, str(request)]) == 2
+    assert "cylinder.speed" in capsys.readouterr().err
+
+
+def test_tables_show_the_figures(capsys) -> None:
+    assert linkage_atlas.main(["lift", "motion", "--example", "published"]) == 0
+    out = capsys.readouterr().out
+    assert "199.969" in out and "working branch" in out and "loop residual" in out
+    assert linkage_atlas.main(["lift", "batch", "--example", "cylinders"]) == 0
+    assert "334.8844" in capsys.readouterr().out

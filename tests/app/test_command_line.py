@@ -1,0 +1,272 @@
+"""The commands as a first-time user meets them: requests from file and standard input, exit codes, signals, pipes."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import linkage_atlas
+from app.queries import all_queries, worked_example
+
+ROOT = Path(__file__).parents[2]
+COMMAND = [sys.executable, "linkage_atlas.py"]
+OK, USAGE, DAMAGED, INTERRUPTED = 0, 2, 3, 130
+
+
+@pytest.fixture(scope="module")
+def small_path(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sound atlas file of few types."""
+    path = tmp_path_factory.mktemp("atlas") / "small.h5"
+    path.write_bytes(small_bytes)
+    return path
+
+
+@pytest.fixture
+def request_file(tmp_path: Path) -> Path:
+    """The worked example's rotation as a request of either query."""
+    example = worked_example()
+    path = tmp_path / "request.json"
+    path.write_text(json.dumps({"rotation": example["rotation"], "crank_span": 70, "top": 3}))
+    return path
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+    """``run(*arguments, stdin=...)`` in this process: exit code, output, messages."""
+
+    def command(*arguments: object, stdin: str | bytes = "") -> tuple[int, str, str]:
+        raw = stdin.encode() if isinstance(stdin, str) else stdin
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(raw)))
+        try:
+            code = linkage_atlas.main([str(argument) for argument in arguments])
+        except SystemExit as end:
+            code = end.code
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return command
+
+
+# -- requests ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verb", ["match", "synthesize"])
+def test_file_and_standard_input_give_the_same_reply(verb, run, request_file, small_path) -> None:
+    from_file = run(verb, request_file, "--json", "--atlas", small_path)
+    from_input = run(verb, "--json", "--atlas", small_path, stdin=request_file.read_text())
+    dash = run(verb, "-", "--json", "--atlas", small_path, stdin=request_file.read_text())
+    replies = []
+    for code, out, err in (from_file, from_input, dash):
+        assert (code, err) == (OK, "")
+        reply = json.loads(out)
+        del reply["report"]
+        replies.append(reply)
+    assert replies[0] == replies[1] == replies[2]
+    assert len(replies[0]["matches" if verb == "match" else "solutions"]) == 3
+
+
+@pytest.mark.parametrize("query", all_queries(), ids=lambda query: query.command)
+def test_every_query_prints_a_table_and_help(query, run, small_path) -> None:
+    name = sorted(query.examples)[0]
+    code, out, err = run(*query.command.split(), "--example", name, "--atlas", small_path)
+    assert (code, err) == (OK, "")
+    assert len(out.splitlines()) >= 2 and "{" not in out and "nan" not in out.lower()
+    code, out, _ = run(*query.command.split(), "--help")
+    assert code == OK and query.summary.split(",")[0] in out.replace("\n", " ")
+
+
+def test_a_solution_stands_in_the_table_with_its_mounting(run, small_path) -> None:
+    code, out, _ = run("synthesize", "--example", "within_limits", "--atlas", small_path)
+    assert code == OK
+    for words in ("reached", "crank_rocker", "mounting of rank 1", "coupler point", "rounded:", "stopped by"):
+        assert words in out
+    assert re.search(r"^\s*1\s+19\s+72\s+144\s+165\s+\+1\s+30\s", out, re.MULTILINE)
+
+
+def test_refined_synthesis_needs_no_atlas(run, tmp_path) -> None:
+    code, out, err = run("synthesize", "--example", "worked_example", "--atlas", tmp_path / "none.h5")
+    assert (code, err) == (OK, "") and out.startswith("reached")
+
+
+# -- errors -----------------------------------------------------------------------------------------------------------
+
+GOOD = '"rotation": [1, 2, 4], "crank_span": 70'
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "Invalid JSON"),
+        ("[", "Invalid JSON"),
+        ("nonsense", "Invalid JSON"),
+        (b'\xff\xfe{"rotation": 1}', "Invalid JSON"),
+        ("[" * 100_000, "Invalid JSON"),
+        ("null", "request: "),
+        ("[]", "request: "),
+        ("{" + GOOD.replace("70", "NaN") + "}", "crank_span: "),
+        ("{" + GOOD.replace("70", "1e999") + "}", "crank_span: "),
+        ("{" + GOOD.replace("70", "9" * 5000) + "}", "Invalid JSON"),
+        ("{" + GOOD.replace("70", '"70"') + "}", "crank_span: "),
+        ("{" + GOOD.replace("70", "0") + "}", "crank_span: "),
+        ("{" + GOOD.replace("[1, 2, 4]", "[1, 2]") + "}", "rotation: "),
+        ("{" + GOOD.replace("4", "true") + "}", "rotation.2: "),
+        ("{" + GOOD.replace("4", "1e308") + "}", "rotation.2: "),
+        ('{"spin": 1, ' + GOOD + "}", "spin: "),
+        ('{"\\ud800": 1, ' + GOOD + "}", ""),
+    ],
+    ids=lambda value: str(value)[:24],
+)
+def test_a_bad_request_is_named_in_a_line_and_ends_with_2(text, words, run, small_path) -> None:
+    code, out, err = run("match", "--atlas", small_path, stdin=text)
+    assert (code, out) == (USAGE, "")
+    assert words in err and "Traceback" not in err
+    assert len(err) < 500, "a request is not repeated"
+
+
+@pytest.mark.parametrize("arguments", [["no_such_file.json"], ["."]], ids=["missing", "folder"])
+def test_an_unreadable_request_file_ends_with_2(arguments, run, small_path) -> None:
+    code, out, err = run("match", *arguments, "--atlas", small_path)
+    assert (code, out) == (USAGE, "") and arguments[0] in err and len(err.splitlines()) == 1
+
+
+def test_file_and_example_together_are_refused(run, request_file, small_path) -> None:
+    code, _, err = run("match", request_file, "--example", "worked_example", "--atlas", small_path)
+    assert code == USAGE and "not both" in err
+
+
+@pytest.mark.parametrize("verb", ["match", "serve"])
+def test_a_missing_atlas_ends_with_2_and_says_how_to_make_one(verb, run, tmp_path) -> None:
+    request = ["--example", "worked_example"] if verb == "match" else []
+    code, out, err = run(verb, *request, "--atlas", tmp_path / "none.h5")
+    assert (code, out) == (USAGE, "")
+    assert "none.h5" in err and "linkage-atlas build" in err
+
+
+@pytest.mark.parametrize("verb", ["match", "serve", "verify", "info"])
+@pytest.mark.parametrize("fault", ["bit flip", "cut off", "foreign", "empty"])
+def test_a_damaged_atlas_ends_with_3(verb, fault, run, small_bytes, tmp_path) -> None:
+    path = tmp_path / "damaged.h5"
+    flipped = bytearray(small_bytes)
+    flipped[len(flipped) // 2] ^= 1
+    damaged = {"bit flip": bytes(flipped), "cut off": small_bytes[:-1], "foreign": b"x" * 4096, "empty": b""}
+    path.write_bytes(damaged[fault])
+    place = [path] if verb in ("verify", "info") else ["--atlas", path]
+    request = ["--example", "worked_example"] if verb == "match" else []
+    code, out, err = run(verb, *request, *place)
+    assert (code, out) == (DAMAGED, "")
+    assert "the file" in err and "Traceback" not in err
+
+
+def test_a_bad_setting_is_named(run, small_path, monkeypatch) -> None:
+    monkeypatch.setenv("LINKAGE_ATLAS_MAX_WAITING", "many")
+    code, _, err = run("match", "--example", "worked_example", "--atlas", small_path)
+    assert code == USAGE and "max_waiting" in err
+
+
+def test_without_arguments_all_commands_are_listed(run) -> None:
+    code, out, err = run()
+    assert (code, out) == (USAGE, "")
+    code, out, _ = run("--help")
+    assert code == OK and out == err
+    for command in ("build", "verify", "info", "serve", *(query.command.split()[0] for query in all_queries())):
+        assert re.search(rf"^    {command}\b", out, re.MULTILINE), command
+    code, _, err = run("biuld")
+    assert code == USAGE and "build" in err
+
+
+def test_version(run) -> None:
+    assert run("--version") == (OK, f"linkage-atlas {linkage_atlas.__version__}\n", "")
+
+
+@pytest.mark.parametrize("port", ["-1", "65536", "http"])
+def test_an_impossible_port_is_refused(port, run) -> None:
+    code, _, err = run("serve", "--port", port)
+    assert code == USAGE and "--port" in err
+
+
+def test_an_interrupt_ends_with_130(run, request_file, small_path, monkeypatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("app.motion.make_target", interrupt)
+    assert run("match", request_file, "--atlas", small_path) == (INTERRUPTED, "", "interrupted\n")
+
+
+# -- processes --------------------------------------------------------------------------------------------------------
+
+
+def test_a_closed_pipe_is_no_error(small_path) -> None:
+    arguments = [*COMMAND, "match", "--example", "worked_example", "--json", "--atlas", str(small_path)]
+    with subprocess.Popen(arguments, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        messages = process.stderr.read().decode()
+        assert process.wait(60) == OK
+    assert messages == ""
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@contextmanager
+def serving(atlas: Path, port: int) -> Iterator[subprocess.Popen[bytes]]:
+    """The running service; killed at the end if it has not ended by itself."""
+    arguments = [*COMMAND, "serve", "--atlas", str(atlas), "--port", str(port)]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen(arguments, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait(10)
+        process.stdout.close()
+
+
+def get(port: int, path: str, patience: float = 60.0) -> tuple[int, object]:
+    """Status and JSON of a GET, once the service listens."""
+    end = time.monotonic() + patience
+    while True:
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=10) as reply:
+                return reply.status, json.load(reply)
+        except urllib.error.URLError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.05)
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_serve_answers_and_ends_cleanly(name, small_path) -> None:
+    port = free_port()
+    with serving(small_path, port) as process:
+        assert get(port, "/readyz") == (200, {"status": "ready"})
+        process.send_signal(getattr(signal, name))
+        output = process.communicate(timeout=30)[0].decode()
+        assert process.returncode == OK, output
+    assert "Traceback" not in output and "Finished server process" in output
+
+
+def test_a_port_in_use_is_said(small_path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with serving(small_path, taken.getsockname()[1]) as process:
+            output = process.communicate(timeout=60)[0].decode()
+            assert process.returncode not in (OK, None)
+    assert "address already in use" in output and "Traceback" not in output

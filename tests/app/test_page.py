@@ -1,0 +1,203 @@
+"""The page's files over HTTP: policy, caching, weight, nothing from elsewhere; and its kinematics in node, if there is one."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+from app import page
+from app.main import create_app
+from app.scenes import SCENES
+from tests.vectors.make_kinematics import FILE as VECTORS
+from tests.vectors.make_kinematics import vectors
+
+ROOT = Path(__file__).parents[2]
+STATIC = ROOT / "app/static"
+FILES = sorted(path for path in STATIC.rglob("*") if path.suffix in page.MEDIA_TYPES)
+MAX_WEIGHT = 250_000
+"""Bytes of all files of the page together, uncompressed."""
+
+
+@pytest.fixture(scope="module")
+def client():
+    with TestClient(create_app()) as client:
+        yield client
+
+
+def test_root_is_the_page_with_a_strict_policy(client) -> None:
+    reply = client.get("/")
+    assert reply.status_code == 200 and reply.headers["content-type"] == "text/html; charset=utf-8"
+    policy = dict(part.strip().split(" ", 1) for part in reply.headers["content-security-policy"].split(";"))
+    assert policy["default-src"] == "'none'" and policy["frame-ancestors"] == "'none'"
+    assert all(value in ("'self'", "'none'") for value in policy.values()), "no unsafe-inline, no host, no data:"
+    assert reply.headers["x-content-type-options"] == "nosniff"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(STATIC).as_posix())
+def test_every_file_is_served_as_it_is_and_known_again(client, path) -> None:
+    name = path.relative_to(STATIC).as_posix()
+    address = {"index.html": "/", "scene.html": f"/scenes/{SCENES[0]}"}.get(name, f"/static/{name}")
+    reply = client.get(address)
+    assert reply.status_code == 200 and reply.content == path.read_bytes()
+    assert reply.headers["content-type"] == page.MEDIA_TYPES[path.suffix]
+    assert "content-security-policy" in reply.headers
+    again = client.get(address, headers={"if-none-match": f'"other", W/{reply.headers["etag"]}'})
+    assert again.status_code == 304 and not again.content
+    assert client.get(address, headers={"if-none-match": '"other"'}).status_code == 200
+    plain = client.get(address, headers={"accept-encoding": "gzip;q=0, identity"})
+    assert "content-encoding" not in plain.headers and plain.content == path.read_bytes()
+    head = client.head(address)
+    assert head.status_code == 200 and not head.content
+
+
+@pytest.mark.parametrize(
+    ("accept", "wanted"),
+    [
+        ("gzip", True),
+        ("br, gzip;q=0.5", True),
+        ("*", True),
+        ("GZIP", True),
+        ("gzip;q=0.001", True),
+        ("", False),
+        ("br", False),
+        ("gzip;q=0", False),
+        ("gzip; q=0.000", False),
+    ],
+)
+def test_compression_is_the_readers_choice(accept, wanted) -> None:
+    assert page.accepts_gzip(accept) is wanted
+
+
+def test_compressed_files_are_the_files() -> None:
+    for stored in page.static_files().values():
+        assert gzip.decompress(stored.compressed) == stored.content
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "/static/../page.py",
+        "/static/%2e%2e/page.py",
+        "/static/..%2fpage.py",
+        "/static/..%5cpage.py",
+        "/static//etc/passwd",
+        "/static/%00",
+        "/static/",
+        "/static/vendor",
+        "/static/vendor/README.md",
+        "/static/vendor/uPlot.LICENSE",
+        "/static/scene.html",
+        "/static/x.js",
+        "/scenes/no_such",
+        "/scenes/no_such/queries",
+        "/scenes/%2e%2e",
+    ],
+)
+def test_nothing_else_is_reached(client, address) -> None:
+    reply = client.get(address)
+    assert reply.status_code == 404
+    assert reply.headers["content-type"] == "application/problem+json"
+
+
+def test_the_page_is_light_and_whole() -> None:
+    weight = sum(path.stat().st_size for path in FILES)
+    assert weight < MAX_WEIGHT, f"the page weighs {weight} bytes"
+
+
+def test_there_is_no_reference_to_elsewhere() -> None:
+    for path in FILES:
+        if "vendor" in path.parts:
+            continue
+        text = path.read_text().replace("http://www.w3.org/2000/svg", "")
+        assert not re.search(r"https?:|//[a-z0-9-]+\.[a-z]{2,}/|wss?:|data:", text), path
+        if path.suffix == ".html":
+            assert "<style" not in text and " style=" not in text and not re.search(r"<script(?![^>]* src=)", text)
+            assert not re.search(r"\son[a-z]+=", text)
+
+
+def test_every_reference_within_is_served(client) -> None:
+    for path in FILES:
+        if path.suffix not in (".html", ".js") or "vendor" in path.parts:
+            continue
+        text = path.read_text()
+        for name in re.findall(r'"(/static/[^"]+)"', text) + [
+            f"/static/{name}" for name in re.findall(r'from "\./([^"]+)"', text)
+        ]:
+            assert client.get(name).status_code == 200, f"{path.name} refers to {name}"
+
+
+@pytest.mark.parametrize("folder", [STATIC / "vendor", ROOT / "tests/vendor"], ids=["page", "tests"])
+def test_vendored_files_are_those_that_are_named(folder) -> None:
+    named = dict(re.findall(r"\| (\S+) \| ([0-9a-f]{64}) \|", (folder / "README.md").read_text()))
+    assert named
+    for name, digest in named.items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+    assert {p.name for p in folder.iterdir()} - set(named) <= {"README.md", "uPlot.LICENSE", "axe-core.LICENSE"}
+
+
+def test_examples_are_made_by_their_script_and_can_be_answered(client) -> None:
+    from benchmarks.page_examples import text
+
+    stored = json.loads((STATIC / "examples.json").read_text())
+    assert stored == json.loads(text())
+    assert len(stored) == 5
+    for example in stored:
+        reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": 500})
+        assert reply.status_code == 200, reply.text
+        assert reply.json()["solutions"], example["name"]
+        assert len(example["word"]) > 30
+
+
+def test_scene_pages_say_what_their_forms_are_made_from(client) -> None:
+    assert [scene["name"] for scene in client.get("/scenes").json()] == list(SCENES)
+    for name in SCENES:
+        details = client.get(f"/scenes/{name}/queries").json()
+        for query in details["queries"]:
+            assert query["schema"]["type"] == "object" and query["examples"]
+            assert query["path"].startswith(f"/v1/{name}/")
+        assert client.get(f"/scenes/{name}").status_code == 200
+
+
+def test_vectors_are_made_by_their_script() -> None:
+    stored, made = json.loads(VECTORS.read_text()), vectors()
+    assert len(stored) == len(made)
+    for one, two in zip(stored, made):
+        assert {k: v for k, v in one.items() if not isinstance(v, float)} == {
+            k: v for k, v in two.items() if not isinstance(v, float)
+        }
+        for name in ("coupler", "rocker", "transmission", "crank_angle"):
+            assert np.isclose(one.get(name, 0), two.get(name, 0), rtol=0, atol=1e-12)
+
+
+CHECK = """
+import fs from "fs";
+import { closeLoop, family } from "./kinematics.mjs";
+let worst = 0;
+for (const entry of JSON.parse(fs.readFileSync(process.argv[2]))) {
+  const loop = closeLoop(entry.links, entry.branch, entry.crank_angle);
+  if (Boolean(loop) !== entry.closed || family(entry.links) !== entry.family) throw new Error(JSON.stringify(entry));
+  for (const name of loop ? ["coupler", "rocker", "transmission"] : [])
+    worst = Math.max(worst, Math.abs(loop[name] - entry[name]));
+}
+console.log(worst);
+"""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="there is no node; the browser test checks the same vectors")
+def test_the_browsers_kinematics_agree_with_pythons_in_node(tmp_path) -> None:
+    (tmp_path / "kinematics.mjs").write_text((STATIC / "kinematics.js").read_text())
+    (tmp_path / "check.mjs").write_text(CHECK)
+    done = subprocess.run(
+        ["node", "check.mjs", str(VECTORS)], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert float(done.stdout) < 1e-12

@@ -1,0 +1,367 @@
+"""The build: the same bytes however it is run, resumable, atomic, and its command line."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import pty
+import random
+import resource
+import signal
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_build import batch
+from data_build.batch import BuildLocked, build_atlas, compute_shard
+from data_build.cli import EXIT_DAMAGED, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, main
+from data_build.executors import dask_executor, local_executor
+from synthesis.atlas.file import AtlasRule, encode_atlas, load_atlas
+from synthesis.fourbar.dimension_types import TypeRule, enumerate_types
+from tests.conftest import make_atlas
+
+ROOT = Path(__file__).parents[2]
+RULE = AtlasRule(TypeRule(200, 2), 16)
+"""Three shards."""
+OPTIONS = ["--perimeter", "200", "--smallest", "2", "--samples", "16"]
+SLOW = ["--perimeter", "400", "--samples", "64", "--jobs", "2"]
+BRIEF = ["--perimeter", "300", "--samples", "32", "--jobs", "2"]
+
+
+class Here(Executor):
+    """Runs shards at once in this thread, notes which, and fails at one of them."""
+
+    def __init__(self, failing: int | None = None) -> None:
+        self.failing = failing
+        self.ran: list[int] = []
+
+    def submit(self, function, rule, shard):
+        future: Future = Future()
+        if shard == self.failing:
+            future.set_exception(RuntimeError("worker lost"))
+        else:
+            self.ran.append(shard)
+            future.set_result(function(rule, shard))
+        return future
+
+
+@pytest.fixture(scope="module")
+def wanted() -> bytes:
+    """The file of `RULE`, without the batch."""
+    return encode_atlas(make_atlas(RULE))
+
+
+@pytest.fixture
+def out(tmp_path) -> Path:
+    return tmp_path / "atlas.h5"
+
+
+@pytest.fixture
+def command() -> Iterator:
+    """The command line in this process; puts the signal handler back."""
+    before = signal.getsignal(signal.SIGTERM)
+    yield lambda *arguments: main([str(argument) for argument in arguments])
+    signal.signal(signal.SIGTERM, before)
+
+
+def start(*arguments: object, **options) -> subprocess.Popen:
+    """The command line in a process of its own."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
+    return subprocess.Popen([sys.executable, "-m", "data_build", *map(str, arguments)], cwd=ROOT, **pipes)
+
+
+def left_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+# -- the same bytes ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_number_of_jobs_changes_no_byte(jobs, out, wanted) -> None:
+    seen: list[tuple[int, int]] = []
+    with local_executor(jobs) as executor:
+        atlas = build_atlas(RULE, out, executor, lambda *counts: seen.append(counts))
+    assert out.read_bytes() == wanted and left_in(out.parent) == ["atlas.h5"]
+    assert np.array_equal(load_atlas(out).details, atlas.details)
+    assert seen == [(0, 3), (1, 3), (2, 3), (3, 3)]
+
+
+def test_dask_changes_no_byte(out, wanted) -> None:
+    distributed = pytest.importorskip("distributed")
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with (
+        distributed.LocalCluster(**options, worker_dashboard_address=None, silence_logs=50) as cluster,
+        dask_executor(cluster.scheduler_address) as executor,
+    ):
+        build_atlas(RULE, out, executor)
+    assert out.read_bytes() == wanted and left_in(out.parent) == ["atlas.h5"]
+
+
+def test_a_shard_is_a_pure_function() -> None:
+    assert compute_shard(RULE, 2) == compute_shard(RULE, 2)
+    sizes = [len(batch._rows(compute_shard(RULE, shard)).average) for shard in range(3)]
+    assert sizes[:2] == [batch.SHARD_TYPES] * 2 and sum(sizes) == len(enumerate_types(RULE.types))
+
+
+def test_no_types_give_an_atlas_without_types(out) -> None:
+    build_atlas(AtlasRule(TypeRule(10, 9), 16), out, Here())
+    assert len(load_atlas(out)) == 0
+
+
+# -- resuming ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_build_goes_on_from_its_parts(out, wanted) -> None:
+    out.with_name("atlas.h5.parts").mkdir()
+    for shard in (0, 1):  # as_completed gives finished ones in no order: put two parts there by hand
+        parts = batch._Parts(out.with_name("atlas.h5.parts"), RULE)
+        parts.write(shard, compute_shard(RULE, shard))
+    again = Here()
+    build_atlas(RULE, out, again)
+    assert again.ran == [2] and out.read_bytes() == wanted and left_in(out.parent) == ["atlas.h5"]
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "empty", "other_rule", "swapped", "folder_of_temporaries"])
+def test_damaged_parts_are_made_again(damage, out, wanted) -> None:
+    folder = out.with_name("atlas.h5.parts")
+    folder.mkdir()
+    parts = batch._Parts(folder, AtlasRule(TypeRule(200, 3), 16) if damage == "other_rule" else RULE)
+    for shard in range(3):
+        parts.write(shard, compute_shard(RULE, shard))
+    part = folder / "shard-000001"
+    data = bytearray(part.read_bytes())
+    data[len(data) // 2] ^= 1
+    changed = {"flip": data, "cut": data[:-5], "empty": b"", "swapped": (folder / "shard-000000").read_bytes()}
+    if damage in changed:
+        part.write_bytes(changed[damage])
+    (folder / ".shard-000002.77.tmp").write_bytes(b"half")
+    again = Here()
+    build_atlas(RULE, out, again)
+    assert again.ran == {"other_rule": [0, 1, 2], "folder_of_temporaries": []}.get(damage, [1])
+    assert out.read_bytes() == wanted and left_in(out.parent) == ["atlas.h5"]
+
+
+def test_a_failing_worker_leaves_the_old_file(out) -> None:
+    with pytest.raises(RuntimeError, match="worker lost"):
+        build_atlas(RULE, out, Here(failing=1))
+    assert not out.exists()
+    out.write_bytes(b"old")
+    with pytest.raises(RuntimeError, match="worker lost"):
+        build_atlas(RULE, out, Here(failing=1))
+    assert out.read_bytes() == b"old" and left_in(out.parent) == ["atlas.h5", "atlas.h5.parts"]
+
+
+def test_a_second_builder_is_turned_away(out, wanted, command, capsys) -> None:
+    codes: list[int] = []
+
+    def second(done: int, total: int) -> None:
+        if done == 0:
+            with pytest.raises(BuildLocked, match=r"atlas\.h5 is running"):
+                build_atlas(RULE, out, Here())
+            codes.append(command("build", "--out", out, *OPTIONS, "--jobs", 1))
+
+    build_atlas(RULE, out, Here(), second)
+    assert codes == [EXIT_USAGE] and "another build" in capsys.readouterr().err
+    assert out.read_bytes() == wanted
+    build_atlas(RULE, out, Here())  # the lock is free again
+
+
+def test_only_its_own_leftovers_are_removed(out) -> None:
+    mine = [".atlas.h5.4711.tmp"]
+    others = [".atlas.h5.new.4711.tmp", ".atlas.h5.tmp", ".other.4711.tmp"]
+    for name in mine + others:
+        (out.parent / name).write_bytes(b"half")
+    build_atlas(RULE, out, Here())
+    assert left_in(out.parent) == sorted(["atlas.h5", *others])
+
+
+# -- a full disk ------------------------------------------------------------------------------------------------------
+
+
+def test_a_disk_that_cannot_sync_leaves_the_old_file(out, command, capsys, monkeypatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    out.write_bytes(b"old")
+    monkeypatch.setattr(os, "fsync", full)
+    assert command("build", "--out", out, *OPTIONS, "--jobs", 1) == EXIT_FAILED
+    assert "No space left" in capsys.readouterr().err
+    assert out.read_bytes() == b"old" and left_in(out.parent) == ["atlas.h5", "atlas.h5.parts"]
+
+
+@pytest.mark.parametrize("limit", [100, 100_000], ids=["first_part", "the_file"])
+def test_a_disk_that_fills_up_leaves_the_old_file(limit, out, wanted) -> None:
+    out.write_bytes(b"old")
+    if limit > 100:
+        with pytest.raises(OSError):  # leaves all parts, so that only the file itself is too large
+            build_atlas(RULE, out.parent / "atlas.h5", Here(), _raise_when_done)
+    build = start(
+        *["--out", out, *OPTIONS, "--jobs", 1],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    _, errors = build.communicate(timeout=60)
+    assert build.returncode == EXIT_FAILED and errors.startswith("cannot write") and "Traceback" not in errors
+    assert out.read_bytes() == b"old" and left_in(out.parent) == ["atlas.h5", "atlas.h5.parts"]
+    assert not list(out.with_name("atlas.h5.parts").glob(".*"))
+    build_atlas(RULE, out, Here())
+    assert out.read_bytes() == wanted
+
+
+def _raise_when_done(done: int, total: int) -> None:
+    if done == total:
+        raise OSError("stop here")
+
+
+# -- the command line -------------------------------------------------------------------------------------------------
+
+
+def test_build_verify_and_info(out, wanted, command, capsys) -> None:
+    assert command("build", "--out", out, *OPTIONS, "--jobs", 1, "--json") == EXIT_OK
+    captured = capsys.readouterr()
+    built = json.loads(captured.out)
+    assert captured.err == "", "a progress bar where there is no terminal"
+    assert out.read_bytes() == wanted
+    assert (built["file"], built["bytes"], built["rule"]) == (str(out), len(wanted), RULE.as_json())
+    assert (
+        built["types"] == len(enumerate_types(RULE.types))
+        and built["content_sha256"] == load_atlas(out).content_hash()
+    )
+    for name, extra in (("verify", {"status": "sound"}), ("info", {"bytes": len(wanted)})):
+        assert command(name, out, "--json") == EXIT_OK
+        told = json.loads(capsys.readouterr().out)
+        assert told.items() >= extra.items() and all(told[key] == built[key] for key in set(told) - {"status"})
+        assert command(name, out) == EXIT_OK
+        assert f"{built['types']:,}" in capsys.readouterr().out
+
+
+def test_damaged_files_exit_3(out, command, capsys) -> None:
+    out.write_bytes(encode_atlas(make_atlas(AtlasRule(TypeRule(60), 16)))[:-1])
+    for name in ("verify", "info"):
+        assert command(name, out) == EXIT_DAMAGED
+        captured = capsys.readouterr()
+        assert captured.out == "" and "checksum" in captured.err and str(out) in captured.err
+        assert command(name, out.with_name("none.h5")) == EXIT_USAGE
+        assert "no atlas file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--perimeter", "3"], "perimeter"),
+        (["--perimeter", "many"], "perimeter"),
+        (["--perimeter", "10000"], "bytes of details"),
+        (["--smallest", "0"], "smallest"),
+        (["--samples", "100"], "power of two"),
+        (["--order", "any"], "order"),
+        (["--jobs", "0"], "at least 1"),
+        (["--out", "no/such/folder/atlas.h5"], "no folder"),
+        (["--colour"], "colour"),
+    ],
+)
+def test_wrong_usage_exits_2(arguments, text, command, capsys, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    try:
+        code = command("build", *arguments)
+    except SystemExit as leaving:  # argparse leaves by itself
+        code = leaving.code
+    assert code == EXIT_USAGE and text in capsys.readouterr().err and left_in(tmp_path) == []
+
+
+def test_a_terminal_gets_a_progress_bar(out) -> None:
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 100))
+    build = start("--out", out, *OPTIONS, "--jobs", 1, stderr=theirs)
+    os.close(theirs)
+    drawn = b""
+    with contextlib.suppress(OSError):  # what Linux says when the other side is closed
+        while more := os.read(ours, 1 << 16):
+            drawn += more
+    build.communicate(timeout=60)
+    os.close(ours)
+    drawn = drawn.decode()
+    assert build.returncode == EXIT_OK and "shard" in drawn and "100%" in drawn
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_build_exits_130_and_keeps_its_parts(sent, out) -> None:
+    build = start("--out", out, *SLOW)
+    parts = out.with_name("atlas.h5.parts")
+    wait_until(lambda: list(parts.glob("shard-*")) or build.poll() is not None)
+    build.send_signal(sent)
+    told, errors = build.communicate(timeout=60)
+    assert build.returncode == EXIT_INTERRUPTED, errors
+    assert told == "" and errors == "interrupted; the same command goes on from here\n"
+    assert not out.exists() and list(parts.glob("shard-*"))
+
+
+def wait_until(happened, seconds: float = 60) -> None:
+    for _ in range(int(seconds / 0.01)):
+        if happened():
+            return
+        time.sleep(0.01)
+    pytest.fail("timed out")
+
+
+# -- kills ------------------------------------------------------------------------------------------------------------
+
+
+def processes_with(mark: str) -> list[int]:
+    """Processes that inherited an environment variable."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if (
+                mark.encode() in (folder / "environ").read_bytes()
+                and "State:\tZ" not in (folder / "status").read_text()
+            ):
+                found.append(int(folder.name))
+        except OSError:
+            continue
+    return found
+
+
+def build_whole(out: Path) -> None:
+    build = start("--out", out, *BRIEF)
+    _, errors = build.communicate(timeout=120)
+    assert build.returncode == EXIT_OK, errors
+
+
+@pytest.mark.fault
+def test_200_kills_end_in_the_identical_file(tmp_path) -> None:
+    reference = tmp_path / "reference" / "atlas.h5"
+    reference.parent.mkdir()
+    began = time.monotonic()
+    build_whole(reference)
+    whole = time.monotonic() - began
+    wanted = reference.read_bytes()
+    out = tmp_path / "atlas.h5"
+    mark = f"LINKAGE_ATLAS_TEST={tmp_path}"
+    rng = random.Random(1)
+    kills = finished = 0
+    while kills < 200:
+        build = start("--out", out, *BRIEF, env=os.environ | dict([mark.split("=", 1)]))
+        try:
+            build.wait(rng.uniform(0.1, 1.2) * whole)
+        except subprocess.TimeoutExpired:
+            kills += 1
+            build.kill()
+        build.communicate()
+        wait_until(lambda: not processes_with(mark), 20)
+        assert not out.exists() or out.read_bytes() == wanted
+        if build.returncode == EXIT_OK:
+            finished += 1
+            assert out.exists() and left_in(tmp_path) == ["atlas.h5", "reference"]
+            out.unlink()
+    build_whole(out)
+    assert out.read_bytes() == wanted and left_in(tmp_path) == ["atlas.h5", "reference"]
+    assert finished > 0

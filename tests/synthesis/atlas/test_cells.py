@@ -1,0 +1,218 @@
+"""Cells of alike types: what their radii promise, and the scan that rests on them against the one that does without."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.atlas import cells as scan_cells
+from synthesis.atlas import descent as scan_descent
+from synthesis.atlas import scan as scan_module
+from synthesis.atlas.cells import ARCS, PARTS, Arcs, Cells
+from synthesis.atlas.descent import Left
+from synthesis.atlas.file import AtlasRule, load_atlas
+from synthesis.atlas.scan import STARTS, Scan
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule
+from synthesis.fourbar.kinematics import TURN, coupler_angle
+from synthesis.target import Target, make_target
+from tests.conftest import make_atlas
+
+
+@pytest.fixture(scope="module")
+def cells() -> list[Cells]:
+    """Cells of several levels, of short and of long series, with and without winding."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scan_cells, "LEAF", 3)
+        patch.setattr(scan_cells, "FEWEST", 1)
+        atlas = make_atlas(AtlasRule(TypeRule(72, 2, OrderRule.FULL_CRANK), 64))
+        return [cells for cells in Scan(atlas)._cells if len(cells.levels) > 1]
+
+
+def types_below(cells: Cells, level: int, cell: int) -> np.ndarray:
+    """Places of all types of a cell."""
+    finest = len(cells.levels) - 1
+    first, last = cell * PARTS ** (finest - level), (cell + 1) * PARTS ** (finest - level)
+    return np.arange(cells.first[first], cells.first[last])
+
+
+def series_at(periodic: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Values of series, cosine and sine side by side."""
+    turned = np.outer(np.arange(1, periodic.shape[-1] // 2 + 1), angle)
+    return periodic[..., ::2] @ np.cos(turned) + periodic[..., 1::2] @ np.sin(turned)
+
+
+def some_crank(rng: np.random.Generator) -> np.ndarray:
+    """Increments of the crank: tiny spans to more than a turn, both directions, even and uneven."""
+    samples = int(rng.integers(3, 40))
+    crank = (
+        rng.choice([1, -1]) * np.deg2rad(np.exp(rng.uniform(np.log(0.2), np.log(500)))) * np.linspace(0, 1, samples)
+    )
+    if rng.random() < 0.5:
+        crank[1:-1] = np.sort(crank[-1] * rng.random(samples - 2) ** 3)[:: int(np.sign(crank[-1]))]
+    return crank
+
+
+def test_every_type_is_in_one_cell_of_each_level(cells) -> None:
+    for tree in cells:
+        assert np.all(np.diff(tree.first) > 0) and tree.most <= 3
+        assert np.array_equal(np.unique(tree.bucket.rows), np.sort(tree.bucket.rows))
+        for level, its_cells in enumerate(tree.levels):
+            below = [types_below(tree, level, cell) for cell in range(len(its_cells.cells.rows))]
+            assert np.array_equal(np.concatenate(below), np.arange(len(tree.bucket.rows)))
+            for types, representative in zip(below, its_cells.cells.rows):
+                assert representative in tree.bucket.rows[types]
+        finest = np.arange(len(tree.first) - 1)
+        assert np.array_equal(np.unique(tree.types_of(finest)), np.arange(len(tree.bucket.rows)))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_no_type_is_further_from_its_representative_than_the_radius(cells, seed) -> None:
+    rng = np.random.default_rng(seed)
+    target = make_target(rng.normal(size=(crank := some_crank(rng)).size), crank_angle=crank)
+    arcs = Arcs(target, STARTS)
+    for tree in cells:
+        for level, its_cells in enumerate(tree.levels):
+            radius = arcs.radius(its_cells, np.arange(len(its_cells.error)))
+            for cell in rng.choice(len(its_cells.cells.rows), 3):
+                differences = tree.bucket.periodic[types_below(tree, level, cell)] - its_cells.cells.periodic[cell]
+                for window in rng.choice(2 * STARTS, 8):
+                    start = np.deg2rad(window % STARTS) + target.crank
+                    values = series_at(differences, start if window < STARTS else -start)
+                    assert np.all(values.std(axis=1) <= radius[cell, arcs.piece[window]])
+
+
+def test_radii_are_no_larger_than_they_need_be(cells) -> None:
+    """A radius of ten times the distance would be correct, and useless."""
+    rng = np.random.default_rng(1)
+    for degrees, most in ((3, 3.5), (20, 3.5), (60, 4), (300, 4)):
+        target = make_target(rng.normal(size=50), crank_span=np.deg2rad(degrees))
+        arcs = Arcs(target, STARTS)
+        ratios = []
+        for tree in cells:
+            finest = tree.levels[-1]
+            radius = arcs.radius(finest, np.arange(len(finest.error)))
+            for cell in range(0, len(finest.cells.rows), 7):
+                differences = tree.bucket.periodic[types_below(tree, len(tree.levels) - 1, cell)]
+                differences = differences - finest.cells.periodic[cell]
+                largest = max(
+                    series_at(differences, np.deg2rad(s) + target.crank).std(axis=1).max() for s in range(0, 360, 60)
+                )
+                ratios.append(radius[cell, arcs.piece[:STARTS:60]].max() / max(largest, 1e-9))
+        assert np.median(ratios) < most
+
+
+def test_windows_lie_in_the_pieces_that_their_radius_is_of() -> None:
+    for degrees in (0.2, 5.625, 11.25, 20, 90, 180, 359.9, 360, 700):
+        for crank in (np.linspace(0, np.deg2rad(degrees), 5), np.linspace(0, -np.deg2rad(degrees), 5)):
+            arcs = Arcs(make_target(np.zeros(5), crank_angle=crank), STARTS)
+            reached = scan_cells.RANGES[arcs._range]
+            start = np.deg2rad(np.arange(STARTS))[:, None] + crank
+            angles = np.concatenate([start, -start]) * (ARCS / TURN)
+            beyond = angles - np.floor(angles.min(axis=1))[:, None]
+            at = (arcs.piece - np.floor(angles.min(axis=1)).astype(int)) % ARCS
+            at = np.where(at > ARCS // 2, at - ARCS, at)
+            if reached < ARCS:
+                assert np.all(beyond.min(axis=1) >= at - 1e-8) and np.all(beyond.max(axis=1) <= at + reached + 1e-8)
+            else:
+                assert reached == ARCS
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_chunks_hold_every_window_once(seed) -> None:
+    rng = np.random.default_rng(seed)
+    count = rng.integers(1, rng.choice([3, 40, 700]), rng.integers(1, 300))
+    left = Left(np.arange(count.size), count, rng.integers(0, 720, count.sum()))
+    wanted = sorted(zip(np.repeat(left.cell, count).tolist(), left.window.tolist()))
+    found = []
+    for cell, window, real in left.chunks(int(rng.choice([8, 800, 10**7]))):
+        assert window.shape == real.shape == (cell.size, real.shape[1]) and real[:, 0].all()
+        assert real.mean() >= 0.5 or cell.size == 1
+        found += list(zip(np.broadcast_to(cell[:, None], real.shape)[real].tolist(), window[real].tolist()))
+    assert sorted(found) == wanted
+
+
+# -- the default atlas ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def both_ways(atlas_path) -> tuple[Scan, Scan]:
+    atlas = load_atlas(atlas_path)
+    return Scan(atlas, threads=2), Scan(atlas, threads=2, cells=False)
+
+
+def request(scan: Scan, rng: np.random.Generator, kind: str) -> Target:
+    """A motion between the types of the atlas, one beside them, one near a change point, or any curve."""
+    span = np.deg2rad(rng.choice([2.0, 20, 45, 90, 180, 300, 360]))
+    crank = np.linspace(0, span, 32)
+    lengths = scan.lengths[rng.integers(len(scan.lengths))] + rng.uniform(-0.4, 0.4, 4)
+    if kind == "change point":
+        lengths[3] = lengths[1] + lengths[2] - lengths[0] - 10.0 ** rng.uniform(-6, 0)
+    angle = coupler_angle(lengths, rng.choice([1, -1]), rng.uniform(0, TURN) + crank)
+    position = lengths[0] * np.exp(1j * crank) + 90 * np.exp(1j * angle) if kind == "both" else None
+    if kind == "anything":
+        angle = np.cumsum(rng.normal(size=32)) * 10.0 ** rng.uniform(-3, 2)
+    return make_target(angle, position, span)
+
+
+@pytest.mark.parametrize("kind", ["between", "both", "change point", "anything"])
+def test_cells_change_no_answer(both_ways, kind) -> None:
+    scan, plain = both_ways
+    rng = np.random.default_rng(len(kind))
+    for _ in range(3 if kind == "both" else 7):
+        target = request(scan, rng, kind)
+        found, report = scan.best(target, 10)
+        wanted, _ = plain.best(target, 10)
+        assert report.exhaustive
+        for column in ("row", "start", "branch", "error"):
+            assert np.array_equal(getattr(found, column), getattr(wanted, column)), column
+
+
+def test_ties_of_all_windows_go_by_number(both_ways) -> None:
+    scan, plain = both_ways
+    target = make_target(np.linspace(0, 1e-3, 3) ** 2, crank_angle=np.array([0, TURN / 2, TURN]))
+    found, wanted = scan.best(target, 40)[0], plain.best(target, 40)[0]
+    assert all(np.array_equal(*pair) for pair in zip(found, wanted))
+
+
+def test_few_windows_of_a_reachable_motion_are_looked_at(both_ways, monkeypatch) -> None:
+    scan, _ = both_ways
+    looked_at = 0
+    error = scan_descent.RotationMatrix._error
+
+    def counted(*values):
+        nonlocal looked_at
+        result = error(*values)
+        looked_at += result.size
+        return result
+
+    monkeypatch.setattr(scan_descent.RotationMatrix, "_error", counted)
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        looked_at = 0
+        scan.best(request(scan, rng, "between"), 10)
+        assert looked_at < 0.06 * scan.windows
+
+
+def test_types_that_the_file_leaves_unresolved_are_taken_from_their_lengths() -> None:
+    atlas = make_atlas(AtlasRule(TypeRule(60, 2, OrderRule.FULL_CRANK), 16))
+    assert np.mean(atlas.curve_error > 1e-3) > 0.1
+    scan = Scan(atlas)
+    assert np.mean(np.concatenate([cells.bucket.error for cells in scan._cells]) > 1e-5) < 0.01
+    scan.prepare_positions()
+    assert np.mean(np.concatenate([phasors.error for phasors in scan._phasors]) > 1e-4) < 0.01
+
+
+def test_a_preparation_that_is_given_up_leaves_nothing_half_made(monkeypatch) -> None:
+    class GivenUp(Exception):
+        pass
+
+    def checkpoint() -> None:
+        raise GivenUp
+
+    monkeypatch.setattr(scan_module, "_PATIENCE", 1e-4)
+    scan = Scan(make_atlas(AtlasRule(TypeRule(150, 2), 256)))
+    with pytest.raises(GivenUp):
+        scan.prepare_positions(checkpoint)
+    assert not scan._phasors
+    scan.prepare_positions()
+    assert len(scan._phasors) == len(scan._cells)

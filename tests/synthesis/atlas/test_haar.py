@@ -1,0 +1,100 @@
+"""Haar features against explicit block means, and their laws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.atlas import haar
+from tests.oracles import naive
+
+laws = settings(derandomize=True, max_examples=40, deadline=None)
+curves = st.builds(
+    lambda j, seed, size: np.random.default_rng(seed).normal(scale=size, size=2**j),
+    st.integers(1, 9),
+    st.integers(0, 2**32),
+    st.sampled_from([1e-9, 1.0, 1e9]),
+)
+
+
+@laws
+@given(curves)
+def test_features_are_block_means(curve) -> None:
+    average, details = haar.features(curve)
+    plain_average, plain_details = naive.haar(curve)
+    size = np.abs(curve).max()
+    assert average == pytest.approx(plain_average, abs=1e-14 * size)
+    assert np.allclose(details, plain_details, rtol=0, atol=1e-14 * size)
+
+
+@laws
+@given(curves)
+def test_orthonormal_details_keep_the_energy(curve) -> None:
+    average, details = haar.features(curve, "orthonormal")
+    assert np.sum(details**2) == pytest.approx(np.sum((curve - average) ** 2), rel=1e-12)
+
+
+@laws
+@given(curves, st.sampled_from(["mean", "orthonormal"]))
+def test_inverse_gives_the_curve_back(curve, normalisation) -> None:
+    back = haar.curve_from_features(*haar.features(curve, normalisation), normalisation)
+    assert np.allclose(back, curve, rtol=0, atol=1e-14 * np.abs(curve).max())
+
+
+@laws
+@given(curves, st.floats(-10, 10))
+def test_a_constant_moves_the_average_alone(curve, constant) -> None:
+    average, details = haar.features(curve)
+    moved_average, moved_details = haar.features(curve + constant)
+    tolerance = 1e-13 * (np.abs(curve).max() + abs(constant))
+    assert moved_average - average == pytest.approx(constant, abs=tolerance)
+    assert np.allclose(moved_details, details, rtol=0, atol=tolerance)
+
+
+@laws
+@given(curves, st.floats(-10, 10))
+def test_similarity_is_the_rms_after_the_best_offset(curve, constant) -> None:
+    other = constant + np.cos(np.arange(curve.size)) * np.abs(curve).max()
+    found = haar.similarity(*(haar.features(values, "orthonormal")[1] for values in (curve, other)))
+    assert found == pytest.approx(np.std(curve - other), rel=1e-9)
+
+
+def test_batches_are_rows() -> None:
+    rows = np.random.default_rng(1).normal(size=(3, 5, 16))
+    average, details = haar.features(rows)
+    assert average.shape == (3, 5) and details.shape == (3, 5, 15)
+    assert np.array_equal(details[2, 4], haar.features(rows[2, 4])[1])
+    assert np.allclose(haar.curve_from_features(average, details), rows, atol=1e-14)
+
+
+@pytest.mark.parametrize("samples", [3, 5, 8, 16, 33])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_resampling_keeps_cubics(samples, sign) -> None:
+    uneven = sign * np.cumsum(np.random.default_rng(samples).uniform(0.5, 1.5, samples))
+    cubics = np.array([uneven**power for power in range(4 if samples > 3 else 3)])
+    even, curve = haar.resample(uneven, cubics)
+    size = 2 ** int(np.ceil(np.log2(samples)))
+    assert even.size == size and curve.shape == (len(cubics), size)
+    assert even[[0, -1]] == pytest.approx(uneven[[0, -1]])
+    for power, row in enumerate(curve):
+        assert row == pytest.approx(even**power, rel=1e-10, abs=1e-10)
+
+
+def test_resampling_leaves_an_even_power_of_two_alone() -> None:
+    crank, curve = np.linspace(0.5, -2, 32), np.random.default_rng(2).normal(size=32)
+    even, same = haar.resample(crank, curve)
+    assert np.array_equal(even, crank) and np.array_equal(same, curve)
+
+
+@pytest.mark.parametrize("samples", [0, 1, 3, 12])
+def test_lengths_that_are_no_power_of_two_are_refused(samples) -> None:
+    with pytest.raises(ValueError, match=f"samples: wanted a power of two .* found {samples}"):
+        haar.features(np.zeros(samples))
+
+
+@pytest.mark.parametrize("call", [haar.features, lambda curve, name: haar.curve_from_features(0.0, curve[1:], name)])
+def test_unknown_normalisation_is_refused(call) -> None:
+    with pytest.raises(ValueError, match="'median'"):
+        call(np.zeros(8), "median")

@@ -1,0 +1,266 @@
+"""The exact scan against its twin that evaluates every window and sorts them all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from synthesis.atlas import cells as scan_cells
+from synthesis.atlas import scan as scan_module
+from synthesis.atlas.file import AtlasRule
+from synthesis.atlas.scan import STARTS, TIE, Scan, Windows, window_errors
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule
+from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.fourbar.pose import objective
+from synthesis.target import Target, make_target
+from tests.conftest import make_atlas
+from tests.oracles import naive
+
+ATLASES = {
+    "increasing": AtlasRule(TypeRule(100, 14, OrderRule.INCREASING), 64),
+    "crank_shortest": AtlasRule(TypeRule(64, 9, OrderRule.CRANK_SHORTEST), 32),
+    "full_crank": AtlasRule(TypeRule(60, 9, OrderRule.FULL_CRANK), 32),
+    "coarse": AtlasRule(TypeRule(60, 9, OrderRule.FULL_CRANK), 16),
+}
+
+
+@pytest.fixture(scope="module")
+def scans() -> Iterator[dict[str, Scan]]:
+    """Scans whose cells have several levels although the atlases are small enough for the twin."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scan_cells, "LEAF", 3)
+        patch.setattr(scan_cells, "FEWEST", 1)
+        yield {name: Scan(make_atlas(rule)) for name, rule in ATLASES.items()}
+
+
+def every_window(scan: Scan) -> Windows:
+    """All windows in the order that breaks ties: number, start, branch +1 before -1."""
+    row, start, branch = np.meshgrid(np.arange(len(scan.lengths)), np.arange(STARTS), [1, -1], indexing="ij")
+    return Windows(row.ravel(), start.ravel(), branch.ravel(), np.zeros(row.size))
+
+
+def naive_scan(scan: Scan, target: Target, top: int) -> tuple[Windows, Windows]:
+    """The best ``top`` windows by evaluating and sorting all, and all of them."""
+    windows = every_window(scan)
+    errors = []
+    for first in range(0, windows.row.size, 1 << 14):
+        part = windows.take(np.arange(first, min(first + (1 << 14), windows.row.size)))
+        crank = np.deg2rad(part.start)[:, None] + target.crank
+        errors.append(objective(target, coupler_angle(scan.lengths[part.row], part.branch, crank)))
+    windows = windows._replace(error=np.concatenate(errors))
+    order = np.argsort(np.round(windows.error / TIE), kind="stable")
+    return windows.take(order[:top]), windows
+
+
+def random_target(scan: Scan, rng: np.random.Generator, kind: str, reachable: bool) -> Target:
+    """A motion of some type of the atlas, or of nothing at all."""
+    samples = int(rng.integers(8, 65))
+    span = rng.choice([1, -1]) * np.deg2rad(rng.uniform(10, 350))
+    crank = np.linspace(0, span, samples)
+    if rng.random() < 0.4:
+        crank[1:-1] += rng.uniform(-0.4, 0.4, samples - 2) * span / samples
+    start = np.deg2rad(rng.integers(360))
+    lengths = scan.lengths[rng.integers(len(scan.lengths))]
+    theta2 = coupler_angle(lengths, rng.choice([1, -1]), start + crank)
+    rotation = theta2 + rng.uniform(-9, 9)
+    z1, z2, pivot = rng.normal(size=3) + 1j * rng.normal(size=3)
+    position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * theta2)
+    if not reachable:
+        wave = rng.normal(size=4) @ np.sin(np.outer(np.arange(1, 5), 2 * crank / span))
+        rotation = rng.uniform(0.01, 1) * wave + rng.choice([0, 1]) * crank
+        position = position * (1 + 0.3 * wave * rng.random())
+    return make_target(
+        rotation if kind != "position" else None,
+        position if kind != "rotation" else None,
+        crank_angle=crank + rng.uniform(-3, 3),
+    )
+
+
+def all_bounds(scan: Scan, target: Target, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers and bounds of all windows that a limit leaves."""
+    found = [(np.empty(0, dtype=np.int64), np.empty(0)), *scan._bounds(scan._requested(target), lambda: limit)]
+    ids, bounds = (np.concatenate(column) for column in zip(*found))
+    return ids, bounds
+
+
+@pytest.mark.parametrize("reachable", [True, False], ids=["reachable", "unreachable"])
+@pytest.mark.parametrize("kind", ["rotation", "both", "position"])
+@pytest.mark.parametrize("name", ATLASES)
+def test_scan_is_that_of_all_windows(scans, name, kind, reachable) -> None:
+    scan = scans[name]
+    rng = np.random.default_rng([list(ATLASES).index(name), len(kind), reachable])
+    for _ in range(1):
+        target = random_target(scan, rng, kind, reachable)
+        top = int(rng.choice([1, 10, 60]))
+        wanted, everything = naive_scan(scan, target, top)
+        found, report = scan.best(target, top)
+        assert report.exhaustive and report.windows == scan.windows == everything.row.size
+        for column in ("row", "start", "branch"):
+            assert np.array_equal(getattr(found, column), getattr(wanted, column)), column
+        assert np.allclose(found.error, wanted.error, rtol=0, atol=TIE)
+
+        # the bounds that the proof rests on: no window's bound is above its exact error
+        # ... and, whatever the limit is, every window that it does not exclude is found, and once
+        for share in (1e-4, 1e-2, 0.1, 1):
+            limit = np.inf if share == 1 else np.quantile(everything.error, share)
+            ids, bounds = all_bounds(scan, target, limit)
+            assert np.unique(ids).size == ids.size and np.all(bounds <= limit)
+            windows = scan._windows(ids)
+            place = (windows.row * STARTS + windows.start.astype(int)) * 2 + (windows.branch < 0)
+            assert np.all(bounds <= everything.error[place] + 1e-15)
+            assert set(np.flatnonzero(everything.error <= limit)) <= set(place)
+
+
+@pytest.mark.parametrize("kind", ["rotation", "both", "position"])
+def test_errors_are_those_of_the_textbook(scans, kind) -> None:
+    scan, rng = scans["full_crank"], np.random.default_rng(5)
+    for reachable in (True, False):
+        target = random_target(scan, rng, kind, reachable)
+        chosen = rng.choice(scan.windows, 100, replace=False)
+        windows = every_window(scan).take(chosen)
+        plain = [
+            naive.window_error(
+                scan.lengths[row], branch, start, target.crank, target.rotation, target.position, target.length_scale
+            )
+            for row, start, branch, _ in zip(*windows)
+        ]
+        assert window_errors(scan.lengths, target, windows) == pytest.approx(plain, rel=1e-6, abs=1e-9)
+
+
+def test_ties_go_by_number_start_and_branch(scans) -> None:
+    # A turn that starts and ends at the same place: a rotation equal to the crank's is met alike from every start.
+    scan = scans["full_crank"]
+    crank = np.linspace(0, 2 * np.pi, 9)
+    found, _ = scan.best(make_target(crank, crank_angle=crank), 20)
+    rounded = np.round(found.error / TIE)
+    keys = list(zip(rounded, found.row, found.start, found.branch < 0))
+    assert keys == sorted(keys) and len(set(rounded)) < len(rounded)
+
+
+def test_answers_do_not_depend_on_the_series(scans) -> None:
+    scan = scans["increasing"]
+    target = random_target(scan, np.random.default_rng(8), "both", True)
+    coarse = Scan(make_atlas(ATLASES["increasing"]), series_error=1e-2)
+    assert all(np.array_equal(*pair) for pair in zip(coarse.best(target, 30)[0], scan.best(target, 30)[0]))
+
+
+def test_refused_windows_are_no_answers(scans) -> None:
+    scan = scans["increasing"]
+    target = random_target(scan, np.random.default_rng(9), "rotation", True)
+
+    def odd_rows(windows: Windows) -> np.ndarray:
+        return np.where(windows.row % 2 == 1, window_errors(scan.lengths, target, windows), np.inf)
+
+    _, everything = naive_scan(scan, target, 1)
+    odd = everything.take(np.flatnonzero(everything.row % 2 == 1))
+    wanted = odd.take(np.argsort(np.round(odd.error / TIE), kind="stable")[:15])
+    found, _ = scan.best(target, 15, odd_rows)
+    assert all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
+    none, report = scan.best(target, 15, lambda windows: np.full(windows.row.size, np.inf))
+    assert none.row.size == 0 and report.exhaustive and report.evaluated == scan.windows
+    _, cut_short = scan.best(target, 15, lambda windows: np.full(windows.row.size, np.inf), max_windows=100)
+    assert not cut_short.exhaustive
+
+
+def test_what_the_first_look_found_is_not_lost(scans) -> None:
+    """Where most windows are refused and only a few may be evaluated, the best found so far is the answer."""
+    scan = scans["full_crank"]
+    target = random_target(scan, np.random.default_rng(12), "rotation", False)
+    probed: list[Windows] = []
+
+    def few(windows: Windows) -> np.ndarray:
+        error = window_errors(scan.lengths, target, windows)
+        allowed = windows.row % 50 == 7
+        probed.append(windows.take(np.flatnonzero(allowed)))
+        return np.where(allowed, error, np.inf)
+
+    found, report = scan.best(target, 5, few, max_windows=64)
+    assert not report.exhaustive and report.evaluated <= 64
+    seen = {(row, start, branch) for part in probed for row, start, branch, _ in zip(*part)}
+    assert 0 < len(seen) and found.row.size == min(5, len(seen))
+
+
+def test_no_pass_forgets_the_ceiling(scans, monkeypatch) -> None:
+    scan = scans["full_crank"]
+    target = random_target(scan, np.random.default_rng(12), "rotation", True)
+    monkeypatch.setattr(scan_module, "_COUNT_BELOW", 8)
+    limits: list[float] = []
+    lowest = Scan._lowest
+    monkeypatch.setattr(
+        Scan,
+        "_lowest",
+        lambda self, parts, count, ceiling, *rest: (
+            limits.append(ceiling) or lowest(self, parts, count, ceiling, *rest)
+        ),
+    )
+    wanted, everything = naive_scan(scan, target, 1)
+    rare = everything.take(np.flatnonzero(everything.row % 5 == 2))
+    wanted = rare.take(np.argsort(np.round(rare.error / TIE), kind="stable")[:12])
+    found, report = scan.best(
+        target,
+        12,
+        lambda windows: np.where(windows.row % 5 == 2, window_errors(scan.lengths, target, windows), np.inf),
+    )
+    assert report.exhaustive and all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
+    assert len(limits) > 1 and np.all(np.diff(limits) <= 0)
+
+
+@pytest.mark.parametrize("constant", [0.0, 99995.50866340027, 1e6 - 1])
+def test_a_large_constant_in_the_rotation_breaks_no_bound(scans, constant) -> None:
+    # Rounding of so large a mean leaves a mean of 6e-11, which counts for targets as short as this.
+    scan = scans["increasing"]
+    target = make_target(np.full(100, constant), crank_angle=np.deg2rad(np.linspace(0, 0.3, 100)))
+    wanted, everything = naive_scan(scan, target, 60)
+    found, _ = scan.best(target, 60)
+    assert all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
+    ids, bounds = all_bounds(scan, target, np.inf)
+    windows = scan._windows(ids)
+    place = (windows.row * STARTS + windows.start.astype(int)) * 2 + (windows.branch < 0)
+    assert np.all(bounds <= everything.error[place] + 1e-15)
+
+
+@pytest.mark.parametrize("scale", [1e-50, 1e-21, 1e50])
+def test_objectives_of_any_size_are_scanned(scans, scale) -> None:
+    scan = scans["increasing"]
+    crank = np.linspace(0, 1, 12)
+    angle = coupler_angle(scan.lengths[70], 1, 1 + crank)
+    wave = 0.01 * np.cos(9 * crank)
+    target = make_target(angle + wave, np.exp(1j * crank) + (0.5 + wave) * np.exp(1j * angle), 1.0, None, scale)
+    wanted, _ = naive_scan(scan, target, 10)
+    found, _ = scan.best(target, 10)
+    assert found.error == pytest.approx(wanted.error, rel=1e-9)
+
+
+@pytest.mark.parametrize("patience", [0, 1, 3, 10**6])
+def test_a_scan_without_time_says_so(scans, patience) -> None:
+    scan = scans["increasing"]
+    target = random_target(scan, np.random.default_rng(3), "both", False)
+    asked = 0
+
+    def expired() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked > patience
+
+    found, report = scan.best(target, 10, expired=expired)
+    assert report.exhaustive == (asked <= patience)
+    assert found.row.size == 10 and np.all(np.isfinite(found.error))
+    if patience > 1000:
+        assert report.exhaustive and np.array_equal(found.error, scan.best(target, 10)[0].error)
+
+
+def test_an_atlas_without_types_has_no_answers() -> None:
+    scan = Scan(make_atlas(AtlasRule(TypeRule(10, 9), 16)))
+    found, report = scan.best(make_target(np.arange(4.0), crank_span=1.0), 5)
+    assert found.row.size == 0 and report == (0, 0, True)
+
+
+def test_table_is_the_squared_error_of_every_window(scans) -> None:
+    scan = scans["full_crank"]
+    target = random_target(scan, np.random.default_rng(10), "rotation", False)
+    table = scan.error_table(target)
+    _, everything = naive_scan(scan, target, 1)
+    exact = everything.error.reshape(len(scan.lengths), STARTS, 2).transpose(0, 2, 1)
+    assert np.sqrt(table) == pytest.approx(exact, abs=1e-2)

@@ -1,0 +1,463 @@
+"""The crescent and its slot: published numbers, an independent implementation's values, laws, extremes."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.chain import crescent as chain
+from synthesis.chain.closure import Chain, closing_links, highest, lowest
+from synthesis.chain.report import chord_error, report, wheel_conflict
+from synthesis.chain.slot import find_slot
+from synthesis.errors import FieldError
+
+REFERENCE = json.loads((Path(__file__).parents[2] / "reference" / "chain.json").read_text())
+PRINTED, AS_PRINTED, CANONICAL = REFERENCE["published"], REFERENCE["as_printed"], REFERENCE["canonical"]
+L, N, R1 = 131.0, 16, 181.78
+R0 = L / math.sqrt(2)
+
+
+@pytest.fixture(scope="module")
+def canonical():
+    return chain.crescent_slot(L, N, R1)
+
+
+@pytest.fixture(scope="module")
+def facts(canonical):
+    slot = canonical[1]
+    return report(slot, np.linspace(slot.start, slot.end, 91))
+
+
+@pytest.fixture(scope="module")
+def printed():
+    radii = (PRINTED["wheel_radius"], PRINTED["lower_radius"], PRINTED["eccentricity"])
+    return chain.crescent_slot(L, N, R1, *radii)
+
+
+def theta(slot, degrees):
+    """Phases of angles of P1 on the left wheel."""
+    return np.radians(np.asarray(degrees, dtype=float)) * slot.chain.period / (np.pi / 2)
+
+
+# Published numbers
+
+
+def test_p1_wheel_radius(canonical) -> None:
+    assert canonical[0].wheel_radius == pytest.approx(PRINTED["wheel_radius"], abs=0.005)
+
+
+def test_p2_xi_and_alpha_make_a_right_angle(canonical, printed) -> None:
+    for crescent in (canonical[0], printed[0]):
+        assert math.degrees(crescent.xi + crescent.alpha) == pytest.approx(90, abs=1e-9)
+
+
+def test_p3_tangency_residual_of_the_printed_numbers(printed) -> None:
+    assert abs(printed[0].tangency_residual) <= 0.021
+    assert printed[0].tangency_residual == pytest.approx(AS_PRINTED["tangency_residual"], abs=1e-5)
+
+
+def test_p4_xi_three_ways(printed) -> None:
+    r0, b, r2 = PRINTED["wheel_radius"], PRINTED["eccentricity"], PRINTED["lower_radius"]
+    for xi in (math.asin(b / (r2 - r0)), math.atan(b / (R1 + r0)), printed[0].xi):
+        assert math.degrees(xi) == pytest.approx(PRINTED["xi_deg"], abs=0.05)
+
+
+def test_p5_sixteen_links_close(canonical, printed) -> None:
+    assert closing_links(printed[0].track, L) == PRINTED["links"]
+    assert closing_links(canonical[0].track, L) == PRINTED["links"]
+
+
+def test_p6_p7_p8_critical_closure_gives_the_printed_layout(canonical) -> None:
+    crescent = canonical[0]
+    assert crescent.lower_radius == pytest.approx(PRINTED["lower_radius"], abs=0.01)
+    assert crescent.eccentricity == pytest.approx(PRINTED["eccentricity"], abs=0.01)
+    assert math.degrees(crescent.xi) == pytest.approx(PRINTED["xi_deg"], abs=0.05)
+    assert math.degrees(crescent.alpha) == pytest.approx(PRINTED["alpha_deg"], abs=0.05)
+
+
+def test_p9_the_defect_has_the_period_of_one_link(canonical) -> None:
+    slot = canonical[1]
+    angles = np.arange(88)  # then P13 and P15 are on the upper arc at both phases
+    here, on = slot.slack(theta(slot, angles)) / R1, slot.slack(theta(slot, angles + 90)) / R1
+    assert np.degrees(np.abs(here - on)).max() < 1e-9
+    assert slot.chain.period / R0 == pytest.approx(math.pi / 2, abs=1e-14)
+
+
+# Regression values
+
+
+def test_geometry(canonical, printed) -> None:
+    crescent = canonical[0]
+    wheel, upper, _ = (math.degrees(angle) for angle in crescent.link_angles(L))
+    assert wheel == pytest.approx(90, abs=1e-12)
+    assert upper == pytest.approx(CANONICAL["delta_upper_deg"], abs=1e-6)
+    assert math.degrees(printed[0].link_angles(L)[2]) == pytest.approx(AS_PRINTED["delta_lower_deg"], abs=1e-6)
+    assert crescent.lower_radius == pytest.approx(CANONICAL["lower_radius"], abs=1e-6)
+    assert crescent.eccentricity == pytest.approx(CANONICAL["eccentricity"], abs=1e-6)
+    assert math.degrees(crescent.xi) == pytest.approx(CANONICAL["xi_deg"], abs=1e-6)
+
+
+def test_window_and_crossings(canonical) -> None:
+    slot = canonical[1]
+    to_deg = 180 / math.pi / R0
+    assert slot.free == 14 and slot.side == 1
+    assert slot.start * to_deg == pytest.approx(CANONICAL["phase_start_deg"], abs=1e-6)
+    assert [c.phase * to_deg for c in slot.crossings] == pytest.approx(CANONICAL["events_deg"], abs=1e-6)
+    assert [c.pin for c in slot.crossings] == CANONICAL["event_pins"]
+    segments = [chain.RIGHT_WHEEL, chain.UPPER_ARC, chain.LEFT_WHEEL, chain.LOWER_ARC]
+    assert [c.segment for c in slot.crossings] == segments
+
+
+def test_locus(canonical, facts) -> None:
+    slot = canonical[1]
+    points = slot.path(slot.start + theta(slot, CANONICAL["samples_deg"]))
+    assert np.abs(points - np.array([CANONICAL["x"], CANONICAL["y"]]).T).max() < 1e-6
+    ends = slot.path(np.array([slot.start, slot.end]))
+    assert np.abs(ends - CANONICAL["ends"]).max() < 1e-6
+    lowest_y = lowest(lambda p: slot.path(p)[:, 1], slot.start, slot.end, 100)
+    assert lowest_y.value == pytest.approx(CANONICAL["y_min"], abs=1e-6)
+    assert facts.depth_max.value == pytest.approx(CANONICAL["depth_max"], abs=1e-5)
+    assert facts.end_step < 1e-9
+
+
+def test_defect_and_checks(canonical, facts) -> None:
+    slot = canonical[1]
+    assert math.degrees(facts.slack_max.value / R1) == pytest.approx(CANONICAL["defect_max_deg"], abs=1e-5)
+    phase = math.degrees(facts.slack_max.phase / R0)
+    assert phase == pytest.approx(CANONICAL["defect_max_theta1_deg"], abs=1e-3)
+    assert abs(facts.slack_min) < 1e-10
+    assert facts.slack_max.value == pytest.approx(CANONICAL["slack_max"], abs=0.001)
+    assert facts.held_chord_error == pytest.approx(CANONICAL["held_chord_error"], abs=0.001)
+    assert facts.radius_min == pytest.approx(CANONICAL["radius_min"], abs=0.05)
+    assert facts.single_valued
+    assert facts.free_speed == pytest.approx(CANONICAL["free_pin_speed"], abs=0.001)
+    assert facts.clearance == pytest.approx(CANONICAL["clearance"], abs=0.01)
+    conflict = 90 * wheel_conflict(slot, chain.RIGHT_WHEEL).value
+    assert conflict == pytest.approx(CANONICAL["wheel_phase_conflict_deg"], abs=0.005)
+
+
+def test_all_chords_equal_the_pitch_at_9001_phases(canonical) -> None:
+    slot = canonical[1]
+    assert chord_error(slot, np.linspace(slot.start, slot.end, 9001)) < 1e-10
+
+
+def test_every_pin_near_the_slot_is_on_track_or_slot(canonical) -> None:
+    """One slot serves all pins: P13 and P15 never leave the bare arc, and where P14 ends P15 started."""
+    slot = canonical[1]
+    pins = slot.pins(np.linspace(slot.start, slot.end, 501))
+    for pin in (13, 15):
+        assert np.abs(np.hypot(*pins[:, pin - 1].T) - R1).max() < 1e-9
+        x = pins[:, pin - 1, 0]
+        assert np.all(x >= 65.5 - 1e-9) if pin == 13 else np.all(x <= -65.5 + 1e-9)
+    assert np.abs(pins[-1, 13] - pins[0, 14]).max() < 1e-9
+
+
+def test_printed_numbers_as_they_are(printed) -> None:
+    crescent, slot = printed
+    facts = report(slot, np.linspace(slot.start, slot.end, 91))
+    assert facts.slack_min > 0
+    assert math.degrees(facts.slack_min / R1) == pytest.approx(AS_PRINTED["defect_min_deg"], abs=1e-4)
+    assert math.degrees(facts.slack_max.value / R1) == pytest.approx(AS_PRINTED["defect_max_deg"], abs=2e-4)
+    assert facts.depth_max.value == pytest.approx(AS_PRINTED["depth_max"], abs=0.001)
+    assert facts.end_step == pytest.approx(AS_PRINTED["end_step"], abs=0.001)
+    track = Chain(crescent.track, L, N)
+    assert track.least_overrun().value == pytest.approx(AS_PRINTED["overrun_min"], abs=0.005)
+    assert track.most_overrun().value == pytest.approx(AS_PRINTED["overrun_max"], abs=0.005)
+    for links, least, most in ((15, -145, -131), (17, 144, 151)):
+        overrun = Chain(crescent.track, L, links)
+        assert least < overrun.least_overrun().value < overrun.most_overrun().value < most
+
+
+def test_other_windows_have_steps_at_both_ends() -> None:
+    for start, step in CANONICAL["end_step_at_other_starts_deg"].items():
+        _, slot = chain.crescent_slot(L, N, R1, start=math.radians(float(start)))
+        assert report(slot, np.array([slot.start])).end_step == pytest.approx(step, abs=0.006)
+
+
+def printed_case_list(crescent, angles):
+    """theta13 by the paper's case list, misprints corrected; NaN where an arccos has no value.
+
+    It knows neither P10 on the lower arc nor P12 on a wheel.
+    """
+    r0, r2 = crescent.wheel_radius, crescent.lower_radius
+    c, a, xi, alpha = R1 + r0, r2 - r0, crescent.xi, crescent.alpha
+    dq, du, dd = crescent.link_angles(L)
+
+    def branch(p, q, m):
+        with np.errstate(invalid="ignore"):
+            return np.arctan2(q, p) - np.arccos(m / np.hypot(p, q))
+
+    # P1 and, up to 180 deg, P2 on the wheel; the last pin of the wheel goes over to the lower arc.
+    last = np.where(angles + dq <= np.pi + xi, angles + dq, angles)
+    v = np.pi + xi - last
+    m = L**2 - (r2**2 + a * a + r0**2 + 2 * a * r0 * np.cos(v))
+    lower = -(alpha - branch(-2 * r2 * (a + r0 * np.cos(v)), 2 * r0 * r2 * np.sin(v), m))
+    on_lower = np.where(angles + dq <= np.pi + xi, 3, 2) + 0
+    # P10 is taken to be on the right wheel, P9 the last on the lower arc.
+    u = alpha - (lower + (9 - on_lower) * dd)
+    m = L**2 - (r2**2 + a * a + r0**2 - 2 * a * r2 * np.cos(u))
+    wheel = np.pi + xi - branch(2 * r0 * (a - r2 * np.cos(u)), 2 * r0 * r2 * np.sin(u), m)
+    # P10, P11 on the wheel, P12 taken to be on the upper arc.
+    v = wheel - dq
+    m = L**2 - (c * c + r0**2 + R1**2 - 2 * c * r0 * np.cos(v))
+    upper = np.pi / 2 - branch(2 * R1 * (r0 * np.cos(v) - c), 2 * r0 * R1 * np.sin(v), m)
+    return upper - du  # theta13
+
+
+def test_the_printed_case_list_is_first_right_at_62_66_degrees(canonical) -> None:
+    crescent, slot = canonical
+    degrees = np.arange(29.6, 100, 0.01)
+    before, _, _, _ = slot.neighbours(theta(slot, degrees))
+    point = slot.chain.track.points(before)
+    ours = np.arctan2(point[:, 0], -point[:, 1])
+    theirs = printed_case_list(crescent, np.radians(degrees))
+    with np.errstate(invalid="ignore"):
+        right = np.abs(ours - theirs) < 1e-9
+    first = degrees[np.flatnonzero(right)[0]]
+    assert first == pytest.approx(62.66, abs=0.05)
+    assert right[degrees > 62.67].all()
+    assert np.isnan(theirs[degrees < 40]).any()
+
+
+# Independent arithmetic and forms
+
+
+def test_p14_agrees_with_50_digit_arithmetic(canonical) -> None:
+    """The paper's transfer relations for P1 at 100 deg in 50 digits: P2..P9 lower, P10, P11 wheel, P12, P13 upper."""
+    crescent, slot = canonical
+    angle = 100.0
+    with mpmath.workdps(50):
+        length, r1 = mpmath.mpf(131), mpmath.mpf("181.78")
+        r0 = length / mpmath.sqrt(2)
+        c, r2 = r1 + r0, mpmath.mpf(crescent.lower_radius)
+        a = r2 - r0
+        b = mpmath.sqrt(a * a - c * c)
+        xi = mpmath.atan2(b, c)
+        alpha = mpmath.pi / 2 - xi
+        du, dd = 2 * mpmath.asin(length / (2 * r1)), 2 * mpmath.asin(length / (2 * r2))
+
+        def branch(p, q, m):
+            return mpmath.atan2(q, p) - mpmath.acos(m / mpmath.hypot(p, q))
+
+        def f(u):
+            m = length**2 - (r2**2 + a**2 + r0**2 - 2 * a * r2 * mpmath.cos(u))
+            return branch(2 * r0 * (a - r2 * mpmath.cos(u)), 2 * r0 * r2 * mpmath.sin(u), m)
+
+        def f_back(v):
+            m = length**2 - (r2**2 + a**2 + r0**2 + 2 * a * r0 * mpmath.cos(v))
+            return branch(-2 * r2 * (a + r0 * mpmath.cos(v)), 2 * r0 * r2 * mpmath.sin(v), m)
+
+        def g_back(v):
+            m = length**2 - (c**2 + r0**2 + r1**2 - 2 * c * r0 * mpmath.cos(v))
+            return branch(2 * r1 * (r0 * mpmath.cos(v) - c), 2 * r0 * r1 * mpmath.sin(v), m)
+
+        theta1 = mpmath.radians(angle)
+        lower = -(alpha - f_back(mpmath.pi + xi - (theta1 + mpmath.pi / 2)))  # P3
+        lower += 6 * dd  # P9
+        wheel = mpmath.pi + xi - f(alpha - lower) - mpmath.pi / 2  # P11
+        theta13 = mpmath.pi / 2 - g_back(wheel) - du
+        theta15 = -(mpmath.pi / 2 - g_back(theta1 - mpmath.pi / 2))  # P16 is on the wheel
+        half, middle = (theta13 - theta15) / 2, (theta13 + theta15) / 2
+        r = r1 * mpmath.cos(half) + mpmath.sqrt(length**2 - (r1 * mpmath.sin(half)) ** 2)
+        expected = [float(r * mpmath.sin(middle)), float(-r * mpmath.cos(middle))]
+    assert np.abs(slot.path(theta(slot, [angle]))[0] - expected).max() < 1e-10
+
+
+def test_critical_closure_of_this_size_in_closed_form(canonical) -> None:
+    """f(7 dd/2) - pi/2 = g(3 du/2): the state in which links P6P7 and P14P15 are centred on the axis."""
+    crescent = canonical[0]
+    r0, r2 = crescent.wheel_radius, crescent.lower_radius
+    c, a = R1 + r0, r2 - r0
+    _, du, dd = crescent.link_angles(L)
+
+    def branch(p, q, m):
+        return math.atan2(q, p) - math.acos(m / math.hypot(p, q))
+
+    u = crescent.alpha - 3.5 * dd
+    assert 0 <= u <= dd
+    m = L**2 - (r2**2 + a * a + r0**2 - 2 * a * r2 * math.cos(u))
+    f = branch(2 * r0 * (a - r2 * math.cos(u)), 2 * r0 * r2 * math.sin(u), m)
+    u = math.pi / 2 - 1.5 * du
+    m = L**2 - (c * c + r0**2 + R1**2 - 2 * c * R1 * math.cos(u))
+    g = branch(2 * r0 * (R1 * math.cos(u) - c), 2 * r0 * R1 * math.sin(u), m)
+    assert (math.pi + crescent.xi - f) - math.pi / 2 == pytest.approx(g, abs=1e-11)
+    assert math.degrees(g) == pytest.approx(CANONICAL["phase_start_deg"], abs=1e-6)
+
+
+# Laws
+
+
+@settings(derandomize=True, deadline=None, max_examples=12)
+@given(
+    upper=st.floats(0.8, 6),
+    wheel=st.floats(0.55, 2),
+    links=st.integers(5, 60),
+    scale=st.sampled_from([1e-9, 1.0, 131.0, 1e9 / 40]),
+)
+def test_a_chain_closes_or_says_how_many_links_would(upper, wheel, links, scale) -> None:
+    try:
+        crescent, slot = chain.crescent_slot(scale, links, upper * scale, wheel * scale)
+    except FieldError as error:
+        assert error.field == "/links" and error.details["amount"] > 0
+        missing = error.details["nearest_links"] > links
+        assert ("missing_length" if missing else "excess_length") in error.details
+        links = error.details["nearest_links"]
+        crescent, slot = chain.crescent_slot(scale, links, upper * scale, wheel * scale)
+    facts = report(slot, np.linspace(slot.start, slot.end, 31))
+    assert closing_links(crescent.track, scale) == links
+    assert facts.chord_error < 1e-12 * scale * max(1, crescent.lower_radius / scale)
+    assert abs(facts.slack_min) < 1e-9 * scale
+    assert facts.end_step < 1e-8 * scale
+    assert 0 <= slot.start < slot.chain.period
+    # The reply depends on the unit by a factor only.
+    _, unit = chain.crescent_slot(1.0, links, upper, wheel)
+    phases = np.linspace(0, 1, 7)
+    here = slot.path(slot.start + phases * slot.chain.period) / scale
+    # The place of a minimum is known to the root of the rounding error; the slot itself does not move with it.
+    assert slot.free == unit.free
+    assert np.abs(here - unit.path(unit.start + phases * unit.chain.period)).max() < 1e-6
+
+
+@settings(derandomize=True, deadline=None, max_examples=15)
+@given(upper=st.floats(0.8, 4), wheel=st.floats(0.6, 2), xi=st.floats(0.1, 1.2))
+def test_more_links_never_lie_shorter(upper, wheel, xi) -> None:
+    track = chain.level_crescent(wheel, upper, math.pi / 2 - xi).track
+    links = closing_links(track, 1.0)
+    overruns = [Chain(track, 1.0, n).least_overrun().value for n in (links - 1, links, links + 1)]
+    assert overruns[0] < -1e-6 <= overruns[1] + 1e-12 < overruns[2]
+
+
+def test_velocity_acceleration_and_curvature_are_derivatives(canonical) -> None:
+    slot = canonical[1]
+    phases = np.linspace(slot.start, slot.end, 40)[1:-1]
+    phases = phases[np.abs(phases[:, None] - slot.breaks).min(axis=1) > 0.5]
+    point, velocity, acceleration = slot.motion(phases)
+    for h, velocity_error, acceleration_error in ((1e-3, 1e-9, np.inf), (1e-2, np.inf, 1e-7)):
+        ahead, at, behind = (slot.path(phases + shift) for shift in (h, 0, -h))
+        assert np.abs(point - at).max() < 1e-12
+        assert np.abs((ahead - behind) / (2 * h) - velocity).max() < velocity_error
+        assert np.abs((ahead - 2 * at + behind) / h**2 - acceleration).max() < acceleration_error
+
+
+def test_curvature_jumps_by_the_reference_at_the_crossings(canonical) -> None:
+    slot = canonical[1]
+    for phase, jump in zip(slot.breaks[1:-1], (0.0118, 0.0123, 0.0123, 0.0118)):
+        before, after = slot.curvature(phase + np.array([-1e-7, 1e-7]) * slot.chain.period)
+        assert abs(abs(after - before) - jump) < 6e-4
+
+
+def test_extremes_of_functions_with_many_valleys() -> None:
+    found = lowest(lambda x: np.sin(7 * x) + 0.3 * np.abs(x - 2.1), 0, 6, 200)
+    x = np.linspace(0, 6, 2_000_001)
+    y = np.sin(7 * x) + 0.3 * np.abs(x - 2.1)
+    assert found.value == pytest.approx(y.min(), abs=1e-10)
+    assert highest(np.cos, -1, 2, 192).value == pytest.approx(1, abs=1e-14)
+    assert lowest(np.ones_like, 0, 1, 10).value == 1
+
+
+# Other layouts and extremes
+
+
+def test_one_of_radius_and_eccentricity_gives_the_other(canonical) -> None:
+    crescent = canonical[0]
+    # Neither may stretch the chain: a hair more than the critical size.
+    b = chain.crescent_slot(L, N, R1, None, crescent.lower_radius + 1e-3)[0].eccentricity
+    r2 = chain.crescent_slot(L, N, R1, None, None, crescent.eccentricity + 1e-3)[0].lower_radius
+    assert b == pytest.approx(crescent.eccentricity, abs=0.01)
+    assert r2 == pytest.approx(crescent.lower_radius, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("links", "radii", "nearest"),
+    [(15, (None, 381.5, 90.22), 16), (17, (None, 381.5, 90.22), 16), (16, (None, 381.0, None), 17), (14, (), 15)],
+)
+def test_wrong_number_of_links_is_refused(links, radii, nearest) -> None:
+    with pytest.raises(FieldError) as caught:
+        chain.crescent_slot(L, links, R1, *radii)
+    assert caught.value.field == "/links"
+    assert caught.value.details["nearest_links"] == nearest
+    assert caught.value.details["amount"] > 0
+
+
+def test_stretch_tells_the_missing_length() -> None:
+    """Half a millimetre off the critical radius: the sensitivity is 0.033 deg per 0.01 mm with b fixed."""
+    with pytest.raises(FieldError) as caught:
+        chain.crescent_slot(L, N, R1, None, 380.994324, 90.225475)
+    assert caught.value.details["missing_length"] == pytest.approx(0.5 * 3.3 * math.pi / 180 * R1, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("radii", "field"),
+    [
+        ((60.0,), "/wheel_radius"),
+        ((None, 300.0, 10.0), "/lower_radius"),
+        ((None, 500.0, 90.0), "/lower_radius"),
+        ((None, 300.0, None), "/lower_radius"),
+        ((131e6 + 1,), "/wheel_radius"),
+        ((R0, 60.0, None), "/lower_radius"),
+    ],
+)
+def test_impossible_layouts_name_the_field(radii, field) -> None:
+    with pytest.raises(FieldError) as caught:
+        chain.crescent_slot(L, N, R1, *radii)
+    assert caught.value.field == field
+
+
+def test_the_triangle_of_a_very_flat_crescent_keeps_its_digits() -> None:
+    r0, r2, b = 92.5, 2.0**27 + 300.5, 2.0**27
+    crescent = chain.given_crescent(r0, 181.75, r2, b)
+    with mpmath.workdps(40):
+        c, a = mpmath.mpf(r0) + mpmath.mpf("181.75"), mpmath.mpf(r2) - mpmath.mpf(r0)
+        height = float((c * c + mpmath.mpf(b) ** 2 - a * a) / (2 * mpmath.mpf(b)))
+    assert (181.75 + r0) * math.sin(crescent.eps) == pytest.approx(height, abs=1e-11)
+
+
+def test_wheels_of_three_pins_a_turn() -> None:
+    """A window may then go on beyond the wheel's end: P1 is followed on by the link behind it."""
+    wheel = 1 / math.sqrt(3)
+    found = 0
+    for upper, links in zip(np.linspace(1.0, 1.5, 12), [10, 11, 12] * 4):
+        try:
+            _, slot = chain.crescent_slot(1.0, links, upper, wheel, start=math.radians(115))
+        except FieldError:
+            continue
+        found += slot.end > slot.chain.track.length[0]
+        phases = np.linspace(slot.start, slot.end, 2001)
+        steps = np.hypot(*np.diff(slot.path(phases), axis=0).T)
+        assert steps.max() < 3 * steps.mean()
+        assert chord_error(slot, phases) < 1e-13
+        listed = [round(crossing.phase, 9) for crossing in slot.crossings]
+        assert len(listed) == 4
+    assert found
+
+
+def test_a_thousand_links(canonical) -> None:
+    crescent, slot = chain.crescent_slot(1.0, 1000, 80.0, 50.0)
+    assert chord_error(slot, np.linspace(slot.start, slot.end, 5)) < 1e-11
+    assert report(slot, np.array([slot.start])).end_step < 1e-9
+    assert crescent.lower_radius > 180
+
+
+def test_a_slot_that_would_have_to_change_sides_is_refused() -> None:
+    with pytest.raises(FieldError, match="both sides"):
+        chain.crescent_slot(1.0, 9, 0.5223812176102055, 0.593040447778767)
+
+
+def test_a_free_pin_on_a_straight_run() -> None:
+    """Depth about sqrt(L * slack), the gain without bound at the ends: the rule to put the free pin on an arc."""
+    track = chain.critical_stadium(50.0, 16, 50 / math.sqrt(2))
+    middle = float(track.joints[1] + 0.5 * track.length[1])
+    slot = find_slot(Chain(track, 50.0, 16), middle, side=-1)
+    facts = report(slot, np.linspace(slot.start, slot.end, 101))
+    assert facts.slack_max.value == pytest.approx(4.305, abs=0.001)
+    assert facts.depth_max.value == pytest.approx(14.5, abs=0.05)
+    assert facts.condition == math.inf
+    assert np.isfinite(slot.normals(np.array([slot.start, slot.end]))).all()
+    assert (slot.path(np.array([0.5 * (slot.start + slot.end)]))[0, 1] - track.points(track.place(middle))[0, 1]) > 5

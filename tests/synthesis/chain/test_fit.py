@@ -1,0 +1,169 @@
+"""Fits of the slot: the errors that were found independently, conditioning, and what cannot be fitted."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+
+from synthesis.chain import crescent as chain
+from synthesis.chain.closure import Chain
+from synthesis.chain.fit import fit_error, fit_slot
+from synthesis.chain.slot import find_slot
+from synthesis.errors import FieldError
+
+REFERENCE = json.loads((Path(__file__).parents[2] / "reference" / "chain.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def slot():
+    return chain.crescent_slot(131.0, 16, 181.78)[1]
+
+
+@pytest.fixture(scope="module")
+def phases(slot):
+    return np.linspace(slot.start, slot.end, 9001)
+
+
+@pytest.mark.parametrize("kind", ["chebyshev", "spline"])
+def test_errors_of_pieces_and_splines(kind, slot, phases) -> None:
+    for order, (normal, chord) in REFERENCE["representations"][kind].items():
+        fit = fit_slot(slot, kind, int(order))
+        error = fit_error(slot, fit, phases)
+        assert error.normal == pytest.approx(normal, rel=0.03)
+        assert error.chord == pytest.approx(chord, rel=0.03)
+        assert fit.condition <= 3 + 1e-9
+
+
+def test_errors_of_fourier_series(slot, phases) -> None:
+    """The reference interpolates at 2M + 1 phases; the truncated series is at most a little better."""
+    for order, (normal, chord) in REFERENCE["representations"]["fourier"].items():
+        error = fit_error(slot, fit_slot(slot, "fourier", int(order)), phases)
+        assert error.normal == pytest.approx(normal, rel=0.13)
+        assert error.chord == pytest.approx(chord, rel=0.13)
+
+
+def test_five_pieces_of_degree_8_are_enough(slot, phases) -> None:
+    fit = fit_slot(slot, "chebyshev", 8)
+    assert len(fit.data["pieces"]) == 5 and fit.unknowns == 90
+    assert fit_error(slot, fit, phases).normal < 2e-5
+
+
+def test_polynomials_from_91_samples(slot, phases) -> None:
+    for degree, (normal, chord) in REFERENCE["polynomial_91_samples"].items():
+        error = fit_error(slot, fit_slot(slot, "polynomial", int(degree)), phases)
+        assert error.normal == pytest.approx(normal, rel=0.02)
+        assert error.chord == pytest.approx(chord, rel=0.02)
+
+
+def test_polynomials_from_90_samples(slot) -> None:
+    """The paper's samples at whole degrees, without the window's end; error of y over the sampled part."""
+    degree_length = slot.chain.period / 90
+    samples = slot.start + degree_length * np.arange(90)
+    phases = slot.start + degree_length * np.linspace(0, 89, 9001)
+    for degree, expected in REFERENCE["polynomial_90_samples"].items():
+        fit = fit_slot(slot, "polynomial", int(degree), samples)
+        error = np.abs(fit.evaluate(phases) - slot.path(phases))
+        assert error[:, 0].max() < 1e-9
+        assert error[:, 1].max() == pytest.approx(expected, rel=0.02)
+
+
+def test_no_single_polynomial_reaches_a_hundredth(slot, phases) -> None:
+    errors = [fit_error(slot, fit_slot(slot, "polynomial", degree), phases[::9]).normal for degree in range(2, 41)]
+    assert min(errors) > 0.01
+    assert 2 + int(np.argmin(errors)) == 24
+
+
+def test_scaling_is_what_keeps_polynomials_well_conditioned(slot) -> None:
+    """Raw powers of x have the reference's condition numbers; the scaled basis stays below 10 up to degree 24."""
+    x = slot.path(np.linspace(slot.start, slot.end, 91)[:-1])[:, 0]
+    for degree, condition in ((4, 1.1e7), (6, 4.6e10), (8, 2.0e14)):
+        assert np.linalg.cond(np.vander(x, degree + 1)) == pytest.approx(condition, rel=0.05)
+        assert fit_slot(slot, "polynomial", degree).condition < 3
+    assert fit_slot(slot, "polynomial", 24).condition < 10
+
+
+@pytest.mark.parametrize(("kind", "order"), [("chebyshev", 12), ("spline", 90), ("fourier", 16), ("polynomial", 12)])
+def test_the_stored_numbers_are_the_fit(kind, order, slot, phases) -> None:
+    """What a reader of the reply computes from its numbers alone."""
+    fit = fit_slot(slot, kind, order)
+    phases = phases[::50]
+    data = fit.data
+    if kind == "chebyshev":
+        expected = []
+        for phase in phases:
+            piece = next(p for p in data["pieces"] if p["phase"][0] <= phase <= p["phase"][1])
+            a, b = piece["phase"]
+            u = (2 * phase - a - b) / (b - a)
+            expected.append([chebyshev.chebval(u, piece[axis]) + o for axis, o in zip("xy", data["origin"])])
+    elif kind == "polynomial":
+        x = slot.path(phases)[:, 0] - data["origin"][0]
+        low, high = data["x"]
+        y = chebyshev.chebval((2 * x - low - high) / (high - low), data["coefficients"]) + data["origin"][1]
+        assert data["angle"] == pytest.approx(0, abs=1e-12)
+        expected = np.stack([x + data["origin"][0], y], axis=1)
+    else:
+        turn = 2 * np.pi * (phases - slot.start) / slot.chain.period
+        if kind == "fourier":
+            m = np.arange(order + 1)
+            cos, sin = np.cos(turn[:, None] * m), np.sin(turn[:, None] * m[1:])
+            along = cos @ data["along_cos"] + sin @ data["along_sin"]
+            depth = cos @ data["depth_cos"] + sin @ data["depth_sin"]
+        else:
+            from scipy.interpolate import CubicSpline
+
+            knots = [*data["phase"], data["phase"][0] + slot.chain.period]
+            values = np.stack([data["along"], data["depth"]], axis=1)
+            along, depth = CubicSpline(knots, [*values, values[0]], bc_type="periodic")(phases).T
+        along = along + data["start"] + data["slope"] * (phases - slot.start)
+        # The upper arc runs from the right over the bottom to the left.
+        angle = -along / 181.78
+        r = 181.78 + depth
+        expected = np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1)
+    assert np.abs(fit.evaluate(phases) - expected).max() < 1e-9
+
+
+def test_an_origin_far_away_costs_no_digits_but_those_of_the_drawing(slot, phases) -> None:
+    from synthesis.chain.track import Track
+
+    away = 2.0**20
+    near = slot.chain.track
+    far = Track([segment._replace(x=segment.x + away, y=segment.y + away) for segment in near.segments])
+    moved = find_slot(Chain(far, 131.0, 16), float(near.joints[3] + 0.5 * near.length[3]))
+    for kind, order in (("chebyshev", 8), ("polynomial", 16), ("spline", 90)):
+        here = fit_error(slot, fit_slot(slot, kind, order), phases[::9])
+        there = fit_error(moved, fit_slot(moved, kind, order), phases[::9] - slot.start + moved.start)
+        assert there.normal == pytest.approx(here.normal, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("kind", "order"),
+    [("chebyshev", 0), ("chebyshev", 65), ("spline", 3), ("fourier", 257), ("polynomial", 91), ("polynomial", 101)],
+)
+def test_orders_out_of_range(kind, order, slot) -> None:
+    with pytest.raises(FieldError) as caught:
+        fit_slot(slot, kind, order)
+    assert caught.value.field == "/fit/order"
+
+
+def test_a_slot_over_a_joint_is_not_periodic_in_one_segment() -> None:
+    track = chain.critical_stadium(20.0, 30, 40.0)
+    slot = find_slot(Chain(track, 20.0, 30), float(track.joints[2]))
+    if len(slot.base) == 1:
+        pytest.fail("the slot was meant to lie over a joint")
+    with pytest.raises(FieldError):
+        fit_slot(slot, "spline", 20)
+    phases = np.linspace(slot.start, slot.end, 400)
+    assert fit_error(slot, fit_slot(slot, "chebyshev", 20), phases).normal < 1e-4 * 20
+
+
+def test_few_harmonics_of_a_thousand_links_are_finite() -> None:
+    _, slot = chain.crescent_slot(1.0, 1000, 80.0, 50.0)
+    phases = np.linspace(slot.start, slot.end, 101)
+    for kind, order in (("chebyshev", 8), ("spline", 40), ("fourier", 8), ("polynomial", 8)):
+        error = fit_error(slot, fit_slot(slot, kind, order), phases)
+        assert math.isfinite(error.normal) and math.isfinite(error.chord)

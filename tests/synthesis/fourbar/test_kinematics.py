@@ -1,0 +1,268 @@
+"""Kinematics against 50-digit arithmetic, laws, and what must be refused quietly."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.fourbar.kinematics import (
+    FULL_CRANK,
+    TURN,
+    Family,
+    close_loop,
+    condition_of_closure,
+    coupler_angle,
+    family,
+    grashof_excesses,
+    transmission_angle_over,
+)
+from tests.oracles import naive
+
+ULP = np.finfo(float).eps
+FEW = 8
+LENGTH = st.floats(0.05, 20.0)
+ANGLE = st.floats(-7.0, 7.0)
+BRANCH = st.sampled_from([1, -1])
+laws = settings(derandomize=True, max_examples=60, deadline=None)
+
+
+def turned(difference: float) -> float:
+    """A difference of angles less whole turns."""
+    return float(abs(mpmath.fmod(difference + 3 * mpmath.pi, 2 * mpmath.pi) - mpmath.pi))
+
+
+def assert_as_naive(lengths, theta1: float, branch: int, exact_input: bool = False) -> bool:
+    """Compare all angles of one position with `naive.angles`; False where it does not close.
+
+    Where the crank turns fully and the sums of lengths are exact, the condition number is no excuse: nothing cancels.
+    """
+    exact = naive.angles(lengths, theta1, branch)
+    closure = close_loop(lengths, [theta1])
+    if exact is None:
+        assert not closure.closed[0] and np.isnan(closure.coupler_angle(branch)[0])
+        return False
+    assert closure.closed[0], (lengths, theta1)
+    condition = condition_of_closure(lengths, branch, [theta1])[0]
+    found = closure.coupler_angle(branch)[0], closure.rocker_angle(branch)[0], closure.transmission_angle[0]
+    assert condition > 0, "a dead position: choose another example"
+    # theta3 and the transmission angle depend on the same triangle; their condition exceeds theta2's by L2/L3 at most
+    allowed = FEW * ULP * (4 + (0 if exact_input else condition * max(1.0, lengths[1] / lengths[2])))
+    with mpmath.workdps(naive.DIGITS):
+        for name, number, truth in zip(("theta2", "theta3", "transmission"), found, exact):
+            assert turned(mpmath.mpf(float(number)) - truth) <= allowed, (name, lengths, theta1, branch)
+    return True
+
+
+def lengths_of(kind: Family, rng: np.random.Generator) -> np.ndarray:
+    """Random lengths of a family."""
+    while True:
+        lengths = np.exp(rng.uniform(-2, 2, size=4))
+        if kind == Family.CHANGE_POINT:
+            lengths = rng.integers(1, 1000, size=4) / 64
+            lengths[3] = lengths[1] + lengths[2] - lengths[0]
+        if lengths.min() > 0 and 2 * lengths.max() < lengths.sum() and family(lengths)[()] == kind:
+            return lengths
+
+
+@pytest.mark.parametrize("kind", Family)
+def test_angles_agree_with_50_digits(kind) -> None:
+    rng = np.random.default_rng(list(Family).index(kind))
+    closed = sum(
+        assert_as_naive(lengths_of(kind, rng), rng.uniform(-2 * np.pi, 2 * np.pi), rng.choice([1, -1]))
+        for _ in range(60)
+    )
+    assert closed >= 10
+
+
+@pytest.mark.parametrize("gap", [2.0**-20, 2.0**-40, 2.0**-43, 2.0**-48])
+@pytest.mark.parametrize(
+    "kind", [Family.CRANK_ROCKER, Family.DOUBLE_CRANK, Family.DOUBLE_ROCKER, Family.ROCKER_CRANK]
+)
+def test_angles_agree_within_1e_12_of_a_change_point(kind, gap) -> None:
+    # Lengths on a grid of 2^-48 below 4: every sum is exact, and all three excesses but one are far from zero.
+    rng = np.random.default_rng(7)
+    closed = 0
+    for _ in range(40):
+        short, longer = rng.integers(1, 64) / 64, rng.integers(65, 96) / 64
+        middle = longer + rng.integers(1, 64) / 64
+        longest = longer + middle - short - gap
+        crank, coupler, rocker, ground = {
+            Family.CRANK_ROCKER: (short, longer, middle, longest),
+            Family.DOUBLE_CRANK: (longest, middle, longer, short),
+            Family.DOUBLE_ROCKER: (longer, short, middle, longest),
+            Family.ROCKER_CRANK: (longer, middle, short, longest),
+        }[kind]
+        lengths = np.array([crank, coupler, rocker, ground])
+        assert family(lengths)[()] == kind and np.abs(grashof_excesses(lengths)).min() == gap
+        near_fold = rng.choice([0.0, np.pi]) + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-9, 0)
+        closed += assert_as_naive(lengths, near_fold, rng.choice([1, -1]), exact_input=kind in FULL_CRANK)
+    assert closed >= (10 if kind in FULL_CRANK else 3)  # the others close near one fold at most
+
+
+def test_angles_agree_where_crank_and_ground_are_long() -> None:
+    # L2 + L3 far below L1 + L4: X as the sum of its head's formula would cancel
+    rng = np.random.default_rng(3)
+    closed = 0
+    for _ in range(200):
+        lengths = np.array([1.0, *(10.0 ** rng.uniform(-4, -1, size=2)), 1.0])
+        theta1 = rng.uniform(-1, 1) * lengths[1:3].sum()
+        lengths[3] += rng.uniform(-0.5, 0.5) * lengths[1:3].sum()
+        closed += assert_as_naive(lengths, theta1, rng.choice([1, -1]))
+    assert closed >= 50
+
+
+@pytest.mark.parametrize("exponent", [-664, 664, -1000, 1000])
+def test_scale_changes_no_bit(exponent) -> None:
+    lengths, crank = np.array([19.0, 72, 144, 165]), np.linspace(0, TURN, 33)
+    scaled = np.ldexp(lengths, exponent)
+    for law in (coupler_angle, condition_of_closure):
+        assert np.array_equal(law(scaled, 1, crank), law(lengths, 1, crank))
+    assert family(scaled)[()] == Family.CRANK_ROCKER
+    assert transmission_angle_over(scaled, 0.3, 2.0) == transmission_angle_over(lengths, 0.3, 2.0)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_angles_agree_at_extreme_scales(scale) -> None:
+    for theta1 in (0.0, 0.5, 3.0, -2.0):
+        assert assert_as_naive(scale * np.array([19.0, 72, 144, 165]), theta1, -1)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 0.0, -1.0])
+@pytest.mark.parametrize("place", range(5))
+def test_what_does_not_close_is_nan_and_masked(bad, place) -> None:
+    lengths, crank = np.array([[19.0, 72, 144, 165]] * 2), np.array([0.5, 1.0])
+    if place < 4:
+        lengths[1, place] = bad
+        good = np.array([[True, True], [False, False]])
+    else:
+        crank[1] = bad
+        good = np.array([[True, np.isfinite(bad)]] * 2)
+    closure = close_loop(lengths, crank)
+    assert np.array_equal(closure.closed, good)
+    gradient = closure.coupler_angle_gradient(1)
+    for numbers in (
+        closure.coupler_angle(1),
+        closure.rocker_angle(-1),
+        closure.transmission_angle,
+        condition_of_closure(lengths, 1, crank),
+        gradient.sum(-1),
+    ):
+        assert np.array_equal(np.isfinite(numbers), good)
+    over = transmission_angle_over(lengths, crank[0], crank)
+    assert np.array_equal(np.isfinite(over), good[:, 1] if place < 4 else good[0])
+    family(lengths)
+
+
+def test_extreme_numbers_give_no_warning() -> None:
+    tiny, huge = 5e-324, 1.7e308
+    for lengths in ([tiny] * 4, [huge] * 4, [tiny, huge, huge, huge], [tiny, tiny, huge, huge], [1, tiny, 1, tiny]):
+        family(lengths)
+        closure = close_loop(lengths, [0.0, 1.0, 1e300])
+        closure.coupler_angle_gradient(1)
+        condition_of_closure(lengths, 1, [0.0, 1.0])
+        transmission_angle_over(lengths, -1e300, 1e300)
+
+
+def test_wrong_shape_names_the_field() -> None:
+    with pytest.raises(ValueError, match=r"lengths: wanted shape \(\.\.\., 4\), found \(3,\)"):
+        close_loop([1.0, 2.0, 3.0], [0.0])
+
+
+@laws
+@given(st.tuples(LENGTH, LENGTH, LENGTH, LENGTH), ANGLE, BRANCH)
+def test_loop_closes(lengths, theta1, branch) -> None:
+    closure = close_loop(lengths, [theta1])
+    l1, l2, l3, l4 = lengths
+    t2, t3 = closure.coupler_angle(branch)[0], closure.rocker_angle(branch)[0]
+    gap = l1 * np.exp(1j * theta1) + l2 * np.exp(1j * t2) - l4 - l3 * np.exp(1j * t3)
+    assert np.isnan(gap) == (not closure.closed[0])
+    assert not abs(gap) > 16 * ULP * sum(lengths)  # also where it is NaN
+
+
+@laws
+@given(st.tuples(LENGTH, LENGTH, LENGTH, LENGTH), ANGLE)
+def test_branches_are_mirror_images(lengths, theta1) -> None:
+    plus, minus = coupler_angle([lengths] * 2, [1, -1], [[-theta1], [theta1]])[:, 0]
+    turns = (minus + plus) / TURN
+    assert np.isnan(turns) or abs(turns - round(turns)) < 1e-14
+    if lengths[0] <= lengths[3]:
+        assert np.array_equal(minus, -plus, equal_nan=True)
+
+
+@laws
+@given(st.tuples(LENGTH, LENGTH, LENGTH, LENGTH))
+def test_family_changes_as_its_law_says(lengths) -> None:
+    swap = {Family.ROCKER_CRANK: Family.DOUBLE_ROCKER, Family.DOUBLE_ROCKER: Family.ROCKER_CRANK}
+    kind = family(lengths)[()]
+    assert family(np.ldexp(lengths, -30))[()] == kind
+    assert family([lengths[0], lengths[2], lengths[1], lengths[3]])[()] == swap.get(kind, kind)
+    crank = np.linspace(0, TURN, 181)  # 0 and pi, the extremes of the diagonal, are among them
+    turns_fully = kind in (Family.CRANK_ROCKER, Family.DOUBLE_CRANK)
+    if kind != Family.CHANGE_POINT and min(np.abs(grashof_excesses(lengths))) > 1e-9:
+        assert close_loop(lengths, crank).closed.all() == turns_fully
+
+
+def test_coupler_angle_is_continuous_over_turns() -> None:
+    crank = np.linspace(-3 * TURN, 3 * TURN, 6 * 360 + 1)
+    for lengths, turns in (([19, 72, 144, 165], 0), ([165, 144, 72, 19], 6)):
+        angle = coupler_angle(lengths, 1, crank)
+        assert np.abs(np.diff(angle)).max() < 0.2
+        assert angle[-1] - angle[0] == pytest.approx(turns * TURN, abs=1e-12)
+
+
+def test_gradient_agrees_with_differentiation_in_50_digits() -> None:
+    rng = np.random.default_rng(11)
+    compared = 0
+    for _ in range(12):
+        lengths, theta1, branch = rng.uniform(0.5, 3, 4), rng.uniform(-3, 3), rng.choice([1, -1])
+        closure = close_loop(lengths, [theta1])
+        if not closure.closed[0] or closure.transmission_angle[0] < 0.1:
+            continue
+        found = closure.coupler_angle_gradient(branch)[0]
+        point = [*lengths, theta1]
+        with mpmath.workdps(naive.DIGITS):
+            for k in range(5):
+
+                def at(value, k=k, point=point, branch=branch):
+                    moved = [value if j == k else mpmath.mpf(float(number)) for j, number in enumerate(point)]
+                    l1, l2, l3, l4, t1 = moved
+                    to_b = l4 - l1 * mpmath.expj(t1)
+                    cosine = (abs(to_b) ** 2 + l2**2 - l3**2) / (2 * abs(to_b) * l2)
+                    return mpmath.arg(to_b) + int(branch) * mpmath.acos(cosine)
+
+                assert float(mpmath.diff(at, float(point[k]))) == pytest.approx(found[k], rel=1e-11, abs=1e-12)
+        compared += 1
+    assert compared >= 5
+
+
+def test_gradient_at_a_dead_position_is_nan() -> None:
+    assert np.isnan(close_loop([1.0, 1.0, 3.0, 3.0], [0.0]).coupler_angle_gradient(1)).all()
+
+
+@laws
+@given(st.tuples(LENGTH, LENGTH, LENGTH, LENGTH), st.floats(-9, 9), st.floats(-9, 9))
+def test_transmission_angle_over_is_the_least_of_dense_samples(lengths, first, last) -> None:
+    least = transmission_angle_over(lengths, first, last)
+    folds = np.pi * np.arange(-3, 4)
+    dense = np.concatenate(
+        [np.linspace(first, last, 999), folds[(folds > min(first, last)) & (folds < max(first, last))]]
+    )
+    closure = close_loop(lengths, dense)
+    if not closure.closed.all():
+        # the loop opens and shuts at the ends of an interval of crank angles: only an ulp there may be in dispute
+        assert np.isnan(least) or np.sum(~closure.closed) <= 2
+        return
+    assert least == pytest.approx(closure.transmission_angle.min(), abs=1e-7)
+    assert least <= closure.transmission_angle.min() + 1e-14
+
+
+def test_transmission_angle_over_takes_many_intervals_at_once() -> None:
+    lengths = np.array([[19.0, 72, 144, 165], [3.0, 1, 1, 3]])
+    over = transmission_angle_over(lengths, [[0.0], [1.0]], [[1.0, 7.0], [0.0, 2.0]][0])
+    assert over.shape == (2, 2)
+    assert over[0, 0] == transmission_angle_over(lengths[0], 1.0, 0.0)
+    assert transmission_angle_over(lengths[0], 0, 1) > transmission_angle_over(lengths[0], 0, 7)
+    assert np.isnan(transmission_angle_over(lengths[1], 0.0, TURN))

@@ -1,0 +1,144 @@
+"""The linear part: pose and actual dimensions from positions, and the worked example on the default atlas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.atlas.best import best_rows
+from synthesis.atlas.file import load_atlas
+from synthesis.atlas.scan import Scan
+from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.pose import DEGENERATE, fit_positions, mount, objective, position_condition, wrap
+from synthesis.target import Target, make_target
+
+LENGTHS = np.array([19.0, 72, 144, 165])
+laws = settings(derandomize=True, max_examples=30, deadline=None)
+
+
+def motion(seed: int, span: float = 2.0, noise: float = 0.0) -> tuple[Target, np.ndarray]:
+    """A motion of `LENGTHS` with random pose, and theta2."""
+    rng = np.random.default_rng(seed)
+    crank = np.linspace(0, span, 24)
+    theta2 = coupler_angle(LENGTHS, 1, rng.uniform(0, 6) + crank)
+    pivot, z1, z2, *other = rng.normal(size=27) + 1j * rng.normal(size=27)
+    position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * theta2) + noise * np.array(other)
+    return make_target(position=position, crank_span=span), theta2
+
+
+@laws
+@given(st.integers(0, 10**6), st.sampled_from([0.0, 0.3]), st.sampled_from([0.5, 2.0, -5.0]))
+def test_no_other_pose_is_better(seed, noise, span) -> None:
+    target, theta2 = motion(seed, span, noise)
+    fit = fit_positions(target, theta2[None, :])
+    columns = np.stack([np.ones(24), np.exp(1j * target.crank), np.exp(1j * theta2)])
+    pose = np.array([fit.pivot[0], fit.crank_vector[0], fit.coupler_vector[0]])
+    assert np.allclose(target.position - pose @ columns, fit.residual[0], rtol=0, atol=1e-11)
+    least = np.mean(np.abs(fit.residual) ** 2)
+    rng = np.random.default_rng(seed)
+    for size in (1e-3, 1e-1, 10.0):
+        moved = pose + size * (rng.normal(size=3) + 1j * rng.normal(size=3))
+        assert np.mean(np.abs(target.position - moved @ columns) ** 2) >= least
+    if not noise:
+        assert np.sqrt(least) < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("scale", "offset"), [(1.0, 0), (1e-9, 0), (1e9, 0), (1.0, 1e6 - 3e5j), (1e-9, 1e-3), (1e9, 1e15j)]
+)
+def test_pose_follows_the_motion(scale, offset) -> None:
+    target, theta2 = motion(4)
+    moved = make_target(position=scale * target.position + offset, crank_span=target.span)
+    before, after = (fit_positions(case, theta2[None, :]) for case in (target, moved))
+    # an offset of 10^6 sizes leaves ten digits of the positions, of which the fit's condition takes some
+    lost = 1e-12 + 1e-16 * abs(offset) / scale * position_condition(target, theta2[None, :])[0]
+    for name in ("crank_vector", "coupler_vector"):
+        assert getattr(after, name)[0] / scale == pytest.approx(getattr(before, name)[0], abs=4 * lost)
+    assert (after.pivot[0] - offset) / scale == pytest.approx(before.pivot[0], abs=4 * lost)
+    assert np.sqrt(np.mean(np.abs(after.residual) ** 2)) / scale < 4 * lost
+
+
+def test_mount_puts_the_body_point_where_the_fit_has_it() -> None:
+    target, theta2 = motion(5, noise=0.1)
+    fit = fit_positions(target, theta2[None, :])
+    for start in (0.0, 2.0, -40.0):
+        pose = mount(LENGTHS, start, fit.pivot[0], fit.crank_vector[0], fit.coupler_vector[0])
+        point = pose.body_point(LENGTHS, start + target.crank, theta2)
+        assert np.allclose(target.position - point, fit.residual[0], rtol=0, atol=1e-12)
+        ground = pose.pivot_b - pose.pivot_a
+        assert abs(ground) == pytest.approx(pose.scale * LENGTHS[3])
+        assert np.angle(ground) == pytest.approx(pose.ground_angle)
+        assert pose.scale > 0 and pose.coupler_radius >= 0
+        assert -np.pi < pose.ground_angle <= np.pi and -np.pi < pose.coupler_angle <= np.pi
+
+
+def test_wrap_keeps_pi_and_turns_minus_pi() -> None:
+    assert [wrap(angle) for angle in (np.pi, -np.pi, 0.0)] == [np.pi, np.pi, 0.0]
+    assert wrap(7.0) == pytest.approx(7 - 2 * np.pi)
+
+
+def test_a_linkage_shrunk_to_a_point_is_no_answer() -> None:
+    # The positions are those of the coupler alone: z1 = 0 fits exactly.
+    crank = np.linspace(0, 2, 24)
+    theta2 = coupler_angle(LENGTHS, 1, crank)
+    for part, wanted in ((0.0, np.inf), (DEGENERATE / 10, np.inf), (DEGENERATE * 100, 0.0)):
+        target = make_target(position=np.exp(1j * theta2) + part * np.exp(1j * crank), crank_span=2.0)
+        assert objective(target, theta2[None, :])[0] == pytest.approx(wanted, abs=1e-12)
+
+
+def test_what_does_not_close_has_no_objective() -> None:
+    target, theta2 = motion(6)
+    with_gap = np.where(np.arange(24) == 3, np.nan, theta2)
+    found = objective(target, np.stack([theta2, with_gap]))
+    assert found[0] < 1e-12 and found[1] == np.inf
+
+
+def test_a_body_that_turns_with_the_crank_leaves_the_coupler_out() -> None:
+    target, _ = motion(7)
+    fit = fit_positions(target, (0.4 + target.crank)[None, :])
+    assert fit.coupler_vector[0] == 0 and np.isfinite(fit.residual).all()
+
+
+# -- the worked example -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def default_scan(atlas_path) -> Scan:
+    return Scan(load_atlas(atlas_path))
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1.0, 0.0), (1e-9, 2e7)], ids=["as_is", "small_and_far"])
+def test_worked_example_is_recovered(default_scan, scale, offset) -> None:
+    theta4, beta = np.deg2rad([30, 45])
+    crank = np.deg2rad(np.linspace(30, 100, 16))
+    theta2 = coupler_angle(LENGTHS, 1, crank)
+    pivot = 10 * np.exp(1j * beta) + offset
+    position = pivot + 19 * np.exp(1j * (crank + theta4)) + 20 * np.exp(1j * (np.deg2rad(60) + theta2 + theta4))
+    target = make_target(theta2 - 0.8012, scale * position, crank_angle=crank)
+    solutions, report = best_rows(default_scan, target, Limits(), 3)
+    assert report.exhaustive
+    best = solutions[0]
+    assert (best.row + 1, best.branch) == (45_185, 1)
+    assert np.rad2deg(best.start) == pytest.approx(30)
+    digits = 1e-6 if not offset else 1e-3
+    assert best.links / scale == pytest.approx(LENGTHS, rel=digits)
+    assert np.rad2deg(best.mount.ground_angle) == pytest.approx(30, abs=100 * digits)
+    assert np.rad2deg(best.mount.coupler_angle) == pytest.approx(60, abs=100 * digits)
+    assert best.mount.coupler_radius / scale == pytest.approx(20, rel=digits)
+    assert best.mount.pivot_a / scale == pytest.approx(pivot, abs=10 * digits)
+    assert best.body_offset + theta4 == pytest.approx(-0.8012, abs=digits)
+    assert best.errors.objective < digits
+    objectives = [solution.errors.objective for solution in solutions]
+    assert objectives == sorted(objectives) and len({s.row for s in solutions}) == 3
+
+
+def test_an_exact_answer_over_a_short_span_is_found(default_scan) -> None:
+    # Missed once: the bound of the position error was above the error itself where {1, e^{it}} takes most of e^{i theta2}.
+    crank = np.deg2rad(30 + np.linspace(0, 20, 16))
+    theta2 = coupler_angle(LENGTHS, 1, crank)
+    target = make_target(theta2, np.exp(1j * crank) + (1 + 0.7j) * np.exp(1j * theta2), crank_angle=crank)
+    found, _ = default_scan.best(target, 1)
+    assert (found.row[0] + 1, found.start[0], found.branch[0]) == (45_185, 30, 1) and found.error[0] < 1e-12

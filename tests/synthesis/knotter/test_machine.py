@@ -1,0 +1,262 @@
+"""The knotter's published and reference figures, at their tolerances (tests/reference/knotter.README.md)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from synthesis.knotter import machine as knotter
+from synthesis.knotter.mechanism import Linear
+from synthesis.knotter.predicates import crossing_point
+from synthesis.knotter.study import solve, study
+
+FIGURES = json.loads((Path(__file__).parents[2] / "reference" / "knotter.json").read_text())
+PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]
+EDGES = {"wrap": ("S3S4", "S4S5", "S5S3"), "bite": ("O5S8", "S8S9", "S9O5")}
+
+
+def at_pair(alpha1: float, alpha3: float, **others):
+    machine = knotter.knotter(**others)
+    return machine.with_parameters(alpha1=float(np.radians(alpha1)), alpha3=float(np.radians(alpha3)))
+
+
+def reference_print():
+    data = FIGURES["REF_PRINT"]
+    law = data["laws"]["beta"]
+    points = {name: tuple(map(float, xyz)) for name, xyz in data["points"].items()}
+    return {
+        "parameters": data["parameters"],
+        "laws": {"beta": Linear(np.radians(law["lead"]), law["ratio"])},
+        "points": points,
+    }
+
+
+def run(**others):
+    grid = {name: np.radians(values) for name, values in knotter.GRID_DEGREES.items()}
+    return study(knotter.knotter(**others), grid, knotter.conditions())
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return run()
+
+
+def row(key: str) -> int:
+    return PAIRS.index(tuple(int(part) for part in key.split(",")))
+
+
+# A1 to A6: the needle
+
+
+def test_needle_is_free_between_the_roots_of_equation_4() -> None:
+    assert np.degrees(knotter.Needle().free_range()) == pytest.approx(FIGURES["L_roots"], abs=1e-9)
+
+
+def test_needle_has_its_largest_clearance() -> None:
+    needle = knotter.Needle()
+    value, angle = FIGURES["L_max"]
+    assert needle.clearance(needle.best()) == pytest.approx(value, abs=1e-8)
+    assert np.degrees(needle.best()) == pytest.approx(angle, abs=1e-5)
+
+
+@pytest.mark.parametrize("degrees", FIGURES["L"])
+def test_needle_clearance(degrees: str) -> None:
+    assert knotter.Needle().clearance(np.radians(float(degrees))) == pytest.approx(FIGURES["L"][degrees], abs=1e-10)
+
+
+@pytest.mark.parametrize("degrees", FIGURES["d5"])
+def test_length_of_equation_5(degrees: str) -> None:
+    assert knotter.Needle().lay(np.radians(float(degrees))) == pytest.approx(FIGURES["d5"][degrees], abs=1e-10)
+
+
+def test_angle_for_the_published_length() -> None:
+    assert np.degrees(knotter.Needle().angles_for_lay(54.0)) == pytest.approx([FIGURES["alpha2_for_54"]], abs=1e-9)
+
+
+def test_published_whole_numbers_are_the_exact_ones_cut_off() -> None:
+    needle = knotter.Needle()
+    assert needle.smallest_whole_degree() == FIGURES["paper"]["alpha2_limit"]
+    assert int(needle.lay(np.radians(8.0))) == FIGURES["paper"]["d5"]
+
+
+# A7, A13: the chain
+
+
+@pytest.mark.parametrize("degrees", FIGURES["S0_u4_10_25"])
+def test_rope_on_the_disc_seen_from_the_bill(degrees: str) -> None:
+    found = at_pair(10, 25).position("S0", "u4", np.radians(float(degrees)))
+    assert np.array(found) == pytest.approx(FIGURES["S0_u4_10_25"][degrees], abs=1e-10)
+
+
+def test_to_the_bill_and_back_is_the_identity() -> None:
+    random = np.random.default_rng(3)
+    points = random.uniform(-60, 60, (3, 500))
+    driver = random.uniform(0, 2 * np.pi, 500)
+    machine = at_pair(10, 25)
+    there = machine.carry(tuple(points), "u3", "u4", driver)
+    assert np.abs(np.array(machine.carry(there, "u4", "u3", driver)) - points).max() < 1e-12
+    hook = machine.carry(tuple(points), "u5", "u3", driver)
+    assert np.abs(np.array(machine.carry(hook, "u3", "u5", driver)) - points).max() < 1e-12
+
+
+# A8, A11: entries
+
+
+@pytest.mark.parametrize("key", FIGURES["wrap"])
+def test_wrap_events(key: str, reference) -> None:
+    angle, edge, y, z, leave = FIGURES["wrap"][key]
+    found, index = reference.conditions["wrap"], row(key)
+    assert np.degrees(found.enter[index]) == pytest.approx(angle, abs=1e-9)
+    assert EDGES["wrap"][found.opened_by[index] - 2] == edge
+    assert found.point[index] == pytest.approx([0.0, y, z], abs=1e-8)
+    assert np.degrees(found.leave[index]) == pytest.approx(leave, abs=1e-6)
+    assert found.windows[index] == 1
+
+
+@pytest.mark.parametrize("key", FIGURES["bite"])
+def test_bite_events(key: str, reference) -> None:
+    angle, fraction = FIGURES["bite"][key]
+    found, index = reference.conditions["bite"], row(key)
+    assert np.degrees(found.enter[index]) == pytest.approx(angle, abs=1e-8)
+    assert EDGES["bite"][found.opened_by[index] - 2] == "S8S9"
+    assert found.fraction[index] == pytest.approx(fraction, abs=1e-8)
+    if key == "10,25":
+        assert found.point[index] == pytest.approx(FIGURES["E2_10_25"], abs=1e-8)
+
+
+# A9, A10: clearance
+
+
+@pytest.mark.parametrize("key", FIGURES["S10_j3_at_270"])
+def test_hook_past_the_disc(key: str, reference) -> None:
+    expected = FIGURES["S10_j3_at_270"][key]
+    assert reference.conditions["clearance"].value[row(key)] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("sense", [-1, 1])
+@pytest.mark.parametrize("pair", PAIRS)
+def test_chain_gives_the_closed_form_of_the_clearance(pair, sense) -> None:
+    machine = at_pair(*pair, senses={"alpha": sense})
+    x, _, z = machine.position("S10", "u4", np.radians(270.0))
+    size = machine.parameters
+    h, phi = (size["d6"] - z) * np.cos(size["alpha2"]), size["alpha1"] + size["alpha3"]
+    closed = x * np.cos(phi) + sense * (h * np.sin(phi) - size["d1"] * np.sin(size["alpha1"])) + size["D"]
+    assert knotter.clearance().evaluate(machine, 1).value[0] == pytest.approx(closed, abs=1e-9)
+
+
+@pytest.mark.parametrize("sense", [-1, 1])
+@pytest.mark.parametrize("pair", PAIRS)
+def test_worst_angle_of_the_locked_hook(pair, sense, reference) -> None:
+    machine = at_pair(*pair, senses={"alpha": sense})
+    found = knotter.clearance(over=(np.radians(200.0), np.radians(340.0))).evaluate(machine, 1)
+    phi = machine.parameters["alpha1"] + machine.parameters["alpha3"]
+    shift = -sense * np.arctan(np.sin(machine.parameters["alpha2"]) * np.tan(phi))
+    assert found.worst_driver[0] == pytest.approx(np.radians(270.0) + shift, abs=1e-11)
+    key = f"{pair[0]},{pair[1]}"
+    if sense == -1 and key in FIGURES["worst_angle"]:
+        assert np.degrees(found.worst_driver[0]) == pytest.approx(FIGURES["worst_angle"][key], abs=1e-5)
+        inner = reference.conditions["clearance"].worst_driver[PAIRS.index(pair)]
+        assert np.degrees(inner) == pytest.approx(FIGURES["worst_angle"][key], abs=1e-5)
+    if sense == -1 and key == "10,25":
+        assert found.worst[0] == pytest.approx(FIGURES["worst_10_25"], abs=1e-6)
+
+
+# A12: the published pattern
+
+
+@pytest.mark.parametrize("inputs", ["REF", "REF_PRINT"])
+def test_published_patterns_come_out(inputs: str) -> None:
+    result = run(**(reference_print() if inputs == "REF_PRINT" else {}))
+    paper = FIGURES["paper"]
+    for key, holds in paper["wrap_pattern"].items():
+        assert result.conditions["wrap"].holds[row(key)] == holds, key
+    for key, holds in paper["clearance_pattern"].items():
+        assert (result.conditions["clearance"].value[row(key)] < 0) == holds, key
+    if inputs == "REF":
+        assert [list(PAIRS[index]) for index in np.flatnonzero(result.feasible)] == paper["feasible"]
+
+
+def scanned_before_hit(machine, step: float) -> np.ndarray:
+    """E1 at the last step of a scan before the first hit, as the source did it."""
+    driver = np.radians(np.arange(0, 180, step))
+    condition = knotter.wrap()
+    corners = condition.positions(machine, driver)
+    enter = condition.evaluate(machine, 1).enter[0]
+    y, z = np.array(crossing_point(*corners)[1:])
+    before = np.flatnonzero(driver < enter)[-1]
+    return np.array([y[before], z[before]])
+
+
+@pytest.mark.parametrize("key", FIGURES["paper"]["E1_before_hit"])
+def test_printed_points_before_the_hit(key: str) -> None:
+    alpha1, alpha3 = map(int, key.split(","))
+    found = scanned_before_hit(at_pair(alpha1, alpha3, **reference_print()), FIGURES["REF_PRINT"]["scan_step"])
+    assert found == pytest.approx(FIGURES["REF_PRINT"]["E1_before_hit"][key], abs=6e-5)
+    assert found == pytest.approx(FIGURES["paper"]["E1_before_hit"][key], abs=0.05)
+    other = scanned_before_hit(at_pair(alpha1, alpha3), 2.0)
+    assert other == pytest.approx(FIGURES["REF_scan_step_2"][key], abs=6e-4)
+
+
+def test_bites_of_alpha1_10_are_nearest_the_middle_of_the_edge(reference) -> None:
+    off_middle = np.abs(reference.conditions["bite"].fraction - 0.5)
+    order = sorted(np.flatnonzero(reference.feasible), key=lambda index: off_middle[index])
+    assert {PAIRS[index] for index in order[:2]} == {(10, 25), (10, 30)}
+
+
+# A14: solve for a parameter
+
+
+def test_length_at_which_the_wrap_closes() -> None:
+    (limit,), starts = solve(at_pair(10, 25), knotter.wrap(), "d5", (20.0, 120.0))
+    d5, angle = FIGURES["closing_d5"]
+    assert starts and not limit.holds_above
+    assert limit.value == pytest.approx(d5, abs=1e-7)
+    assert np.degrees(limit.result.enter[0]) == pytest.approx(angle, abs=1e-6)
+    assert limit.result.margin[0] == pytest.approx(0.0, abs=1e-9)  # the crossing passes through S4
+
+
+# The needle beyond its example
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_needle_range_is_where_a_dense_scan_finds_it(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    needle = knotter.Needle(*random.uniform(-60, 60, 2), *random.uniform(0.1, 30, 2), 142.0, 30.0, 0.2)
+    angles = np.linspace(-np.pi / 2, np.pi / 2, 200_001)[1:-1]
+    values = needle.clearance(angles)
+    found = needle.free_range()
+    if values.max() <= 0:
+        assert found is None
+        return
+    inside = angles[values > 0]
+    step = angles[1] - angles[0]
+    assert found[0] == pytest.approx(inside[0], abs=1.001 * step) and found[0] < inside[0]
+    assert found[1] == pytest.approx(inside[-1], abs=1.001 * step) and found[1] > inside[-1]
+    assert needle.clearance(needle.best()) >= values.max() - 1e-12
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e9])
+def test_needle_does_not_know_the_unit_of_length(scale: float) -> None:
+    lengths = {name: getattr(knotter.Needle(), name) * scale for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")}
+    assert knotter.Needle(**lengths).free_range() == pytest.approx(knotter.Needle().free_range(), rel=1e-13)
+    assert knotter.Needle(**lengths).angles_for_lay(54.0 * scale) == pytest.approx(
+        knotter.Needle().angles_for_lay(54.0), rel=1e-12
+    )
+
+
+def test_a_needle_thinner_than_doubles_tell_is_free_up_to_the_pole() -> None:
+    low, high = knotter.Needle(S1x=1e9, S1y=-1e9, r0=1e-9, D0=1e-9).free_range()
+    assert low == pytest.approx(-np.pi / 2, abs=1e-12)
+    assert high == pytest.approx(np.pi / 4, abs=1e-12)
+
+
+def test_angles_for_a_length_meet_where_the_length_is_largest() -> None:
+    needle = knotter.Needle(S1x=150.0, S1y=10.0, d6=50.0)
+    top = np.hypot(150.0, 60.0) + 30.0 * np.sin(needle.beta0)
+    low, high = needle.angles_for_lay(top - 1e-9)
+    assert needle.lay(low) == pytest.approx(top - 1e-9, abs=1e-12)
+    assert needle.lay(high) == pytest.approx(top - 1e-9, abs=1e-12)
+    assert needle.angles_for_lay(top + 1e-9) == []

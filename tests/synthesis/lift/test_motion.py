@@ -1,0 +1,611 @@
+"""The lift's poses and motions: published and independently checked numbers, laws, naive twins and extremes."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from synthesis.errors import FieldError
+from synthesis.lift import loops as lift_loops
+from synthesis.lift.motion import checked_stroke, motion, stroke, travel_time, velocity
+from synthesis.lift.pose import (
+    Cylinder,
+    Design,
+    dead_point,
+    pose_at_height,
+    pose_at_turn,
+    top_lever,
+    triangle_angle,
+    turn_at_length,
+    turns_at_length,
+)
+
+ROOT = Path(__file__).parents[3]
+REFERENCE = json.loads((ROOT / "tests/reference/lift_acceptance.json").read_text())
+DESIGNS = {name: Design(*map(float, lengths)) for name, lengths in REFERENCE["designs"].items()}
+INITIAL, OPTIMUM = DESIGNS["initial"], DESIGNS["optimum"]
+CYLINDER = Cylinder(220.0, 100.0)
+BOTH = pytest.mark.parametrize("name", DESIGNS)
+LAW = settings(derandomize=True, deadline=None, max_examples=60)
+
+
+# -- a naive twin: the formulas as a textbook has them, one pose at a time -----------------------------------
+
+
+def naive_pose(design: Design, turn: float) -> dict[str, float]:
+    """Height and cylinder length at one turn, with plain inverse cosines."""
+    l2, l3, l4, l5, b = design.as_tuple()
+    mu = turn - math.pi / 2
+    gamma = math.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
+    s = math.sqrt(l5**2 - (l3 * math.cos(mu)) ** 2) - l3 * math.sin(mu)
+    x, y = -b + l2 * math.cos(mu - gamma), s + l2 * math.sin(mu - gamma)
+    return {"height": s, "length": math.hypot(x, y), "x": x, "y": y}
+
+
+def naive_height(design: Design, length: float) -> float:
+    """Height of the platform at a cylinder length, by walking down from the top in small steps, then halving."""
+    step = 1e-3
+    turn = 0.0
+    while naive_pose(design, turn)["length"] > length:
+        turn += step
+    low, high = turn - step, turn
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if naive_pose(design, middle)["length"] > length else (low, middle)
+    return naive_pose(design, low)["height"]
+
+
+def exact_motion(design: Design, cylinder: Cylinder, elongation: float) -> tuple[float, float, float]:
+    """Height, velocity and acceleration in 50 digits, the rates by differentiating numerically in the length."""
+    with mpmath.workdps(50):
+        l2, l3, l4, l5, b = (mpmath.mpf(value) for value in design.as_tuple())
+        gamma = mpmath.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
+
+        def height(turn):
+            return mpmath.sqrt(l5**2 - (l3 * mpmath.sin(turn)) ** 2) + l3 * mpmath.cos(turn)
+
+        def length(turn):
+            x, y = l2 * mpmath.sin(turn - gamma) - b, height(turn) - l2 * mpmath.cos(turn - gamma)
+            return mpmath.sqrt(x * x + y * y)
+
+        wanted = mpmath.mpf(cylinder.length) + mpmath.mpf(elongation)
+        guess = float(turn_at_length(design, float(wanted)))
+        turn = mpmath.findroot(lambda value: length(value) - wanted, guess)
+        s1, s2 = mpmath.diff(height, turn), mpmath.diff(height, turn, 2)
+        l1, l2_ = mpmath.diff(length, turn), mpmath.diff(length, turn, 2)
+        v = cylinder.speed
+        return float(height(turn)), float(v * s1 / l1), float(v * v * (s2 * l1 - s1 * l2_) / l1**3)
+
+
+# -- designs that nobody listed ------------------------------------------------------------------------------
+
+
+@st.composite
+def designs(draw) -> Design:
+    """Working lifts of all proportions and scales from 1e-9 to 1e9."""
+    scale = 10.0 ** draw(st.floats(-9, 9))
+    l5 = draw(st.floats(0.3, 3.0))
+    l3 = l5 * draw(st.floats(0.1, 0.97))
+    l2 = draw(st.floats(0.2, 4.0))
+    gamma = draw(st.floats(0.1, 2.6))
+    l4 = math.sqrt(l2 * l2 + l3 * l3 - 2 * l2 * l3 * math.cos(gamma))
+    b = draw(st.floats(0.2, 4.0))
+    design = Design(*(scale * value for value in (l2, l3, l4, l5, b)))
+    assume(float(top_lever(design)) > 0.05 * scale)
+    return design
+
+
+@st.composite
+def lifts(draw) -> tuple[Design, Cylinder]:
+    """A design with a cylinder that starts on its working branch, clear of the dead point."""
+    design = draw(designs())
+    turn_dead = float(dead_point(design))
+    turn = turn_dead * draw(st.floats(0.2, 0.9))
+    length = float(pose_at_turn(design, turn).length)
+    travel = float(pose_at_turn(design, 0.0).length) - length
+    assume(travel > 1e-3 * length and length > 1e-3 * design.b)
+    speed = travel / 10.0 ** draw(st.floats(-3, 3)) * draw(st.sampled_from([-1, 1]))
+    acceleration = draw(st.floats(-0.45, 3.0)) * speed * abs(speed) / travel
+    return design, Cylinder(length, speed, acceleration)
+
+
+# -- acceptance values ---------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_a1_loops_close_along_the_rise(name) -> None:
+    assert lift_loops.largest_residual(motion(DESIGNS[name], CYLINDER, samples=2001)) < 1e-9
+
+
+@BOTH
+def test_a2_rates_solve_the_linear_systems(name) -> None:
+    moved = motion(DESIGNS[name], CYLINDER, samples=501)
+    angles = lift_loops.link_angles(moved.design, moved.pose)
+    rates = lift_loops.rates_from_loops(moved.design, angles, moved.cylinder_length, moved.cylinder_speed)
+    assert np.max(np.abs(rates[:, 5] - moved.velocity)) < 1e-9
+    own = lift_loops.angular_velocities(moved.design, moved.pose, moved.cylinder_speed)
+    np.testing.assert_allclose(own, rates[:, :5], rtol=0, atol=1e-12)
+    solved = lift_loops.accelerations_from_loops(
+        moved.design, angles, moved.cylinder_length, rates, moved.cylinder_speed, 0.0
+    )
+    np.testing.assert_allclose(moved.acceleration, solved[:, 5], rtol=1e-9)
+    own = lift_loops.angular_accelerations(moved.design, moved.pose, moved.cylinder_speed, 0.0)
+    np.testing.assert_allclose(own, solved[:, :5], rtol=1e-9, atol=1e-9)
+
+
+@BOTH
+def test_a3_jacobian_is_the_derivative_of_the_loops(name) -> None:
+    design, h = DESIGNS[name], 1e-6
+    moved = motion(design, CYLINDER, samples=7)
+    angles = lift_loops.link_angles(design, moved.pose)
+    matrix = lift_loops.jacobian(design, angles, moved.cylinder_length)
+    for k in range(6):
+        ends = []
+        for sign in (1, -1):
+            shifted, height = angles.copy(), moved.pose.height.copy()
+            if k < 5:
+                shifted[:, k] += sign * h
+            else:
+                height = height + sign * h
+            ends.append(lift_loops.loop_residuals(design, shifted, moved.cylinder_length, height))
+        np.testing.assert_allclose(matrix[:, :, k], (ends[0] - ends[1]) / (2 * h), rtol=0, atol=1e-5)
+    sine = np.sin(angles[:, 1] - angles[:, 3]) * np.sin(angles[:, 4])
+    law = moved.cylinder_length * moved.pose.length_1 * design.l2 * design.l4 * design.l5 * sine
+    np.testing.assert_allclose(np.abs(np.linalg.det(matrix)), np.abs(law), rtol=1e-9)
+
+
+@BOTH
+def test_a4_instant_centre_gives_the_same_velocity(name) -> None:
+    heights = np.linspace(201, 509, 1001)
+    pose = pose_at_height(DESIGNS[name], heights)
+    other = lift_loops.velocity_by_instant_centre(DESIGNS[name], 100.0, heights)
+    assert np.max(np.abs(other - velocity(pose, 100.0))) < 1e-6
+    assert lift_loops.velocity_by_instant_centre(DESIGNS[name], 100.0, 510.0) == 0
+
+
+@BOTH
+def test_b1_c1_start(name) -> None:
+    start, wanted = motion(DESIGNS[name], CYLINDER, [0.0]), REFERENCE["start"][name]
+    for found, (value, tolerance) in (
+        (start.pose.height, wanted["height"]),
+        (start.velocity, wanted["velocity"]),
+        (start.acceleration, wanted["acceleration"]),
+    ):
+        assert found[0] == pytest.approx(value, abs=tolerance)
+
+
+def test_b2_b3_angles_and_angular_velocities_at_the_start() -> None:
+    start = motion(INITIAL, CYLINDER, [0.0])
+    angles = np.degrees(lift_loops.link_angles(INITIAL, start.pose)[0])
+    np.testing.assert_allclose(angles, REFERENCE["angles_deg"], rtol=0, atol=1e-5)
+    rates = lift_loops.angular_velocities(INITIAL, start.pose, start.cylinder_speed)[0]
+    np.testing.assert_allclose(rates, REFERENCE["angular_velocities"], rtol=0, atol=1e-5)
+
+
+@BOTH
+def test_b4_c2_end(name) -> None:
+    moved, wanted = motion(DESIGNS[name], CYLINDER), REFERENCE["end"][name]
+    assert moved.time[-1] == pytest.approx(wanted["time"][0], abs=wanted["time"][1])
+    assert moved.cylinder_length[-1] == pytest.approx(wanted["length"][0], abs=wanted["length"][1])
+    if "B" in wanted:
+        np.testing.assert_allclose([moved.pose.x[-1], moved.pose.y[-1]], wanted["B"], rtol=0, atol=1e-8)
+
+
+@BOTH
+def test_b5_c3_heights_and_b6_c4_velocities(name) -> None:
+    for kind, tolerance in (("height", 1e-5), ("velocity", 1e-4)):
+        wanted = REFERENCE[f"{kind}_at_time"][name]
+        moved = motion(DESIGNS[name], CYLINDER, [float(time) for time in wanted])
+        found = moved.pose.height if kind == "height" else moved.velocity
+        np.testing.assert_allclose(found, list(wanted.values()), rtol=0, atol=tolerance)
+
+
+def test_b7_accelerations() -> None:
+    wanted = REFERENCE["acceleration_at_time"]
+    moved = motion(INITIAL, CYLINDER, [float(time) for time in wanted])
+    np.testing.assert_allclose(moved.acceleration, list(wanted.values()), rtol=0, atol=1e-3)
+    assert motion(INITIAL, CYLINDER).acceleration[-1] == pytest.approx(REFERENCE["acceleration_at_top"], abs=1e-3)
+
+
+def test_b8_velocities_at_heights() -> None:
+    wanted = REFERENCE["velocity_at_height"]
+    pose = pose_at_height(INITIAL, [float(height) for height in wanted])
+    np.testing.assert_allclose(velocity(pose, 100.0), list(wanted.values()), rtol=0, atol=1e-4)
+
+
+@BOTH
+def test_b9_the_top_is_regular(name) -> None:
+    moved = motion(DESIGNS[name], CYLINDER)
+    assert abs(moved.velocity[-1]) < 1e-9
+    assert abs(moved.pose.height[-1] - 510) < 1e-9
+
+
+def test_c5_largest_late_velocity_of_the_optimum() -> None:
+    moved = motion(OPTIMUM, CYLINDER, np.linspace(0.5, 7.5, 70001))
+    at, wanted = np.argmax(moved.velocity), REFERENCE["largest_late_velocity"]
+    assert moved.velocity[at] == pytest.approx(wanted["velocity"], abs=1e-3)
+    assert moved.pose.height[at] == pytest.approx(wanted["height"], abs=0.1)
+
+
+def test_c7_c8_c9_before_and_after() -> None:
+    ratio = float(stroke(OPTIMUM, CYLINDER).duration / stroke(INITIAL, CYLINDER).duration)
+    assert ratio == pytest.approx(1.32367, abs=1e-5)
+    wanted = REFERENCE["velocity_ratio"]
+    times = [float(time) for time in wanted]
+    ratios = motion(OPTIMUM, CYLINDER, times).velocity / motion(INITIAL, CYLINDER, times).velocity
+    np.testing.assert_allclose(ratios, list(wanted.values()), rtol=0, atol=5e-4)
+    even = motion(OPTIMUM, CYLINDER, samples=100001).velocity
+    for width, share in REFERENCE["time_share_about_50"].items():
+        assert np.mean(np.abs(even - 50) <= float(width)) == pytest.approx(share, abs=1e-3)
+
+
+@BOTH
+def test_d1_d2_d3_dead_point_condition_and_assemblies(name) -> None:
+    design = DESIGNS[name]
+    limits = checked_stroke(design, CYLINDER)
+    assert float(limits.length_dead) == pytest.approx(REFERENCE["dead_point_length"][name], abs=1e-5)
+    start, top = lift_loops.condition(design, [limits.turn_bottom, 0.0])
+    assert start == pytest.approx(REFERENCE["condition"][name]["start"], rel=5e-3)
+    assert top == pytest.approx(REFERENCE["condition"][name]["top"], rel=5e-3)
+    heights = pose_at_turn(design, turns_at_length(design, 220.0)).height
+    np.testing.assert_allclose(heights, REFERENCE["assemblies"][name], rtol=0, atol=1e-4)
+
+
+def test_smallest_condition_is_the_smallest() -> None:
+    for name, least in (("initial", 8.14), ("optimum", 9.65)):
+        limits = checked_stroke(DESIGNS[name], CYLINDER)
+        found, turn = lift_loops.smallest_condition(DESIGNS[name], limits)
+        assert found == pytest.approx(least, abs=0.01)
+        assert found <= np.min(lift_loops.condition(DESIGNS[name], np.linspace(0, limits.turn_bottom, 2000))) * (
+            1 + 1e-9
+        )
+        assert lift_loops.condition(DESIGNS[name], turn) == found
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-3])
+def test_g1_integration_has_the_known_error(step) -> None:
+    from benchmarks.lift import integrate, integration_error
+
+    error, _ = integration_error(INITIAL, CYLINDER, *integrate(INITIAL, CYLINDER, step))
+    wanted = REFERENCE["integration_error"][f"{step:g}"]
+    assert wanted / 2 < error < wanted * 2
+
+
+def test_g2_integration_of_the_optimum_diverges_and_says_so() -> None:
+    from benchmarks.lift import integrate, integration_error
+
+    times, states = integrate(OPTIMUM, CYLINDER, 1e-2)
+    assert np.isnan(states[-1]).all() and times[-1] < 7.5
+    assert all(map(math.isnan, integration_error(OPTIMUM, CYLINDER, times, states)))
+
+
+# -- naive twins ---------------------------------------------------------------------------------------------
+
+
+@LAW
+@given(designs(), st.floats(0.0, 1.0))
+def test_pose_is_the_textbook_pose(design, share) -> None:
+    turn = share * float(dead_point(design))
+    pose, naive = pose_at_turn(design, turn), naive_pose(design, turn)
+    scale = design.l2 + design.l5 + design.b
+    for name, value in naive.items():
+        assert abs(getattr(pose, name) - value) < 1e-12 * scale
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_height_at_length_is_the_naive_one(name) -> None:
+    design = DESIGNS[name]
+    top = float(pose_at_turn(design, 0.0).length)
+    for length in np.linspace(220.0, top - 1e-3, 7):
+        found = pose_at_turn(design, turn_at_length(design, length)).height
+        assert found == pytest.approx(naive_height(design, length), rel=1e-10)
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize("share", [1e-4, 0.03, 0.4, 0.9, 0.9999])
+def test_motion_has_full_precision(name, share) -> None:
+    design = DESIGNS[name]
+    elongation = share * (float(pose_at_turn(design, 0.0).length) - 220.0)
+    moved = motion(design, CYLINDER, [elongation / 100.0])
+    exact = exact_motion(design, CYLINDER, 100.0 * (elongation / 100.0))
+    assert moved.pose.height[0] == pytest.approx(exact[0], rel=1e-14)
+    assert moved.velocity[0] == pytest.approx(exact[1], rel=1e-11)
+    assert moved.acceleration[0] == pytest.approx(exact[2], rel=1e-11)
+
+
+# -- laws ----------------------------------------------------------------------------------------------------
+
+
+@LAW
+@given(lifts())
+@example((INITIAL, CYLINDER))
+@example((OPTIMUM, Cylinder(220.0, -100.0, -20.0)))
+def test_unseen_lifts_close_and_solve_the_linear_systems(lift) -> None:
+    design, cylinder = lift
+    try:
+        moved = motion(design, cylinder, samples=33)
+    except FieldError as error:
+        assert error.details["constraint"] == "stopping"
+        assume(False)
+    scale = design.l2 + design.l5 + design.b
+    assert lift_loops.largest_residual(moved) < 1e-13 * scale
+    assert np.all(np.diff(moved.pose.height) * np.sign(cylinder.speed) > 0)
+    angles = lift_loops.link_angles(design, moved.pose)
+    bounded = lift_loops.condition(design, moved.pose.turn) < 1e3
+    rates = lift_loops.rates_from_loops(design, angles, moved.cylinder_length, moved.cylinder_speed)
+    fastest = np.max(np.abs(moved.velocity))
+    assert np.max(np.abs(rates[:, 5] - moved.velocity)[bounded], initial=0.0) < 1e-9 * fastest
+    solved = lift_loops.accelerations_from_loops(
+        design, angles, moved.cylinder_length, rates, moved.cylinder_speed, cylinder.acceleration
+    )
+    most = np.max(np.abs(moved.acceleration))
+    assert np.max(np.abs(solved[:, 5] - moved.acceleration)[bounded], initial=0.0) < 1e-9 * most
+
+
+@LAW
+@given(lifts())
+def test_rates_are_time_derivatives(lift) -> None:
+    design, cylinder = lift
+    duration = float(stroke(design, cylinder).duration)
+    assume(duration > 0)
+    step = 1e-5 * duration
+    middle = duration * np.array([0.3, 0.5, 0.7])
+    before, at, after = (motion(design, cylinder, middle + k * step) for k in (-1, 0, 1))
+    scale = np.max(np.abs(at.velocity))
+    slope = (after.pose.height - before.pose.height) / (2 * step)
+    np.testing.assert_allclose(slope, at.velocity, rtol=0, atol=1e-5 * scale)
+    slope = (after.velocity - before.velocity) / (2 * step)
+    np.testing.assert_allclose(
+        slope, at.acceleration, rtol=0, atol=1e-5 * np.max(np.abs(at.acceleration)) + 1e-5 * scale / duration
+    )
+    rates = (lift_loops.link_angles(design, after.pose) - lift_loops.link_angles(design, before.pose)) / (2 * step)
+    own = lift_loops.angular_velocities(design, at.pose, at.cylinder_speed)
+    np.testing.assert_allclose(rates, own, rtol=0, atol=1e-5 * np.max(np.abs(own)))
+
+
+@LAW
+@given(lifts())
+def test_lowering_is_rising_backwards(lift) -> None:
+    design, cylinder = lift
+    speed = abs(cylinder.speed)
+    up = motion(design, Cylinder(cylinder.length, speed), samples=21)
+    down = motion(design, Cylinder(cylinder.length, -speed), samples=21)
+    np.testing.assert_allclose(down.pose.height, up.pose.height[::-1], rtol=1e-11)
+    np.testing.assert_allclose(down.velocity, -up.velocity[::-1], rtol=1e-8, atol=1e-9 * np.max(up.velocity))
+    assert down.pose.height[0] == float(design.l3 + design.l5) or down.pose.turn[0] == 0
+
+
+@LAW
+@given(lifts(), st.floats(-9, 9))
+def test_the_unit_of_length_does_not_matter(lift, power) -> None:
+    design, cylinder = lift
+    k = 10.0**power
+    scaled = Design(*(k * value for value in design.as_tuple()))
+    one = motion(design, Cylinder(cylinder.length, cylinder.speed), samples=9)
+    other = motion(scaled, Cylinder(k * cylinder.length, k * cylinder.speed), samples=9)
+    for name in ("velocity", "acceleration", "cylinder_length"):
+        found, wanted = getattr(other, name), k * getattr(one, name)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.max(np.abs(wanted)))
+    np.testing.assert_allclose(other.pose.height, k * one.pose.height, rtol=1e-12)
+
+
+@LAW
+@given(designs())
+def test_the_working_branch_ends_at_the_dead_point(design) -> None:
+    turn_dead = float(dead_point(design))
+    rates = pose_at_turn(design, np.linspace(0, turn_dead, 500)[:-1]).length_1
+    assert np.all(rates < 0)
+    at = pose_at_turn(design, turn_dead)
+    assert abs(at.length_1) < 1e-9 * (design.l2 + design.b + design.l5)
+    beyond = pose_at_turn(design, turn_dead * (1 + 1e-6))
+    assert beyond.length_1 > 0
+
+
+@LAW
+@given(lifts())
+def test_length_and_turn_are_inverse_and_one_assembly_works(lift) -> None:
+    design, cylinder = lift
+    turn_dead = float(dead_point(design))
+    turns = turns_at_length(design, cylinder.length)
+    own = float(turn_at_length(design, cylinder.length))
+    assert pose_at_turn(design, own).length == pytest.approx(cylinder.length, rel=1e-12)
+    assert np.sum(turns < turn_dead) == 1 and np.min(np.abs(turns - own)) < 1e-9
+    np.testing.assert_allclose(pose_at_turn(design, turns).length, cylinder.length, rtol=1e-11)
+    assert np.all(np.diff(pose_at_turn(design, turns).height) <= 0)
+    assert turns.size % 2 == 0
+
+
+def test_a_batch_is_its_members_to_the_last_bit() -> None:
+    members = [INITIAL, OPTIMUM, Design(300.0, 180.0, 500.0, 330.0, 480.0), Design(10.0, 5.0, 8.0, 6.0, 12.0)]
+    batch = Design(*(np.array(values) for values in zip(*(design.as_tuple() for design in members))))
+    lengths = np.array([220.0, 230.0, 220.0, 9.0])
+    together = stroke(batch, Cylinder(lengths, np.full(4, 100.0), np.zeros(4)))
+    for k, design in enumerate(members):
+        alone = stroke(design, Cylinder(lengths[k], 100.0, 0.0))
+        for name in ("turn_bottom", "turn_dead", "length_dead", "length_top", "height_bottom", "duration"):
+            np.testing.assert_array_equal(getattr(together, name)[k], getattr(alone, name))
+    assert np.isnan(together.duration[2])  # no triangle
+    tall = Design(*(value[:, None] for value in batch.as_tuple()))
+    many = np.linspace(300.0, 700.0, 50)
+    np.testing.assert_array_equal(turn_at_length(tall, many)[0], turn_at_length(INITIAL, many))
+
+
+def test_more_designs_than_a_block() -> None:
+    arms = np.linspace(250.0, 400.0, 700)
+    together = dead_point(Design(arms, 180.0, 240.0, 330.0, 480.0))
+    for k in (0, 255, 256, 699):
+        assert together[k] == dead_point(Design(arms[k], 180.0, 240.0, 330.0, 480.0))
+
+
+@LAW
+@given(st.floats(1e-6, 1e6), st.floats(1e-3, 1e3), st.floats(-0.5, 10.0))
+def test_travel_time_covers_the_travel(travel, speed, share) -> None:
+    along = share * speed * speed / travel
+    time = float(travel_time(travel, speed, along))
+    assert speed * time + 0.5 * along * time * time == pytest.approx(travel, rel=1e-9)
+    assert float(travel_time(travel, -speed, -along)) == time
+
+
+def test_travel_time_at_the_edge_of_stopping() -> None:
+    assert travel_time(10.0, 2.0, -0.2) == 10.0  # comes to rest just there
+    assert np.isnan(travel_time(10.0, 2.0, -0.21))
+    assert travel_time(10.0, 2.0, -1e-300) == 5.0
+    assert np.isnan(travel_time(10.0, 0.0, 0.0))
+
+
+# -- extremes ------------------------------------------------------------------------------------------------
+
+
+def test_triangles_flat_to_the_last_digits() -> None:
+    angles = [triangle_angle(*sides)[2] for sides in ((3.0, 4.0, 5.0), (4.0, 5.0, 3.0), (5.0, 3.0, 4.0))]
+    assert sum(angles) == pytest.approx(math.pi, abs=1e-15)
+    thin = float(triangle_angle(1.0, 1.0, 1e-9)[2])
+    assert thin == pytest.approx(1e-9, rel=1e-12)  # arccos gives 0
+    assert np.isnan(triangle_angle(1.0, 2.0, 3.0)[2]) and np.isnan(triangle_angle(1.0, 2.0, np.nan)[2])
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_l3_close_to_l5_keeps_a_correct_working_branch(gap) -> None:
+    design = Design(300.0, 200.0 * (1 - gap), 240.0, 200.0, 480.0)
+    turn_dead = float(dead_point(design))
+    pose = pose_at_turn(design, np.linspace(0, turn_dead, 4001)[:-1])
+    assert np.all(pose.length_1 < 0) and np.all(np.isfinite(pose.height))
+
+
+def test_needles_and_vanishing_branches_are_numbers_or_refusals() -> None:
+    needle = Design(524835413.06299704, 3.888035458016452e-07, 524835413.0629967, 33595184722.833504, 4.8e-07)
+    assert np.isfinite(lift_loops.condition(needle, [0.1, 1.0])).all()
+    # the dead point and the top have the same length to rounding
+    point = Design(
+        7.993996895969692e-12, 2.8746930110551094e-10, 2.931748220137535e-10, 350105804.142949, 0.024167373669790323
+    )
+    assert np.isnan(turn_at_length(point, 350105804.142949))
+    thin = Design(1000.0, 0.01, 1000.0, 0.0101, 900.0)
+    limits = checked_stroke(thin, Cylinder(float(pose_at_turn(thin, 0.5 * dead_point(thin)).length), 1.0))
+    moved = motion(thin, Cylinder(float(pose_at_turn(thin, limits.turn_bottom).length), 1.0))
+    assert lift_loops.largest_residual(moved) < 1e-9
+
+
+def test_towards_the_dead_point_the_condition_grows_as_one_over_the_distance() -> None:
+    turn_dead = float(dead_point(INITIAL))
+    distance = np.array([1e-2, 1e-4, 1e-6])
+    values = lift_loops.condition(INITIAL, turn_dead - distance)
+    np.testing.assert_allclose(values, [268, 2.7e4, 2.7e6], rtol=0.02)
+    speeds = velocity(pose_at_turn(INITIAL, turn_dead - distance), 100.0)
+    np.testing.assert_allclose(speeds, [1.75e3, 1.72e5, 1.7e7], rtol=0.02)
+
+
+def test_start_a_hair_above_the_dead_point() -> None:
+    dead = float(checked_stroke(INITIAL, CYLINDER).length_dead)
+    for above in (1e-6, 1e-9, 1e-12):
+        moved = motion(INITIAL, Cylinder(dead * (1 + above), 100.0), samples=5)
+        assert np.all(np.isfinite(moved.velocity)) and np.all(np.diff(moved.pose.height) > 0)
+    v1, v2 = (float(motion(INITIAL, Cylinder(dead + gap, 100.0), [0.0]).velocity[0]) for gap in (1e-6, 1e-4))
+    assert v1 / v2 == pytest.approx(10.0, rel=0.01)  # 1 / sqrt of the distance in length
+
+
+def test_two_dead_points_that_nearly_meet_are_both_seen() -> None:
+    # a short stretch of shortening in the middle of the rise, narrower than any grid: the rate peaks just above 0
+    around = np.linspace(2.1162, 2.1182, 40001)
+
+    def peak(b: float) -> tuple[float, Design]:
+        design = Design(0.4772511136002662, 0.8745288434146505, 1.1972131209796901, 1.0, b)
+        return float(np.max(pose_at_turn(design, around).length_1)), design
+
+    low, high = 0.12, 0.135  # the peak falls as b grows
+    for _ in range(48):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if peak(middle)[0] > 1e-10 else (low, middle)
+    touching, clear = peak(low)[1], peak(high * (1 + 1e-8))[1]
+    assert peak(low)[0] > 0 > peak(high * (1 + 1e-8))[0]
+    assert float(dead_point(touching)) == pytest.approx(2.117, abs=1e-3)
+    assert float(dead_point(clear)) > 2.12
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9])
+def test_heights_below_c_keep_their_digits(gap) -> None:
+    design, turn = Design(300.0, 200.0 * (1 - gap), 240.0, 200.0, 480.0), 2.5
+    with mpmath.workdps(40):
+        l3, l5, t = (mpmath.mpf(value) for value in (design.l3, design.l5, turn))
+        exact = mpmath.sqrt(l5**2 - (l3 * mpmath.sin(t)) ** 2) + l3 * mpmath.cos(t)
+        assert abs(float(pose_at_turn(design, turn).height / exact - 1)) < 1e-14
+
+
+def test_heights_off_the_slide_are_nan_and_not_wrong() -> None:
+    heights = pose_at_height(INITIAL, [149.0, 150.0, 510.0, 510.1, -1.0, np.nan]).length
+    assert np.isnan(heights[[0, 3, 4, 5]]).all() and np.isfinite(heights[[1, 2]]).all()
+
+
+def test_heights_near_the_top_keep_their_digits() -> None:
+    for below in (1e-3, 1e-6, 1e-9):
+        pose = pose_at_height(INITIAL, 510.0 - below)
+        turn = math.sqrt(2 * (510.0 - (510.0 - below)) / (180.0 * 510.0 / 330.0))
+        assert float(pose.turn) == pytest.approx(turn, rel=1e-5)
+
+
+REFUSALS = {
+    "triangle": (Design(300.0, 180.0, 490.0, 330.0, 480.0), CYLINDER, 10.0),
+    "l3<l5": (Design(300.0, 180.0, 240.0, 170.0, 480.0), CYLINDER, 10.0),
+    "dead_point": (INITIAL, Cylinder(218.0, 100.0), 0.42632),
+    "cylinder_length": (INITIAL, Cylinder(800.0, 100.0), 7.97727),
+    "speed": (INITIAL, Cylinder(220.0, 0.0, 5.0), 0.0),
+    "stopping": (INITIAL, Cylinder(220.0, 100.0, -10.0), 72.02273),
+    "proportion": (Design(300.0, 180.0, 240.0, 330.0, 1e9), CYLINDER, 8.2e8),
+    "top_lever": (Design(300.0, 180.0, 479.9, 330.0, 480.0), CYLINDER, 458.0758),
+}
+
+
+@pytest.mark.parametrize("constraint", REFUSALS)
+def test_refusals_name_the_constraint_and_the_amount(constraint) -> None:
+    design, cylinder, amount = REFUSALS[constraint]
+    with pytest.raises(FieldError) as caught:
+        motion(design, cylinder)
+    assert caught.value.details["constraint"] == constraint
+    assert caught.value.details["amount"] == pytest.approx(amount, abs=0.01, rel=1e-9)
+
+
+@pytest.mark.parametrize(("time", "amount"), [(5.73, 0.009773), (-1.0, 1.0), (1e300, 1e300)])
+def test_times_off_the_motion_are_refused(time, amount) -> None:
+    with pytest.raises(FieldError) as caught:
+        motion(INITIAL, CYLINDER, [1.0, time])
+    assert caught.value.field == "/times/1"
+    assert caught.value.details["amount"] == pytest.approx(amount, rel=1e-4)
+
+
+def test_the_end_time_as_replied_is_accepted() -> None:
+    for design in DESIGNS.values():
+        for cylinder in (CYLINDER, Cylinder(220.0, -37.3, 0.9), Cylinder(220.0, 100.0, 1e-9)):
+            duration = float(checked_stroke(design, cylinder).duration)
+            assert motion(design, cylinder, [duration]).pose.turn[0] == motion(design, cylinder).pose.turn[-1]
+
+
+def test_braking_to_rest_at_the_top() -> None:
+    travel = float(checked_stroke(INITIAL, CYLINDER).length_top) - 220.0
+    moved = motion(INITIAL, Cylinder(220.0, 100.0, -(100.0**2) / (2 * travel)))
+    assert moved.time[-1] == pytest.approx(2 * travel / 100.0, rel=1e-12)
+    assert np.all(np.isfinite(moved.acceleration))
+
+
+def test_the_scene_costs_only_itself() -> None:
+    code = (
+        "import sys\n"
+        "from synthesis.lift import loops, motion, objective, optimum, published\n"
+        "from synthesis.lift.pose import Cylinder, Design\n"
+        "design = Design(300.0, 180.0, 240.0, 330.0, 480.0)\n"
+        "lift_loops.smallest_condition(design, lift.motion(design, Cylinder(220.0, 100.0)).stroke)\n"
+        "heavy = {'h5py', 'pywt', 'fastapi', 'pydantic', 'scipy', 'matplotlib'} & set(sys.modules)\n"
+        "import app.scenes.lift\n"
+        "heavy |= {'h5py', 'pywt', 'fastapi', 'scipy', 'matplotlib'} & set(sys.modules)\n"
+        "sys.exit(f'imports {heavy}' if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

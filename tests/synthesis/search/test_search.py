@@ -1,0 +1,367 @@
+"""The search as a user meets it: laws of requests and replies, small samples of every class."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.motion import SynthesizeRequest, answer_synthesize
+from app.resources import ServiceResources
+from app.settings import Settings
+from benchmarks.acceptance import REACHED, broken_limits, compare, limited_case, target_of
+from benchmarks.classes import EXACT, UNREACHABLE, Case, make_case
+from benchmarks.recompute import recompute
+from synthesis.fourbar.kinematics import close_loop
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.solution import SAME, Solution, Status, determinations, distinct, sensitivities
+from synthesis.search.search import DEFAULT_TOLERANCE, Levels, StoppedBy, search
+from synthesis.target import Target
+
+LINKS = ("crank", "coupler", "rocker", "ground")
+
+
+@pytest.fixture(scope="module")
+def resources() -> ServiceResources:
+    return ServiceResources(Settings(max_budget_ms=60_000))
+
+
+@pytest.fixture(scope="module")
+def levels(resources) -> Levels:
+    return resources.levels
+
+
+def ask(request: dict[str, Any], resources: ServiceResources) -> dict[str, Any]:
+    reply = answer_synthesize(SynthesizeRequest.model_validate(request), resources)
+    return json.loads(reply.model_dump_json())
+
+
+def without_times(reply: dict[str, Any]) -> str:
+    """A reply's text less everything that is a time."""
+    report = reply["report"] | {"elapsed_ms": None, "trace": [objective for _, objective in reply["report"]["trace"]]}
+    return json.dumps(reply | {"report": report})
+
+
+def links_of(solution: dict[str, Any]) -> np.ndarray:
+    return np.array([solution["links"][name] for name in LINKS])
+
+
+def same_angle(first: float, second: float) -> None:
+    """Degrees that agree modulo whole turns."""
+    assert abs((first - second + 180) % 360 - 180) < 1e-5
+
+
+# -- exact answers ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", EXACT)
+@pytest.mark.parametrize("seed", range(3))
+def test_an_exact_answer_is_found(kind, seed, resources) -> None:
+    case = make_case(kind, 5000 + seed)
+    reply = ask(case.request, resources)
+    best = compare(case.request, reply["solutions"][0])
+    assert best.objective < REACHED
+    for solution in reply["solutions"]:
+        mine = compare(case.request, solution)
+        # a rounding of every number of the motion may be off
+        assert mine.gap < 1e-14 * mine.size * 100
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_is_fitted_no_worse_than_by_the_truth(seed, resources) -> None:
+    case = make_case("noise", 5000 + seed)
+    best = recompute(case.request, ask(case.request, resources)["solutions"][0])
+    assert best.objective <= recompute(case.request, case.truth).objective
+
+
+@pytest.mark.parametrize("kind", ["plain", "rotation only", "position only"])
+@pytest.mark.parametrize("samples", [3, 4, 1024])
+def test_few_and_many_samples(kind, samples, resources) -> None:
+    case = make_case(kind, 5100, samples)
+    reply = ask(case.request, resources)
+    assert recompute(case.request, reply["solutions"][0]).objective < REACHED
+    if samples == 3:
+        assert reply["solutions"][0]["determination"]["ill_posed"]
+        assert any("ill-posed" in note for note in reply["report"]["notes"])
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_any_unit_of_length(scale, resources) -> None:
+    case = make_case("any order", 5200)
+    scaled = case.request | {"position": (scale * np.array(case.request["position"])).tolist()}
+    reply = ask(scaled, resources)
+    assert recompute(scaled, reply["solutions"][0]).objective < REACHED
+
+
+# -- requests that mean the same --------------------------------------------------------------------------------------
+
+
+def moved(
+    case: Case, scale: float = 1.0, turn: float = 0.0, shift: complex = 0.0, mirror: bool = False
+) -> dict[str, Any]:
+    """A request mirrored in the x axis, then turned (degrees), scaled and shifted."""
+    request = dict(case.request)
+    points = np.array(request["position"]) @ [1, 1j]
+    if mirror:
+        points = np.conj(points)
+        request["rotation"] = [-value for value in request["rotation"]]
+        request["crank_span"] = -request["crank_span"]
+    points = shift + scale * np.exp(1j * np.deg2rad(turn)) * points
+    request["position"] = np.column_stack([points.real, points.imag]).tolist()
+    request["rotation"] = [value + turn for value in request["rotation"]]
+    return request
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_moved_request_gives_the_moved_linkage(seed, resources) -> None:
+    case = make_case("any order", 5300 + seed)
+    scale, turn, shift = 3.7, 71.0, 2 - 5j
+    old = ask(case.request, resources)["solutions"][0]
+    new = ask(moved(case, scale, turn, shift), resources)["solutions"][0]
+    np.testing.assert_allclose(links_of(new), scale * links_of(old), rtol=1e-6)
+    assert new["branch"] == old["branch"]
+    same_angle(new["start_angle"], old["start_angle"])
+    same_angle(new["mount"]["ground_angle"], old["mount"]["ground_angle"] + turn)
+    same_angle(new["mount"]["coupler_point"]["angle"], old["mount"]["coupler_point"]["angle"])
+    for name in ("pivot_a", "pivot_b"):
+        before, after = complex(*old["mount"][name]), complex(*new["mount"][name])
+        assert abs(after - (shift + scale * np.exp(1j * np.deg2rad(turn)) * before)) < 1e-6 * scale
+    same_angle(new["body_offset"], old["body_offset"])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_mirrored_request_gives_the_mirrored_linkage(seed, resources) -> None:
+    case = make_case("any order", 5400 + seed)
+    old = ask(case.request, resources)["solutions"][0]
+    new = ask(moved(case, mirror=True), resources)["solutions"][0]
+    np.testing.assert_allclose(links_of(new), links_of(old), rtol=1e-9)
+    assert new["branch"] == -old["branch"]
+    same_angle(new["start_angle"], -old["start_angle"])
+    same_angle(new["mount"]["ground_angle"], -old["mount"]["ground_angle"])
+    assert complex(*new["mount"]["pivot_a"]) == pytest.approx(complex(*old["mount"]["pivot_a"]).conjugate(), rel=1e-9)
+
+
+def test_degrees_and_radians_mean_the_same(resources) -> None:
+    case = make_case("any order", 5500)
+    turned = case.request | {
+        "rotation": np.deg2rad(case.request["rotation"]).tolist(),
+        "crank_span": float(np.deg2rad(case.request["crank_span"])),
+        "angle_unit": "rad",
+    }
+    old, new = (ask(request, resources)["solutions"][0] for request in (case.request, turned))
+    np.testing.assert_allclose(links_of(new), links_of(old), rtol=1e-7)
+    same_angle(np.rad2deg(new["start_angle"]), old["start_angle"])
+
+
+@pytest.mark.parametrize("kind", ["plain", "rotation only", "clockwise", UNREACHABLE])
+def test_the_same_request_gives_the_same_reply(kind, resources) -> None:
+    request = make_case(kind, 5600).request | {"sensitivity": True}
+    if "position" in request:
+        request["round_to"] = 0.01
+    assert without_times(ask(request, resources)) == without_times(ask(request, resources))
+
+
+# -- what a reply holds -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["plain", "rotation only", "position only", UNREACHABLE])
+def test_solutions_are_sorted_and_differ(kind, resources) -> None:
+    solutions = ask(make_case(kind, 5700).request | {"top": 20}, resources)["solutions"]
+    objectives = [solution["errors"]["objective"] for solution in solutions]
+    assert objectives == sorted(objectives) and [s["rank"] for s in solutions] == list(range(1, len(solutions) + 1))
+    for k, one in enumerate(solutions):
+        for other in solutions[:k]:
+            gap = np.max(np.abs(links_of(one) / links_of(one).max() - links_of(other) / links_of(other).max()))
+            if gap <= SAME and one["branch"] == other["branch"]:  # then their pose must differ
+                assert one["mount"] is not None
+                a, b = one["mount"], other["mount"]
+                size = links_of(one).max()
+                places = [abs(complex(*a[name]) - complex(*b[name])) for name in ("pivot_a", "pivot_b")]
+                radius = abs(a["coupler_point"]["radius"] - b["coupler_point"]["radius"])
+                arm = abs((a["coupler_point"]["angle"] - b["coupler_point"]["angle"] + 180) % 360 - 180)
+                assert max(*places, radius, arm * size) > SAME * size
+
+
+def test_equal_solutions_are_kept_once(levels) -> None:
+    target = target_of(make_case("plain", 5800).request)
+    solutions, _ = search(levels, target, Limits(), 3, DEFAULT_TOLERANCE, time.perf_counter)
+    one = solutions[0]
+    close = replace(one, links=one.links * (1 + 1e-9))
+    far = replace(one, links=one.links * (1 + 1e-4))
+    assert distinct([one, close, far], 9) == [one, far]
+    assert distinct([one, far], 1) == [one]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_limit_is_broken(seed, resources) -> None:
+    case = limited_case(5000 + seed)
+    reply = ask(case.request | {"budget_ms": 8000}, resources)
+    assert [
+        broken_limits(case.request, solution)
+        for solution in reply["solutions"]
+        if broken_limits(case.request, solution)
+    ] == []
+    assert (reply["status"] == "infeasible") == (not reply["solutions"])
+
+
+def test_limits_that_the_truth_keeps_are_kept_at_no_cost(resources) -> None:
+    case = make_case("plain", 5900)
+    links = list(case.truth["links"].values())
+    limits = {"link_min": 0.99 * min(links), "link_max": 1.01 * max(links), "family": "crank_rocker"}
+    request = case.request | {"limits": limits}
+    reply = ask(request, resources)
+    assert recompute(request, reply["solutions"][0]).objective < REACHED
+    assert not broken_limits(request, reply["solutions"][0])
+
+
+def test_limits_that_nothing_keeps_are_infeasible(resources) -> None:
+    request = make_case("plain", 5901).request | {
+        "limits": {"link_min": 5.0, "link_max": 5.5, "family": "crank_rocker"}
+    }
+    # all links nearly as long as one another: no crank can turn
+    reply = ask(request, resources)
+    assert reply["status"] == "infeasible" and reply["solutions"] == []
+
+
+def test_a_clockwise_crank_has_the_same_box_for_its_pivots(resources) -> None:
+    """The search mirrors a clockwise request, and once forgot the box."""
+    case = make_case("clockwise", 5902)
+    pivot = np.array(case.truth["mount"]["pivot_a"])
+    ground = np.exp(1j * np.deg2rad(case.truth["mount"]["ground_angle"])) * case.truth["links"]["ground"]
+    corners = np.array([pivot, pivot + np.array([ground.real, ground.imag])])
+    box = [*(corners.min(axis=0) - 0.05).tolist(), *(corners.max(axis=0) + 0.05).tolist()]
+    request = case.request | {"limits": {"family": "crank_rocker", "pivot_box": box}}
+    reply = ask(request, resources)
+    assert reply["status"] == "reached" and not broken_limits(request, reply["solutions"][0])
+
+
+def test_what_lies_far_from_the_motion_is_feasible_too(resources) -> None:
+    """Double-cranks for a crank-rocker's motion: bad answers, but answers."""
+    case = limited_case(69)
+    reply = ask(case.request, resources)
+    assert reply["status"] == "closest" and not broken_limits(case.request, reply["solutions"][0])
+
+
+# -- anytime ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_budget_is_kept(levels) -> None:
+    """Processor time, so that a busy machine does not matter."""
+    target = target_of(make_case(UNREACHABLE, 6000).request)
+    search(levels, target, Limits(), 10, DEFAULT_TOLERANCE, time.process_time, 0.05)  # warms up
+    for budget in (0.03, 0.1, 0.3):
+        begin = time.process_time()
+        solutions, report = search(levels, target, Limits(), 10, DEFAULT_TOLERANCE, time.process_time, budget)
+        assert time.process_time() - begin < budget + 0.15
+        assert report.stopped_by == StoppedBy.BUDGET and solutions
+        assert Status.of(solutions, DEFAULT_TOLERANCE) is Status.CLOSEST
+
+
+def test_more_time_is_never_worse(levels) -> None:
+    """A clock that counts its readings: budgets mean the same on every machine."""
+    target = target_of(make_case("noise", 6001).request)
+    found = []
+    for budget in (5, 20, 80, 320):
+        readings = iter(range(10**6))
+        solutions, _ = search(levels, target, Limits(), 1, 1e-10, lambda readings=readings: next(readings), budget)
+        found.append(solutions[0].errors.objective)
+    assert all(later <= earlier * (1 + 1e-6) for earlier, later in pairwise(found))
+
+
+def test_the_trace_falls_to_what_is_returned(levels) -> None:
+    for kind in ("plain", "noise", UNREACHABLE):
+        target = target_of(make_case(kind, 6002).request)
+        solutions, report = search(levels, target, Limits(), 10, DEFAULT_TOLERANCE, time.perf_counter)
+        times, objectives = zip(*report.trace)
+        assert list(times) == sorted(times)
+        assert objectives[-1] == pytest.approx(solutions[0].errors.objective, abs=1e-12)
+        reached = solutions[0].errors.objective < DEFAULT_TOLERANCE
+        assert report.stopped_by == (StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED)
+
+
+def test_a_loose_tolerance_ends_sooner(levels) -> None:
+    target = target_of(make_case("tiny span", 6003).request)
+    _, strict = search(levels, target, Limits(), 1, DEFAULT_TOLERANCE, time.perf_counter)
+    solutions, loose = search(levels, target, Limits(), 1, 1e-3, time.perf_counter)
+    assert loose.seeds <= strict.seeds and solutions[0].errors.objective < 1e-3
+
+
+def test_levels_fit_the_memory_promised(levels) -> None:
+    assert levels.nbytes < 24_000_000
+
+
+# -- how well a linkage is determined ---------------------------------------------------------------------------------
+
+
+def motion(target: Target, numbers: np.ndarray, solution: Solution) -> np.ndarray:
+    """The motion in the objective's measure, from (log links, start, offset, ground turn, pivot, coupler vector)."""
+    links = np.exp(numbers[:4])
+    start, offset, turn = numbers[4:7]
+    pose, scale = solution.mount, target.length_scale
+    crank = start + target.crank
+    angle = close_loop(links, crank).coupler_angle(solution.branch)
+    pivot = pose.pivot_a + scale * complex(*numbers[7:9])
+    ground = np.exp(1j * (pose.ground_angle + turn))
+    vector = pose.coupler_radius * np.exp(1j * pose.coupler_angle) + scale * complex(*numbers[9:11])
+    points = pivot + ground * (links[0] * np.exp(1j * crank) + vector * np.exp(1j * angle))
+    rows = [points.real / scale, points.imag / scale]
+    if target.rotation is not None:
+        rows.insert(0, angle + offset)
+    return np.concatenate(rows) / np.sqrt(target.samples)
+
+
+@pytest.mark.parametrize("kind", ["plain", "position only", "double-crank"])
+def test_determination_is_that_of_finite_differences(kind, levels) -> None:
+    target = target_of(make_case(kind, 6100).request)
+    solution = search(levels, target, Limits(), 1, DEFAULT_TOLERANCE, time.perf_counter)[0][0]
+    at = np.concatenate([np.log(solution.links), [solution.start], np.zeros(6)])
+    columns = [k for k in range(11) if k != 5 or target.rotation is not None]
+    matrix = []
+    for k in columns:
+        step = np.zeros(11)
+        step[k] = 1e-6
+        matrix.append((motion(target, at + step, solution) - motion(target, at - step, solution)) / 2e-6)
+    _, singular, vectors = np.linalg.svd(np.array(matrix).T, full_matrices=False)
+    resolution = 1e-7
+    mine = determinations(target, [solution], [resolution])[0]
+    assert mine.condition == pytest.approx(singular[0] / singular[-1], rel=1e-3)
+    uncertainty = resolution * np.sqrt(np.sum((vectors[:, :4] / singular[:, None]) ** 2, axis=0))
+    np.testing.assert_allclose(mine.length_uncertainty, uncertainty, rtol=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["plain", "position only", "rotation only"])
+def test_sensitivity_is_that_of_finite_differences(kind, levels) -> None:
+    target = target_of(make_case(kind, 6200).request)
+    solution = search(levels, target, Limits(), 1, DEFAULT_TOLERANCE, time.perf_counter)[0][0]
+    mine = sensitivities(target, [solution])[0]
+    crank = solution.start + target.crank
+    for k in range(4):
+        step = np.zeros(4)
+        step[k] = 1e-6 * solution.links[k]
+        ahead, behind = (
+            close_loop(solution.links + sign * step, crank).coupler_angle(solution.branch) for sign in (1, -1)
+        )
+        if mine.rotation is not None:
+            change = np.sqrt(np.mean(((ahead - behind) / (2 * step[k])) ** 2))
+            assert mine.rotation[k] == pytest.approx(change, rel=1e-5)
+        if mine.position is not None:
+            points = [
+                solution.mount.body_point(solution.links + sign * step, crank, angle)
+                for sign, angle in ((1, ahead), (-1, behind))
+            ]
+            change = np.sqrt(np.mean(np.abs((points[0] - points[1]) / (2 * step[k])) ** 2))
+            assert mine.position[k] == pytest.approx(change, rel=1e-5)
+    assert (mine.rotation is None) == (kind == "position only")
+    assert (mine.position is None) == (kind == "rotation only")
+
+
+def test_a_tiny_span_is_said_to_be_ill_posed(resources) -> None:
+    reply = ask(make_case("tiny span", 6300).request, resources)
+    assert reply["solutions"][0]["determination"]["ill_posed"]
+    plain = ask(make_case("plain", 6300).request, resources)
+    assert not plain["solutions"][0]["determination"]["ill_posed"]
