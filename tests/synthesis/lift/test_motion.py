@@ -601,7 +601,7 @@ def test_the_scene_costs_only_itself() -> None:
         "from synthesis.lift import loops, motion, objective, optimum, published\n"
         "from synthesis.lift.pose import Cylinder, Design\n"
         "design = Design(300.0, 180.0, 240.0, 330.0, 480.0)\n"
-        "lift_loops.smallest_condition(design, lift.motion(design, Cylinder(220.0, 100.0)).stroke)\n"
+        "loops.smallest_condition(design, motion.motion(design, Cylinder(220.0, 100.0)).stroke)\n"
         "heavy = {'h5py', 'pywt', 'fastapi', 'pydantic', 'scipy', 'matplotlib'} & set(sys.modules)\n"
         "import app.scenes.lift\n"
         "heavy |= {'h5py', 'pywt', 'fastapi', 'scipy', 'matplotlib'} & set(sys.modules)\n"

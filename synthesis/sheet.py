@@ -1,0 +1,95 @@
+"""Tables and drawings as text: what the files of all machines share. What is drawn is each machine's own."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def csv_text(columns: Mapping[str, Iterable[Any]], line_end: str = "\r\n") -> str:
+    """A table with a head; numbers at full precision, an empty cell for None."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator=line_end)
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return text.getvalue()
+
+
+class Sheet:
+    """The page of an SVG drawing, y up in the drawing and down on the page.
+
+    It is written about its own corner, because viewers hold coordinates in single precision.
+
+    Parameters
+    ----------
+    points : ndarray of complex
+        What must be on the page, x + i y.
+    margin : float
+        Room on each side, as a share of the larger extent.
+    size : float, optional
+        The larger side of the page; default: the drawing's own unit is kept.
+    digits : int
+        Digits of a coordinate.
+    """
+
+    def __init__(
+        self, points: NDArray[np.complex128], margin: float, size: float | None = None, digits: int = 9
+    ) -> None:
+        low = complex(points.real.min(), points.imag.min())
+        high = complex(points.real.max(), points.imag.max())
+        extent = max(high.real - low.real, high.imag - low.imag)
+        margin *= extent
+        self.scale = 1.0 if size is None else size / (extent + 2 * margin)
+        self.corner = complex(low.real - margin, high.imag + margin)
+        self.width = ((high - low).real + 2 * margin) * self.scale
+        self.height = ((high - low).imag + 2 * margin) * self.scale
+        self.digits = digits
+
+    def at(self, point: complex) -> str:
+        """The coordinates of a point, as a path has them."""
+        moved = (point - self.corner) * self.scale
+        return f"{moved.real:.{self.digits}g},{-moved.imag + 0.0:.{self.digits}g}"
+
+    def dot(self, point: complex, radius: float, attributes: str = "") -> str:
+        """A circle on the page; the radius in the page's unit."""
+        x, y = self.at(point).split(",")
+        return f'<circle {attributes}{" " if attributes else ""}cx="{x}" cy="{y}" r="{radius:.6g}"/>'
+
+    def text(self, title: str, parts: Sequence[str]) -> str:
+        """The file."""
+        head = (
+            '<?xml version="1.0" encoding="UTF-8"?>\n<svg xmlns="http://www.w3.org/2000/svg" '
+            f'viewBox="0 0 {self.width:.{self.digits}g} {self.height:.{self.digits}g}">'
+        )
+        return "\n".join([head, f"<title>{title}</title>", *parts, "</svg>"]) + "\n"
+
+
+def dxf_document(layers: Mapping[str, int], unit: int) -> Any:
+    """An empty DXF document (R2010) with layers by AutoCAD colour index.
+
+    Parameters
+    ----------
+    layers : mapping
+    unit : int
+        $INSUNITS: 4 millimetres, 0 none (the user's own).
+    """
+    import ezdxf
+
+    document = ezdxf.new("R2010", setup=False)
+    document.units = unit
+    document.header["$MEASUREMENT"] = 1
+    for name, colour in layers.items():
+        document.layers.add(name, color=colour)
+    return document
+
+
+def dxf_text(document: Any) -> str:
+    """The file of a DXF document."""
+    stream = io.StringIO()
+    document.write(stream)
+    return stream.getvalue()
