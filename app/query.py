@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Protocol
@@ -14,6 +15,26 @@ PositiveNumber = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
 AngleUnit = Literal["deg", "rad"]
+
+
+@dataclass(frozen=True)
+class Angles:
+    """A request's unit of angle: to radians, which all numerics use, and back."""
+
+    unit: AngleUnit
+
+    @property
+    def radian(self) -> float:
+        """Radians in one unit."""
+        return math.pi / 180 if self.unit == "deg" else 1.0
+
+    def inward(self, angle: float) -> float:
+        """Radians of a request's angle."""
+        return math.radians(angle) if self.unit == "deg" else angle
+
+    def outward(self, angle: float) -> float:
+        """A reply's angle from radians."""
+        return math.degrees(angle) if self.unit == "deg" else float(angle)
 
 
 class RequestModel(BaseModel):
