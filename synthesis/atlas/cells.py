@@ -32,9 +32,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.atlas.series import Bucket, Floats, Ints, gather, start_angles
-from synthesis.fourbar.kinematics import TURN
-from synthesis.target import Target
+from synthesis.atlas.matrices import start_angles
+from synthesis.atlas.series import Bucket, Floats, Ints, gather
+from synthesis.target import TURN, Target
 
 Bounds = NDArray[np.float32]
 Radii = NDArray[np.floating]
@@ -92,7 +92,8 @@ class Arcs:
         self._third = bisect_left(THIRDS, reached)
         self._middle = int(pieces / 2)
         along = target.crank - (low + high) / 2
-        self._taylor = [np.float32(v) for v in (np.std(along), np.std(along**2) / 2, span**3 / 48)]
+        std = target.rotation_mean.spread
+        self._taylor = [np.float32(v) for v in (std(along), std(along**2) / 2, span**3 / 48)]
 
     def radius(self, level: Level, cells: Ints) -> Radii:
         """Radius of some cells of a level for windows by the piece they begin in, (cells, ARCS)."""

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.cells import ABOVE_SINGLE, ARCS, PARTS, Arcs, Cells, Level
-from synthesis.atlas.series import Bucket, Floats, Ints, Matrices, Phasors, PositionMatrices, RotationMatrix, gather
+from synthesis.atlas.matrices import Matrices, PositionMatrices, RotationMatrix
+from synthesis.atlas.series import Bucket, Floats, Ints, Phasors, gather
 
-Piece = Callable[[float], tuple[Ints, Floats] | None]
-"""Window numbers and lower bounds of those windows of a piece of work whose bound is at most a limit."""
+Batch = Callable[[float], tuple[Ints, Floats] | None]
+"""Window numbers and lower bounds of those windows of a batch whose bound is at most a limit."""
 
 BLOCK_ROWS = 256
 CHUNK_BYTES = 1 << 20
@@ -111,7 +112,7 @@ class Descent:
 
     # -- every window -------------------------------------------------------------------------------------------------
 
-    def _everything(self) -> list[Piece]:
+    def _everything(self) -> list[Batch]:
         count = len(self.bucket.rows)
         return [partial(self._block, slice(k, k + BLOCK_ROWS)) for k in range(0, count, BLOCK_ROWS)]
 
@@ -130,6 +131,9 @@ class Descent:
             squared = self._lowered(squared, bucket.error[places, None]) ** 2
         if self.position is not None:
             squared = squared + self.position.mean_square_error(self.phasors, places)
+            keep = squared <= limit**2
+        elif self.rotation is None:  # positions only, and no time for their series: any window may be the best
+            squared = np.zeros((places.size, self.windows))
             keep = squared <= limit**2
         place, window = np.nonzero(keep)
         return bucket.rows[places[place]] * self.windows + window, np.sqrt(squared[place, window])
@@ -150,8 +154,8 @@ class Descent:
     def _descends(self) -> bool:
         return self.rotation is not None and bool(self.cells.levels)
 
-    def work(self, limit: float) -> tuple[list[Piece], bool]:
-        """Pieces of work that between them find every window whose bound is at most any limit up to this one.
+    def batches(self, limit: float) -> tuple[list[Batch], bool]:
+        """Batches that between them find every window whose bound is at most any limit up to this one.
 
         And whether they are heavy: matrix products large enough for threads of their own.
         """

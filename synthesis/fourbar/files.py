@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import FULL_CRANK, TURN, close_loop, family
+from synthesis.fourbar.kinematics import FULL_CRANK, close_loop, family
 from synthesis.fourbar.solution import Solution, principal
 from synthesis.target import Target
 
