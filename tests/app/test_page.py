@@ -8,6 +8,7 @@ import json
 import re
 import shutil
 import subprocess
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -133,6 +134,31 @@ def test_every_reference_within_is_served(client) -> None:
             f"/static/{name}" for name in re.findall(r'from "\./([^"]+)"', text)
         ]:
             assert client.get(name).status_code == 200, f"{path.name} refers to {name}"
+
+
+def imports(module: str) -> set[str]:
+    """The modules that a module of the page imports."""
+    return set(re.findall(r'^import .* from "\./([^"]+)";$', (STATIC / module).read_text(), re.MULTILINE))
+
+
+def test_modules_import_in_no_circle_and_every_one_is_used() -> None:
+    graph = {path.name: imports(path.name) for path in STATIC.glob("*.js")}
+    order = list(TopologicalSorter(graph).static_order())
+    assert set(order) == set(graph)
+    pages = "".join(path.read_text() for path in STATIC.glob("*.html"))
+    used = set(re.findall(r'<script type="module" src="/static/([^"]+)"', pages))
+    for module in reversed(order):
+        assert module in used, f"no page loads {module}"
+        used |= graph[module]
+
+
+def test_every_module_says_what_it_is_for_and_imports_from_below_it_in_the_documents_table() -> None:
+    rows = re.findall(r"^\| `(\w+\.js)` \|", (ROOT / "docs/page.md").read_text(), re.MULTILINE)
+    assert sorted(rows) == sorted(path.name for path in STATIC.glob("*.js"))
+    for k, name in enumerate(rows):
+        first = (STATIC / name).read_text().splitlines()[0]
+        assert re.fullmatch(r"// .{30,}\.", first), f"{name} begins with {first}"
+        assert imports(name) <= set(rows[k + 1 :]), f"{name} imports from above"
 
 
 @pytest.mark.parametrize("folder", [STATIC / "vendor", ROOT / "tests/vendor"], ids=["page", "tests"])
