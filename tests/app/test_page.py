@@ -8,6 +8,7 @@ import json
 import re
 import shutil
 import subprocess
+import sysconfig
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -159,6 +160,32 @@ def test_every_module_says_what_it_is_for_and_imports_from_below_it_in_the_docum
         first = (STATIC / name).read_text().splitlines()[0]
         assert re.fullmatch(r"// .{30,}\.", first), f"{name} begins with {first}"
         assert imports(name) <= set(rows[k + 1 :]), f"{name} imports from above"
+
+
+@pytest.mark.parametrize(
+    ("rule", "code"),
+    [
+        ("no-undef", "export const a = missing;"),
+        ("no-undef", "missing = 1;"),
+        ("no-undef", "export const a = uPlot;"),
+        ("no-unused-vars", "const a = 1;"),
+        ("no-unused-vars", "export function f(a) {}"),
+        ("no-unused-vars", 'import { known } from "./other.js";'),
+        ("named", 'import { missing } from "./other.js"; export const a = missing;'),
+        ("no-cycle", 'export { known } from "./back.js";'),
+        ("eqeqeq", "export const f = (a) => a == 1;"),
+        ("no-var", "export var a = 1;"),
+        ("no-shadow", "export const a = 1; export const f = (a) => a;"),
+        ("max-lines", "\n".join(f"export const a{k} = {k};" for k in range(401))),
+    ],
+)
+def test_the_linter_reports_faults(tmp_path, rule, code) -> None:
+    (tmp_path / "other.js").write_text("export const known = 1;\n")
+    (tmp_path / "back.js").write_text('import { a } from "./code.js";\nexport const known = a;\n')
+    (tmp_path / "code.js").write_text(f"{code}\n")
+    oxlint = [Path(sysconfig.get_path("scripts")) / "oxlint", "-c", ROOT / ".oxlintrc.json", "-f", "unix"]
+    done = subprocess.run([*oxlint, "code.js"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and f"({rule})" in done.stdout, done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("folder", [STATIC / "vendor", ROOT / "tests/vendor"], ids=["page", "tests"])
