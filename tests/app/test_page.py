@@ -204,8 +204,11 @@ def test_examples_are_made_by_their_script_and_can_be_answered(client) -> None:
     assert stored == json.loads(text())
     assert len(stored) == 5
     for example in stored:
-        reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": 500})
-        assert reply.status_code == 200, reply.text
+        for budget in (500, 10_000):  # the second on a busy machine only
+            reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": budget})
+            assert reply.status_code == 200, reply.text
+            if reply.json()["solutions"]:
+                break
         assert reply.json()["solutions"], example["name"]
         assert len(example["word"]) > 30
 
