@@ -12,6 +12,7 @@ PORT ?= 8000
 
 help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
+	@echo "make lint       style of Python (ruff) and JavaScript (oxlint)"
 	@echo "make test       style and the default tests (about five minutes)"
 	@echo "make fault      the slow destructive tests: kills, bit flips"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about five minutes)"
@@ -42,9 +43,7 @@ run: $(READY) $(ATLAS)
 	@echo
 	@$(BIN)/linkage-atlas serve --atlas $(ATLAS) --host $(HOST) --port $(PORT)
 
-test: $(READY)
-	$(BIN)/python -m ruff check .
-	$(BIN)/python -m ruff format --check .
+test: lint
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 fault: $(READY)
@@ -53,6 +52,7 @@ fault: $(READY)
 lint: $(READY)
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
+	$(BIN)/oxlint app/static
 
 bench: $(READY) $(ATLAS)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,opponents]'
