@@ -1,4 +1,4 @@
-"""All questions that the service answers: the four-bar's and the scenes'."""
+"""The four-bar's questions, answered by the front door: the models' fields are its arguments."""
 
 from __future__ import annotations
 
@@ -6,18 +6,31 @@ import json
 from importlib.resources import files
 from typing import Any
 
-from app.export import SYNTHESIZE_EXPORTS
-from app.motion import (
-    MatchesReply,
-    MatchRequest,
-    SynthesizeReply,
-    SynthesizeRequest,
-    answer_match,
-    answer_synthesize,
-)
-from app.query import Query
-from app.scenes import scene_queries
-from app.tables import matches_table, synthesize_table
+import linkage_atlas as la
+from app.fourbar.export import SYNTHESIZE_EXPORTS, solve
+from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
+from app.fourbar.tables import matches_table, synthesize_table
+from app.query import Query, Resources
+
+
+def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
+    """The best rows by rotation alone; no pose is computed."""
+    found = la.match(
+        request.rotation,
+        request.crank_span,
+        atlas=resources.atlas,
+        crank_angle=request.crank_angle,
+        degrees=request.degrees,
+        top=request.top,
+        features=request.features,
+        work=resources.work,
+    )
+    return MatchesReply.model_validate(found.to_dict())
+
+
+def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> SynthesizeReply:
+    """Linkages with actual dimensions and pose, best first."""
+    return SynthesizeReply.model_validate(solve(request, resources).to_dict())
 
 
 def worked_example() -> dict[str, Any]:
@@ -25,7 +38,7 @@ def worked_example() -> dict[str, Any]:
     return json.loads(files("app").joinpath("examples/worked_example.json").read_text())
 
 
-def motion_queries() -> tuple[Query, ...]:
+def fourbar_queries() -> tuple[Query, ...]:
     """The four-bar's queries."""
     example = worked_example()
     rotation_only = {"rotation": example["rotation"], "crank_span": example["crank_span"]}
@@ -63,8 +76,3 @@ def motion_queries() -> tuple[Query, ...]:
             SYNTHESIZE_EXPORTS,
         ),
     )
-
-
-def all_queries() -> tuple[Query, ...]:
-    """Every query of the service."""
-    return (*motion_queries(), *scene_queries())
