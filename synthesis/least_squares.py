@@ -43,6 +43,7 @@ def minimise(
     tolerance: float = 0.0,
     work: Work | None = None,
     stall: float = 1e-9,
+    damping: float = 1e-3,
 ) -> Minima:
     """Levenberg-Marquardt from many starting points, all at once.
 
@@ -63,6 +64,8 @@ def minimise(
 
     stall : float
         A step that lowers the cost by a smaller part than this is a candidate's last one.
+    damping : float
+        Of the first step, relative to the squares of the derivatives: small where the start is near.
 
     Returns
     -------
@@ -73,7 +76,7 @@ def minimise(
     unknowns = unknowns.copy()
     size = unknowns.shape[1]
     cost, stack = evaluate(unknowns, labels)
-    damping = np.full(len(unknowns), 1e-3)
+    damped = np.full(len(unknowns), damping)
     growth = np.full(len(unknowns), 2.0)
     triangle = _triangle(stack)
     active = np.flatnonzero(np.isfinite(cost))
@@ -81,7 +84,7 @@ def minimise(
     while steps < iterations and active.size and cost.min() > tolerance**2 and not work.expired():
         steps += 1
         upper, right = triangle[active, :size, :size], triangle[active, :size, size]
-        step = -_damped_solution(upper, right, damping[active])
+        step = -_damped_solution(upper, right, damped[active])
         longest = np.max(np.abs(step), axis=1)
         step *= np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
         trial = unknowns[active] + step
@@ -96,12 +99,12 @@ def minimise(
         triangle[took] = _triangle(new.stack[better])
         # Nielsen's rule (Madsen, Nielsen, Tingleff, Methods for non-linear least squares problems, 3.2)
         gain = np.clip(decrease[better] / np.maximum(predicted[better], 1e-300), 0, 1)
-        damping[took] = np.maximum(damping[took] * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), 1e-20)
+        damped[took] = np.maximum(damped[took] * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), 1e-20)
         growth[took] = 2.0
-        damping[refused] *= growth[refused]
+        damped[refused] *= growth[refused]
         growth[refused] *= 2
         stalled = better & (decrease < stall * before)
-        finished = stalled | (damping[active] > 1e10) | (before < 1e-30)
+        finished = stalled | (damped[active] > 1e10) | (before < 1e-30)
         active = active[~finished]
     return Minima(unknowns, cost)
 

@@ -15,7 +15,9 @@ from synthesis.target import TURN, Target
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-_STEPS = 40
+_STEPS = 400
+_AROUND = 0.4 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+"""Starts and ground angles beside the solution's, in radians: rounded links may have their best place in another valley."""
 _DIFFERENCE = 1e-6
 
 
@@ -51,10 +53,13 @@ def round_solution(target: Target, solution: Solution, grid: float) -> Solution 
         # next to where it opens there are no derivatives: such a place is no answer, unless it is all there is
         return Evaluation(np.where(np.isnan(stack).any(axis=(1, 2)), np.inf, cost), np.nan_to_num(stack))
 
-    branch = np.array([float(old.branch)])
-    found = minimise(evaluate, np.array([[old.start, old.ground_angle]]), branch, _STEPS, stall=0.0)
-    start, turn = found.unknowns[0]
-    residual, pivot, coupler = _fit(target, links, branch, found.unknowns)
+    branch = np.full(len(_AROUND), float(old.branch))
+    found = minimise(
+        evaluate, np.array([old.start, old.ground_angle]) + _AROUND, branch, _STEPS, stall=0.0, damping=1e-6
+    )
+    place = found.unknowns[[found.cost.argmin()]]
+    start, turn = place[0]
+    residual, pivot, coupler = _fit(target, links, branch[:1], place)
     if np.isnan(residual).any():
         return None
     point = float(abs(coupler[0])), wrap(float(np.angle(coupler[0])))
