@@ -12,7 +12,7 @@ PORT ?= 8000
 
 help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
-	@echo "make lint       style of Python (ruff) and JavaScript (oxlint)"
+	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
 	@echo "make test       style and the default tests (about five minutes)"
 	@echo "make fault      the slow destructive tests: kills, bit flips"
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
@@ -54,6 +54,7 @@ fault: $(READY)
 lint: $(READY)
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
+	$(BIN)/python -m mypy
 	$(BIN)/oxlint app/static
 
 bench: $(READY) $(ATLAS)
