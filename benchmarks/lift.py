@@ -6,7 +6,9 @@ the numbers of ``docs/lift.md``. All searches are deterministic; only run times 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,24 +16,22 @@ import numpy as np
 from benchmarks import report
 from benchmarks.report import BLUE, GREEN, GREY, INK, ORANGE, RED, Times, bare, figure, note, percent, significant
 from synthesis.lift.loops import condition, largest_residual, smallest_condition, velocity_by_instant_centre
-from synthesis.lift.motion import acceleration, motion, velocity
-from synthesis.lift.objective import Evaluator, Objective, Task, project
-from synthesis.lift.optimum import optimize, optimize_batch
+from synthesis.lift.motion import acceleration, motion, stroke, velocity
+from synthesis.lift.objective import Evaluator, Objective, Task, equation_residuals, project
+from synthesis.lift.optimum import Optimum, optimize, optimize_batch
 from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
 from synthesis.lift.published import ARMS, published_for
 from tests.oracles import lift as oracle
 
+REFERENCE = json.loads((report.ROOT / "tests/reference/lift_acceptance.json").read_text())
 DESIGNS = {
-    "initial": Design(300.0, 180.0, 240.0, 330.0, 480.0),
-    "published": Design(351.9, 162.8, 351.9, 347.2, 535.8),
+    "initial": Design(*REFERENCE["designs"]["initial"]),
+    "published": Design(*REFERENCE["designs"]["optimum"]),
 }
 CYLINDER = Cylinder(220.0, 100.0)
 STROKE = (200.0, 510.0)
 POSES = 57_201
 ROUNDINGS = 5_000
-PRINTED_F = {200.0: 321.5, 210.0: 326.3, 220.0: 337.5, 230.0: 348.9, 240.0: 353.5, 250.0: 364.5}
-"""f in table 2 of the source by cylinder length, at the speed of `CYLINDER`."""
-PRINTED_F_BY_SPEED = {70.0: 169.4, 80.0: 216.0, 90.0: 280.0, 110.0: 408.4, 120.0: 497.8}
 
 
 def task(objective: Objective, bound: float = 600.0, cylinder: Cylinder = CYLINDER) -> Task:
@@ -42,63 +42,38 @@ def task(objective: Objective, bound: float = 600.0, cylinder: Cylinder = CYLIND
 # -- measurements --------------------------------------------------------------------------------------------
 
 
-def timed(function: Callable[[], Any]) -> tuple[Any, float]:
-    """A result and its processor time, the least of a few runs where one is short."""
-    times = Times()
-    result = times.run(function)
-    for _ in range(4 if times.wall[0] < 0.5 else 0):
-        times.run(function)
-    return result, times.least.processor
+def adaptive(design: Design, method: str, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times and states of an integration of (14) with steps of its own choice."""
+    from scipy.integrate import solve_ivp
+
+    equation, start = oracle.Loops(design).equation(CYLINDER), oracle.start_state(design, CYLINDER)
+    even = np.linspace(0.0, float(stroke(design, CYLINDER).duration), 573)
+    options = {"rtol": tolerance, "atol": 1e-3 * tolerance, "t_eval": even}
+    solved = solve_ivp(equation, even[[0, -1]], start, method=method, **options)
+    return solved.t, solved.y.T
 
 
 def measure_integration() -> list[dict]:
     """Error against run time: fixed and adaptive steps, each beside the closed form at the same times."""
-    from scipy.integrate import solve_ivp
-
-    rules = {"Euler": oracle.euler_step, "RK4": oracle.rk4_step}
-    steps = {"Euler": (1e-2, 1e-3, 1e-4), "RK4": (1e-2, 5e-3, 2e-3, 1e-3, 1e-4)}
+    cases: list[tuple] = [
+        ("Euler", f"h = {h:g} s", oracle.integrate, CYLINDER, h, oracle.euler_step) for h in (1e-2, 1e-3, 1e-4)
+    ]
+    cases += [("RK4", f"h = {h:g} s", oracle.integrate, CYLINDER, h) for h in (1e-2, 5e-3, 2e-3, 1e-3, 1e-4)]
+    adaptives = (("RK45", 1e-3), ("RK45", 1e-6), ("DOP853", 1e-10))
+    cases += [(method, f"rtol = {rtol:g}", adaptive, method, rtol) for method, rtol in adaptives]
     rows = []
-    for name, design in DESIGNS.items():
-        duration = float(motion(design, CYLINDER, [0.0]).stroke.duration)
-
-        def fixed(rule, step, design=design):
-            return oracle.integrate(design, CYLINDER, step, rule)
-
-        def adaptive(method, tolerance, design=design, duration=duration):
-            equation, start = oracle.Loops(design).equation(CYLINDER), oracle.start_state(design, CYLINDER)
-            even = np.linspace(0.0, duration, 573)
-            options = {"rtol": tolerance, "atol": 1e-3 * tolerance, "t_eval": even}
-            solved = solve_ivp(equation, (0.0, duration), start, method=method, **options)
-            return solved.t, solved.y.T
-
-        runs = [
-            (method, f"h = {step:g} s", fixed, (rules[method], step)) for method in rules for step in steps[method]
-        ]
-        runs += [
-            (method, f"rtol = {tolerance:g}", adaptive, (method, tolerance))
-            for method, tolerance in (("RK45", 1e-3), ("RK45", 1e-6), ("DOP853", 1e-10))
-        ]
-        for method, setting, run, arguments in runs:
-            (times, states), seconds = timed(lambda run=run, arguments=arguments: run(*arguments))
-            diverged = not np.all(np.isfinite(states))
-            error, residual = oracle.integration_error(design, CYLINDER, times, states)
-            reached = times[times <= duration]
-            closed = report.repeat(
-                lambda design=design, reached=reached: motion(design, CYLINDER, reached)
-            ).least.processor
-            rows.append(
-                {
-                    "design": name,
-                    "method": method,
-                    "setting": setting,
-                    "times": len(reached),
-                    "height_error": None if diverged else error,
-                    "loop_residual": None if diverged else residual,
-                    "seconds": seconds,
-                    "ratio": seconds / closed,
-                    "stopped_at": float(times[-1]) if diverged else None,
-                }
-            )
+    for (name, design), (method, setting, run, *options) in product(DESIGNS.items(), cases):
+        clock = Times()
+        times, states = clock.run(run, design, *options)
+        for _ in range(4 if clock.wall[0] < 0.5 else 0):
+            clock.run(run, design, *options)
+        error, residual = oracle.integration_error(design, CYLINDER, times, states)
+        reached = times[times <= stroke(design, CYLINDER).duration]
+        closed = report.repeat(partial(motion, design, CYLINDER, reached)).least.processor
+        seconds, diverged = clock.least.processor, np.isnan(error)
+        row = {"design": name, "method": method, "setting": setting, "times": len(reached), "seconds": seconds}
+        row |= {"height_error": None if diverged else error, "loop_residual": None if diverged else residual}
+        rows.append({**row, "ratio": seconds / closed, "stopped_at": times[-1] if diverged else None})
     return rows
 
 
@@ -107,26 +82,18 @@ def measure_closed_form() -> list[dict]:
     rows = []
     for name, design in DESIGNS.items():
         moved = motion(design, CYLINDER, samples=POSES)
-        turns = np.linspace(float(moved.stroke.turn_bottom), 0.0, POSES)
+        turns, exact = np.linspace(float(moved.stroke.turn_bottom), 0.0, POSES), oracle.Exact(design)
 
         def by_turn(design=design, turns=turns):
             pose = pose_at_turn(design, turns)
             return velocity(pose, 100.0), acceleration(pose, 100.0, 0.0)
 
-        exact = oracle.Exact(design)
         some = zip(moved.cylinder_length[::1144].tolist(), moved.pose.height[::1144].tolist())
-        errors = [abs(float(exact.height(exact.turn_at_length(length)) - height)) for length, height in some]
-        rows.append(
-            {
-                "design": name,
-                "by_turn": report.repeat(by_turn).least.processor,
-                "from_time": report.repeat(
-                    lambda design=design: motion(design, CYLINDER, samples=POSES)
-                ).least.processor,
-                "largest_residual": largest_residual(moved),
-                "height_error": max(errors),
-            }
-        )
+        error = max(abs(float(exact.height_at_length(length) - height)) for length, height in some)
+        row = {"design": name, "largest_residual": largest_residual(moved), "height_error": error}
+        row["by_turn_ms"] = 1e3 * report.repeat(by_turn).least.processor
+        row["from_time_ms"] = 1e3 * report.repeat(partial(motion, design, CYLINDER, samples=POSES)).least.processor
+        rows.append(row)
     return rows
 
 
@@ -141,7 +108,15 @@ def measure_published() -> dict:
         float(Evaluator(task(Objective("discrete", include_start=flag)))(on_constraints)) for flag in (True, False)
     ]
     least, most = float(np.min(values)), float(np.max(values))
-    return {"samples": ROUNDINGS, "least": least, "most": most, "f": sums[0], "f_as_printed": sums[1]}
+    initial = DESIGNS["initial"]
+    closed_l5 = initial.l5 + equation_residuals(initial, CYLINDER.length, *STROKE)["(32) closure"]
+    found = {"samples": ROUNDINGS, "least": least, "most": most, "f": sums[0], "f_as_printed": sums[1]}
+    return {**found, "closed_l5_of_initial": closed_l5}
+
+
+def relative_error(value: float, exact: Any) -> float:
+    """Of a number of many digits: its difference is rounded only once it is taken."""
+    return float(abs(value - exact) / abs(exact))
 
 
 def measure_stability() -> dict[str, list[dict]]:
@@ -159,7 +134,7 @@ def measure_stability() -> dict[str, list[dict]]:
                     "distance": distance,
                     "speed": 100 * float(pose.gain),
                     "condition": float(condition(design, turn)),
-                    "relative_error": float(abs(float(pose.gain) / gain - 1)),
+                    "relative_error": relative_error(float(pose.gain), gain),
                 }
                 if end == "dead_point":
                     row["turn_from_length_error"] = abs(float(turn_at_length(design, float(pose.length))) - turn)
@@ -170,32 +145,29 @@ def measure_stability() -> dict[str, list[dict]]:
                         "arccos_error": oracle.arccos_gain(design, height),
                         "instant_centre_error": float(velocity_by_instant_centre(design, 1.0, height)),
                     }
-                    row |= {key: float(abs(value / gain - 1)) for key, value in others.items()}
+                    row |= {key: relative_error(value, gain) for key, value in others.items()}
                     row["below_top"] = float(design.l3 + design.l5 - height)
                 found[end].append(row)
     return found
 
 
+def optimum_row(wanted: Task, optimum: Optimum) -> dict[str, Any]:
+    """An optimum, and f of the published design on the same constraints."""
+    row = {"design": optimum.design.as_dict(), "f": optimum.objective, "duration": optimum.duration}
+    return row | {"f_of_published": published_for(wanted, optimum).objective, "active": optimum.active}
+
+
 def measure_table_2() -> list[dict]:
     """Table 2 as printed, projected, and our optimum; one search for all speeds of one length."""
-    cylinders = {Cylinder(CYLINDER.length, speed): value for speed, value in PRINTED_F_BY_SPEED.items()}
-    cylinders |= {Cylinder(length, CYLINDER.speed): value for length, value in PRINTED_F.items()}
+    by_speed, by_length = REFERENCE["table_2_speeds"], REFERENCE["table_2"]
+    cylinders = {Cylinder(CYLINDER.length, float(speed)): value for speed, value in by_speed.items()}
+    cylinders |= {Cylinder(float(length), CYLINDER.speed): row["printed"] for length, row in by_length.items()}
     tasks = [task(Objective("discrete"), cylinder=cylinder) for cylinder in cylinders]
     rows = []
     for wanted, value, optimum in zip(tasks, cylinders.values(), optimize_batch(tasks)):
-        published = published_for(wanted, optimum)
-        rows.append(
-            {
-                "length": wanted.cylinder.length,
-                "speed": wanted.cylinder.speed,
-                "printed_l2": ARMS[wanted.cylinder.length],
-                "printed_f": value,
-                "projected_f": published.objective,
-                "design": optimum.design.as_dict(),
-                "f": optimum.objective,
-                "duration": optimum.duration,
-            }
-        )
+        length, speed = wanted.cylinder.length, wanted.cylinder.speed
+        printed = {"length": length, "speed": speed, "printed_l2": ARMS[length], "printed_f": value}
+        rows.append(printed | optimum_row(wanted, optimum))
     return rows
 
 
@@ -210,19 +182,8 @@ def measure_optima() -> list[dict]:
         objective = Objective(kind) if n is None else Objective("discrete", n, kind == "discrete")
         times, wanted = Times(), task(objective, bound)
         optimum = times.run(optimize, wanted)
-        rows.append(
-            {
-                "kind": kind,
-                "n": n,
-                "bound": bound,
-                "design": optimum.design.as_dict(),
-                "f": optimum.objective,
-                "of_published": published_for(wanted, optimum).objective,
-                "active": list(optimum.active),
-                "duration": optimum.duration,
-                "seconds": times.wall[0],
-            }
-        )
+        case = {"kind": kind, "n": n, "bound": bound, "seconds": times.processor[0]}
+        rows.append(case | optimum_row(wanted, optimum))
     return rows
 
 
@@ -270,13 +231,14 @@ TABLES = {
     "v_s (mm/s): {speed:.3g} | condition: {condition:.4g} | by turn: {relative_error:.0e} | "
     "by height: {from_height_error:.0e} | plain arccos: {arccos_error:.0e} | instant centre: {instant_centre_error:.0e}",
     "table_2": "l1': {length:g} | v_l: {speed:g} | printed l2 = l4: {printed_l2:g} | printed f: {printed_f:g} | "
-    "its f on the constraints: {projected_f:.3f} | our l2 = l4: {design[l2]:.3f} | l3: {design[l3]:.3f} | "
+    "its f on the constraints: {f_of_published:.3f} | our l2 = l4: {design[l2]:.3f} | l3: {design[l3]:.3f} | "
     "l5: {design[l5]:.3f} | b: {design[b]:.3f} | our f: **{f:.3f}** | rise time (s): {duration:.3f}",
     "optima": "objective: {kind} | n: {steps} | bound: {bound:g} | l2: {design[l2]:.3f} | l3: {design[l3]:.3f} | "
     "l4: {design[l4]:.3f} | l5: {design[l5]:.3f} | b: {design[b]:.3f} | f: {f:.6g} | active: {names} | "
     "rise time (s): {duration:.2f}",
 }
 """Heads and cells of the tables."""
+OF_INTEGRATION = {"height": "{height_error:.1e}", "loops": "{loop_residual:.1e}", "times": "{ratio:.0f}"}
 OF_DESIGNS = {
     "l2, l3, l4, l5, b": "{l2:.4g}, {l3:.4g}, {l4:.4g}, {l5:.4g}, {b:.4g}",
     "rise time (s)": "{duration:.3f}",
@@ -302,18 +264,10 @@ def blocks(results: dict) -> dict[str, str]:
         "integration": [
             {**row, "height": f"**diverges** at {row['stopped_at']:.2f} s", "loops": "-", "times": "-"}
             if row["height_error"] is None
-            else {
-                **row,
-                "height": f"{row['height_error']:.1e}",
-                "loops": f"{row['loop_residual']:.1e}",
-                "times": f"{row['ratio']:.0f}",
-            }
+            else {**row, **{key: cell.format(**row) for key, cell in OF_INTEGRATION.items()}}
             for row in integration
         ],
-        "closed_form": [
-            {**row, **{f"{key}_ms": 1e3 * row[key] for key in ("by_turn", "from_time")}}
-            for row in results["closed_form"]
-        ],
+        "closed_form": results["closed_form"],
         "table_2": table_2,
         "optima": [
             {**row, "steps": row["n"] or "-", "names": ", ".join(f"`{name}`" for name in row["active"])}
@@ -329,7 +283,7 @@ def blocks(results: dict) -> dict[str, str]:
         return f"{min(values):.{digits}f} to {max(values):.{digits}f}"
 
     def change(key: str) -> str:
-        return f"{100 * (published[key] / initial[key] - 1):+.0f} %"
+        return f"{100 * (published[key] / initial[key] - 1):+.0f} %".replace("-", "−")
 
     by_length = [row for row in table_2 if row["speed"] == CYLINDER.speed]
     # one design, printed for six speeds
@@ -339,7 +293,7 @@ def blocks(results: dict) -> dict[str, str]:
     shares = [f"{percent(share, 3)} within ±{width}" for width, share in published["share_within"].items()]
     words = {
         "rounding": f"{digits['least']:.0f} to {digits['most']:.0f} in {digits['samples']:,} random roundings",
-        "lost": f"{ends([100 * (1 - row['f'] / row['projected_f']) for row in table_2])} %",
+        "lost": f"{ends([100 * (1 - row['f'] / row['f_of_published']) for row in table_2])} %",
         "our_arms": ends([row["design"]["l2"] for row in by_length]),
         "printed_arms": ends([row["printed_l2"] for row in by_length]),
         "speed_violation": percent(max(scaled) / min(scaled) - 1),
@@ -347,9 +301,10 @@ def blocks(results: dict) -> dict[str, str]:
         "share_of_start": percent(1 - digits["f_as_printed"] / digits["f"], 3),
         "normalized_arm": f"{normalized[0]['design']['l2']:.1f}",
         "normalized_bounds": " to ".join(f"{row['bound']:g}" for row in normalized),
-        "normalized_lost": percent(1 - normalized[0]["f"] / normalized[0]["of_published"]),
+        "normalized_lost": percent(1 - normalized[0]["f"] / normalized[0]["f_of_published"]),
         "printed_sum": f"{digits['f_as_printed']:.0f}",
         "initial_start": f"s(0) = {initial['height']:.4f}, v(0) = {initial['velocity']:.1f}",
+        "closed_l5": f"{digits['closed_l5_of_initial']:.2f}",
         "velocity_change": change("velocity"),
         "early_velocity_change": change("early_velocity"),
         "even_shares": ", ".join(shares),
@@ -395,7 +350,7 @@ def draw_lift(axes: Any, design: Design, turn: float, color: str, alpha: float =
 def picture_model() -> None:
     """The mechanism with its names, and three poses of its rise."""
     design = DESIGNS["initial"]
-    bottom, bold = float(motion(design, CYLINDER, [0.0]).stroke.turn_bottom), {"fontsize": 13, "weight": "bold"}
+    bottom, bold = float(stroke(design, CYLINDER).turn_bottom), {"fontsize": 13, "weight": "bold"}
     with figure("lift_model.png", 1, 2, size=(11.6, 5.4)) as (_, (left, right)):
         turn = float(turn_at_length(design, 262.0))
         at = draw_lift(left, design, turn, BLUE)
@@ -449,7 +404,7 @@ def picture_motion(results: dict) -> None:
     starts = results["designs"]
     with figure("lift_motion.png", 3, 1, size=(8.6, 9.0), sharex=True) as (_, panels):
         for (name, design, color, dash), shift in zip(looks(results), (0, -14, 14)):
-            duration = float(motion(design, CYLINDER, [0.0]).stroke.duration)
+            duration = float(stroke(design, CYLINDER).duration)
             moved = motion(design, CYLINDER, duration * np.linspace(0, 1, 4001) ** 2)
             for axes, values in zip(panels, (moved.pose.height, moved.velocity, moved.acceleration)):
                 axes.plot(moved.time, values, color=color, ls=dash, lw=2.2, label=name)
@@ -491,7 +446,7 @@ def picture_integration(results: dict) -> None:
                     text = f"{method}, {row['setting']}: diverges"
                     note(axes, text, (row["seconds"], level), (8, -4), fontsize=8.5)
             star = {"ms": 17, "color": ORANGE, "mec": INK, "mew": 0.6, "label": f"closed form,\n{POSES:,} poses"}
-            axes.plot(own["from_time"], own["height_error"], "*", **star)
+            axes.plot(1e-3 * own["from_time_ms"], own["height_error"], "*", **star)
             axes.set(title=f"{own['design']} design", xlabel="run time  (s)")
         panels[0].set(ylabel="largest error of the height  (mm)", ylim=(1e-14, 3e3))
         panels[1].legend(loc="lower right")
@@ -529,9 +484,9 @@ def picture_objective() -> None:
 
 def picture_designs(results: dict) -> None:
     """Before, published and optimum at the start and at the top, to one scale."""
-    with figure("lift_designs.png", 1, 3, size=(12.5, 4.6), sharey=True) as (_, panels):
+    with figure("lift_designs.png", 1, 3, size=(12.5, 3.4), sharey=True) as (_, panels):
         for axes, (name, design, color, _) in zip(panels, looks(results)):
-            limits = motion(design, CYLINDER, [0.0]).stroke
+            limits = stroke(design, CYLINDER)
             draw_lift(axes, design, float(limits.turn_bottom), color, alpha=0.55)
             draw_lift(axes, design, 0.0, color)
             path = pose_at_turn(design, np.linspace(0, float(limits.turn_bottom), 200))

@@ -73,6 +73,10 @@ class Exact:
         x = self.l2 * mpmath.sin(turn - self.gamma) - self.b
         return mpmath.hypot(x, self.height(turn) - self.l2 * mpmath.cos(turn - self.gamma))
 
+    def height_at_length(self, length):
+        with mpmath.workdps(DIGITS):
+            return self.height(self.turn_at_length(length))
+
     def turn_at_length(self, length):
         with mpmath.workdps(DIGITS):
             guess = float(turn_at_length(self.design, float(length)))
