@@ -240,7 +240,7 @@ TABLES = {
 """Heads and cells of the tables."""
 OF_INTEGRATION = {"height": "{height_error:.1e}", "loops": "{loop_residual:.1e}", "times": "{ratio:.0f}"}
 OF_DESIGNS = {
-    "l2, l3, l4, l5, b": "{l2:.4g}, {l3:.4g}, {l4:.4g}, {l5:.4g}, {b:.4g}",
+    "l2, l3, l4, l5, b": "{l2:.1f}, {l3:.1f}, {l4:.1f}, {l5:.1f}, {b:.1f}",
     "rise time (s)": "{duration:.3f}",
     "v at t = 0 (mm/s)": "{velocity:.1f}",
     "a at t = 0 (mm/s²)": "{acceleration:,.0f}",
