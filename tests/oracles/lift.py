@@ -217,8 +217,8 @@ def integration_error(design: Design, cylinder: Cylinder, times, states) -> tupl
 # -- the objective, and a search ------------------------------------------------------------------------------
 
 
-def objective(design: Design, wanted: Task) -> float:
-    """The objective from textbook poses, with a sum in place of Gauss nodes; infinite past a dead point."""
+def moments(design: Design, wanted: Task, nodes: int = 4000) -> tuple[float, float]:
+    """Variance and mean of the speed from textbook poses, with a sum in place of Gauss nodes; infinite past a dead point."""
     kind, n, drive = wanted.objective.kind, wanted.objective.n, wanted.cylinder
     l2, l3, l4, l5, b = design.as_tuple()
     span = wanted.high - wanted.low
@@ -227,7 +227,7 @@ def objective(design: Design, wanted: Task) -> float:
         weights = np.ones(heights.size)
     else:
         # midpoints of even steps in a variable that is graded towards both ends, where the speed has a peak or a root
-        u = (np.arange(4000) + 0.5) / 4000
+        u = (np.arange(nodes) + 0.5) / nodes
         heights = wanted.low + span * u**4 / (u**4 + (1 - u) ** 4)
         weights = (u * (1 - u)) ** 3 / (u**4 + (1 - u) ** 4) ** 2
     # cosine rule in the triangles ADC and ABC; then B, and ds/dl1 from ds/dT and the components of B's velocity
@@ -239,17 +239,22 @@ def objective(design: Design, wanted: Task) -> float:
     length = np.hypot(x, y)
     length_1 = (x * l2 * np.cos(turn) + y * (s1 + l2 * np.sin(turn))) / length
     if not np.all(length_1 < 0):
-        return math.inf
+        return math.inf, math.nan
     covered = length - drive.length
     if drive.speed < 0:
         covered = pose(design, 0.0)["length"] - length
     square = drive.speed**2 + 2 * drive.acceleration * math.copysign(1, drive.speed) * covered
     if np.any(square < 0):
-        return math.inf
+        return math.inf, math.nan
     v = np.sqrt(square) * s1 / length_1
     mean = np.sum(weights * v) / np.sum(weights)
-    variance = np.sum(weights * (v - mean) ** 2) / np.sum(weights)
-    return float(variance / mean**2 if kind == "normalized" else variance)
+    return float(np.sum(weights * (v - mean) ** 2) / np.sum(weights)), float(mean)
+
+
+def objective(design: Design, wanted: Task) -> float:
+    """The objective; infinite past a dead point."""
+    variance, mean = moments(design, wanted)
+    return variance / mean**2 if wanted.objective.kind == "normalized" else variance
 
 
 def closed_designs(l2: float, l4: float, wanted: Task) -> list[Design]:
@@ -272,9 +277,12 @@ def closed_designs(l2: float, l4: float, wanted: Task) -> list[Design]:
     return [Design(l2, l3, l4, high - l3, b) for l3 in roots]
 
 
-def search(wanted: Task) -> tuple[float, Design]:
-    """The least objective and its design, by differential evolution over (l2, l4 / l2) from a fixed seed."""
-    from scipy.optimize import differential_evolution
+def search(wanted: Task, polish: bool = False) -> tuple[float, Design]:
+    """The least objective and its design, by differential evolution over (l2, l4 / l2) from a fixed seed.
+
+    With `polish`, also along the two edges on which an optimum may lie, l4 = l2 and the longest l2.
+    """
+    from scipy.optimize import differential_evolution, minimize_scalar
 
     bound = wanted.upper_bound
 
@@ -287,9 +295,16 @@ def search(wanted: Task) -> tuple[float, Design]:
         ]
         return min(found, key=lambda pair: pair[0], default=(1e30, None))
 
-    ends = max(wanted.low - wanted.cylinder.length, 0.0) + 1e-6 * wanted.high
-    ends = ends, min(bound, math.hypot(bound, wanted.low) - wanted.cylinder.length)
+    last = min(bound, math.hypot(bound, wanted.low) - wanted.cylinder.length)
+    first = max(wanted.low - wanted.cylinder.length, 0.0) + 1e-6 * wanted.high
     found = differential_evolution(
-        lambda x: best(x)[0], [ends, (0.02, 1.0)], seed=3, popsize=15, maxiter=40, tol=1e-8
+        lambda x: best(x)[0], [(first, last), (0.02, 1.0)], seed=3, popsize=15, maxiter=40, tol=1e-8
     )
-    return best(found.x)
+    places = [found.x]
+    if polish:
+        fine = {"method": "bounded", "options": {"xatol": 1e-9 * last}}
+        arm, share = found.x
+        edge = minimize_scalar(lambda l2: best((l2, 1.0))[0], bounds=(0.9 * arm, min(1.1 * arm, last)), **fine)
+        end = minimize_scalar(lambda x: best((last, x))[0], bounds=(0.9 * share, min(1.1 * share, 1.0)), **fine)
+        places += [(edge.x, 1.0), (last, end.x), (last, 1.0)]
+    return min((best(place) for place in places), key=lambda pair: pair[0])
