@@ -254,7 +254,7 @@ def moments(design: Design, wanted: Task, nodes: int = 4000) -> tuple[float, flo
 def objective(design: Design, wanted: Task) -> float:
     """The objective; infinite past a dead point."""
     variance, mean = moments(design, wanted)
-    return variance / mean**2 if wanted.objective.kind == "normalized" else variance
+    return variance / mean**2 if wanted.objective.kind == "normalized" and variance < math.inf else variance
 
 
 def closed_designs(l2: float, l4: float, wanted: Task) -> list[Design]:
