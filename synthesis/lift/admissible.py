@@ -1,5 +1,4 @@
-"""Which designs of the lift are admissible: the inequalities, the intervals of gamma that they leave, and what must
-give way where they leave none.
+"""Which designs of the lift are admissible, and what must give way where none is.
 
 Numbers in parentheses are the equations of the source named in `synthesis.lift.pose`; the two free variables, l2 and
 gamma, are explained in `synthesis.lift.objective`.

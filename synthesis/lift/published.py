@@ -1,7 +1,7 @@
 """The published designs of the lift, and why each is or is not an optimum.
 
 Table 2 of the source (eleven rows; its digits in tests/reference). A printed design is rounded to 0.1, which alone
-spreads the objective over 275 to 365; it is therefore put back on its constraints (31)-(33) before it is compared.
+moves its objective by more than the optimum gains; it is therefore put back on its constraints (31)-(33) first.
 """
 
 from __future__ import annotations
