@@ -89,8 +89,9 @@ class Crescent:
 
     def link_angles(self, pitch: float) -> tuple[float, float, float]:
         """Angle of one link on the wheel, the upper and the lower arc: dq, du, dd = 2 asin(L/2R)."""
-        half = [pitch / (2 * radius) for radius in (self.wheel_radius, self.upper_radius, self.lower_radius)]
-        return tuple(2 * float(np.arcsin(min(1.0, h))) for h in half)  # the models hold h < 1
+        radii = (self.wheel_radius, self.upper_radius, self.lower_radius)
+        wheel, upper, lower = (2 * float(np.arcsin(pitch / (2 * radius))) for radius in radii)
+        return wheel, upper, lower
 
 
 def level_crescent(wheel_radius: float, upper_radius: float, alpha: float) -> Crescent:
@@ -216,23 +217,22 @@ def crescent_slot(
                 constraint="radius_ratio",
                 amount=radius - RADIUS_RATIO * pitch,
             )
-    if lower_radius is None and eccentricity is None:
+    c = upper_radius + wheel_radius
+    if eccentricity is not None:
+        lower_radius = float(wheel_radius + np.hypot(c, eccentricity)) if lower_radius is None else lower_radius
+        crescent = given_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
+    elif lower_radius is None:
         crescent = critical_crescent(pitch, links, upper_radius, wheel_radius)
     else:
-        c = upper_radius + wheel_radius
-        if lower_radius is None:
-            lower_radius = float(wheel_radius + np.hypot(c, eccentricity))
-        elif eccentricity is None:
-            a = lower_radius - wheel_radius
-            if not a > c:
-                raise FieldError(
-                    "/lower_radius",
-                    f"with the wheels at the height of the upper arc's centre it must exceed {wheel_radius + c:.6g}",
-                    constraint="tangency",
-                    amount=c - a,
-                )
-            eccentricity = float(np.sqrt((a - c) * (a + c)))
-        crescent = given_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
+        a = lower_radius - wheel_radius
+        if not a > c:
+            raise FieldError(
+                "/lower_radius",
+                f"with the wheels at the height of the upper arc's centre it must exceed {wheel_radius + c:.6g}",
+                constraint="tangency",
+                amount=c - a,
+            )
+        crescent = given_crescent(wheel_radius, upper_radius, lower_radius, float(np.sqrt((a - c) * (a + c))))
     track = crescent.track
     middle = float(track.joints[UPPER_ARC] + 0.5 * track.length[UPPER_ARC])
     phase = None if start is None else start * wheel_radius

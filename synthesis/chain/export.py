@@ -52,7 +52,7 @@ def roller_walls(slot: Slot, phases: Floats, roller_radius: float | None) -> dic
 
 
 def smooth_nodes(slot: Slot, samples: int) -> Floats:
-    """Evenly spaced phases and the crossings: between them the path is smooth, as a cubic piece should be."""
+    """Evenly spaced phases and the crossings: between them the path is smooth, as a cubic should be."""
     phases = np.union1d(np.linspace(slot.start, slot.end, samples), slot.breaks)
     phases = phases[np.concatenate([[True], np.diff(phases) > 1e-7 * slot.chain.period])]
     phases[-1] = slot.end
@@ -60,13 +60,13 @@ def smooth_nodes(slot: Slot, samples: int) -> Floats:
 
 
 def bezier(slot: Slot, phases: Floats, offset: float = 0.0) -> Points:
-    """Cubic pieces between phases, control points of shape (n - 1, 4), with the path's own tangents.
+    """Cubics between phases, control points of shape (n - 1, 4), with the path's own tangents.
 
     ``offset`` > 0 moves the curve to the left. The wall's tangent is the path's, scaled by 1 - offset * curvature.
     """
     normals = slot.normals(phases)
     points = slot.path(phases) + offset * normals
-    # Handles of chord/(3 cos^2(turn/4)) make each piece a circle's to fourth order; the turn is that of the tangents.
+    # Handles of chord/(3 cos^2(turn/4)) make each cubic a circle's to fourth order; the turn is that of the tangents.
     a, b = -1j * normals[:-1], -1j * normals[1:]
     cosine = np.sqrt(np.clip(0.5 * (1 + dot(a, b)), 0.25, 1.0))
     handle = np.abs(np.diff(points)) * 2 / (3 * (1 + cosine))
@@ -94,8 +94,8 @@ def to_svg(slot: Slot, samples: int, roller_radius: float | None) -> str:
     thin, wide, dot_radius = (share * max(sheet.width, sheet.height) for share in (0.0015, 0.003, 0.006))
 
     def curve(name: str, colour: str, offset: float, attributes: str = "") -> str:
-        pieces = bezier(slot, phases, offset)
-        parts = [f"M {sheet.at(pieces[0, 0])}", *(f"C {' '.join(map(sheet.at, piece[1:]))}" for piece in pieces)]
+        cubics = bezier(slot, phases, offset)
+        parts = [f"M {sheet.at(cubics[0, 0])}", *(f"C {' '.join(map(sheet.at, cubic[1:]))}" for cubic in cubics)]
         return f'<path id="{name}" stroke="{colour}"{attributes} d="{" ".join(parts)}"/>'
 
     chain = " L ".join(map(sheet.at, pins))
@@ -139,12 +139,12 @@ def to_dxf(slot: Slot, samples: int, roller_radius: float | None) -> str:
         _add_segment(space, segment, end)
     walls = {f"ROLLER_{name.upper()}": offset for name, offset in wall_offsets(slot, roller_radius).items()}
     for layer, offset in {"SLOT": 0.0, **walls}.items():
-        pieces = bezier(slot, phases, offset)
-        points = np.concatenate([pieces[:1, 0], pieces[:, 1:].ravel()])
+        cubics = bezier(slot, phases, offset)
+        points = np.concatenate([cubics[:1, 0], cubics[:, 1:].ravel()])
         spline = space.add_spline(degree=3, dxfattribs={"layer": layer})
         spline.control_points = [(point.real, point.imag, 0.0) for point in points.tolist()]
-        # Every inner knot three times: the B-spline's pieces are the Bezier pieces.
-        knots = np.arange(len(pieces) + 1.0)
+        # Every inner knot three times: between its knots the B-spline is the Bezier curve.
+        knots = np.arange(len(cubics) + 1.0)
         spline.knots = [0.0, *np.repeat(knots, 3).tolist(), knots[-1].item()]
     for pin in slot.pins(np.array([slot.start]))[0].tolist():
         space.add_point((pin.real, pin.imag), dxfattribs={"layer": "PINS"})

@@ -123,10 +123,10 @@ def _chebyshev(slot: Slot, degree: int) -> Fit:
     points = slot.path((middle[:, None] + half[:, None] * nodes).ravel()).reshape(len(half), degree + 1) - origin
     series = points @ weights.T
 
-    def evaluate(phase: Floats) -> Points:
+    def evaluate(phase: Floats) -> Any:
         piece = np.clip(np.searchsorted(breaks, phase, side="right") - 1, 0, len(half) - 1)
         u = (phase - middle[piece]) / half[piece]
-        return np.asarray(origin + chebyshev.chebval(u, series[piece].T, tensor=False))
+        return origin + chebyshev.chebval(u, series[piece].T, tensor=False)
 
     data = {
         "origin": [origin.real, origin.imag],

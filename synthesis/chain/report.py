@@ -9,7 +9,7 @@ import numpy as np
 from synthesis.chain.closure import Extreme, highest, lowest
 from synthesis.chain.errors import ChordError, ChordFault
 from synthesis.chain.slot import SINGULAR, Slot, polished
-from synthesis.chain.track import cross, dot
+from synthesis.chain.track import cross
 from synthesis.one_variable import Floats
 
 TIGHTEST = 4
@@ -57,7 +57,7 @@ def report(slot: Slot, phases: Floats) -> Report:
         depth_max=highest(slot.depth, slot.start, slot.end, cells),
         end_step=float(np.abs(slot.depth(np.array([slot.start, slot.end]))).max()),
         radius_min=smallest_radius(slot),
-        single_valued=bool(np.all(dot(known, np.asarray(direction)) < 0)),
+        single_valued=bool(np.all((known / direction).real < 0)),
         condition=_condition(slot, np.concatenate([[slot.start], grid, [slot.end]])),
         clearance=float(min(others, default=np.inf)),
         chord_error=chord_error(slot, phases),
@@ -84,7 +84,7 @@ def smallest_radius(slot: Slot) -> float:
     coarse = radius(np.concatenate([np.linspace(a, b, 33) for a, b in pieces])).reshape(len(pieces), 33).min(axis=1)
     # Only the pieces that may hold the smallest one are searched closely: a track may have hundreds.
     tightest = np.argsort(coarse, kind="stable")[:TIGHTEST]
-    return min(lowest(radius, *pieces[index], 32, 3).value for index in tightest)
+    return min(lowest(radius, start, end, 32, 3).value for start, end in (pieces[index] for index in tightest))
 
 
 def chord_error(slot: Slot, phases: Floats) -> float:
@@ -110,7 +110,7 @@ def _held_chord_error(slot: Slot, phase: float, cells: int) -> float:
         middle = 0.5 * (track.position(before) + (track.position(after) + track.total))
         held = track.points(track.place(middle))
         chords = np.abs([held - track.points(end) for end in (before, after)])
-        return np.asarray(np.abs(slot.chain.pitch - chords).max(axis=0))
+        return np.abs(slot.chain.pitch - chords).max(axis=0)
 
     return highest(shortfall, slot.start, slot.end, cells, 3).value
 

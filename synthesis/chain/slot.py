@@ -1,8 +1,8 @@
 """The slot that takes a chain's free pin: its locus, its depth and curvature, and what it does to the chain.
 
 All pins but one stay on the track. The free pin P_k hangs between its two neighbours, both one pitch away, and over
-one period it moves from one place of the track to the next pin's: its locus is the slot that replaces this piece of
-track, and every pin of the chain runs through it in turn.
+one period it moves from one place of the track to the next pin's: its locus is the slot that replaces this part of
+the track, and every pin of the chain runs through it in turn.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class Slot:
         if np.any(h > pitch * (1 + STRETCH_TOLERANCE)):
             raise ChordError(ChordFault.NO_POINT, self.start)
         height = np.sqrt(np.maximum((pitch - h) * (pitch + h), 0.0))
-        return np.asarray(before + half * (1 + 1j * self.side * height / h))
+        return before + half * (1 + 1j * self.side * height / h)
 
     def motion(self, phase: Floats) -> tuple[Points, Points, Points]:
         """The free pin, its velocity and its acceleration by the phase, shape (n,) each.
@@ -133,7 +133,7 @@ class Slot:
 
         def solve(along1: Floats, along2: Floats) -> Points:
             """The vector with these components along both links."""
-            return np.asarray(1j * (along2 * e1 - along1 * e2) * inverse)
+            return 1j * (along2 * e1 - along1 * e2) * inverse
 
         velocity = solve(dot(e1, v1), dot(e2, v2))
         turn1, turn2 = np.abs(velocity - v1) ** 2 / pitch, np.abs(velocity - v2) ** 2 / pitch
@@ -143,7 +143,7 @@ class Slot:
         """Signed curvature of the slot, left positive; NaN where the free pin stands still or is not determined."""
         _, velocity, acceleration = self.motion(phase)
         speed = np.abs(velocity)
-        return np.asarray(cross(velocity, acceleration) / np.where(speed > 0, speed, np.nan) ** 3)
+        return cross(velocity, acceleration) / np.where(speed > 0, speed, np.nan) ** 3
 
     def normals(self, phase: Floats) -> Points:
         """Unit normals of the slot, to the left of travel, shape (n,); at an end without one, from just inside."""
@@ -153,7 +153,7 @@ class Slot:
             inward = np.where(phase[lost] < 0.5 * (self.start + self.end), 1.0, -1.0)
             velocity[lost] = self.motion(phase[lost] + 1e-6 * self.chain.period * inward)[1]
         velocity = np.where(np.isfinite(velocity), velocity, 1.0)
-        return np.asarray(1j * velocity / np.abs(velocity))
+        return 1j * velocity / np.abs(velocity)
 
     # Slack and depth
 

@@ -29,12 +29,12 @@ Points = NDArray[np.complex128]
 
 def dot(a: Points, b: Points) -> Floats:
     """Scalar products of plane vectors."""
-    return np.asarray((a * np.conj(b)).real)
+    return (a * np.conj(b)).real
 
 
 def cross(a: Points, b: Points) -> Floats:
     """Vector products of plane vectors; positive where the second lies to the left of the first."""
-    return np.asarray((np.conj(a) * b).imag)
+    return (np.conj(a) * b).imag
 
 
 class Segment(NamedTuple):
@@ -72,7 +72,7 @@ class Place(NamedTuple):
 
     def repeated(self, times: int) -> Place:
         """One place, ``times`` times."""
-        return Place(*(np.repeat(part, times) for part in self))
+        return Place(np.repeat(self.segment, times), np.repeat(self.along, times), np.repeat(self.lap, times))
 
 
 class Motion(NamedTuple):
@@ -184,7 +184,7 @@ class Track:
     def tangents(self, place: Place) -> Points:
         """Unit tangents in the direction of travel, shape (n,)."""
         turn = self.curvature[place.segment] * place.along
-        return np.asarray(self._direction[place.segment] * (np.cos(turn) + 1j * np.sin(turn)))
+        return self._direction[place.segment] * (np.cos(turn) + 1j * np.sin(turn))
 
     # The two below write out the complex product: numpy rounds it differently with the place in the array, and
     # stepping would pass that on to places that are known to rounding.
@@ -240,7 +240,13 @@ class Track:
         return np.where(fits, bent, np.inf)
 
     def step(self, place: Place, pitch: float, direction: int = 1) -> Place:
-        """The next pins: the first places ahead that are one pitch away, chord by chord.
+        """The next pins, shape (n,): the first places ahead that are one pitch away, chord by chord."""
+        return self.advance(place, pitch, 1, direction)
+
+    def advance(self, place: Place, pitch: float, links: ArrayLike, direction: int = 1) -> Place:
+        """The pins ``links`` links ahead, shape (n,). Costs one crossing a joint, however many links lie on a segment.
+
+        Law: equals ``links`` calls of `step`.
 
         Parameters
         ----------
@@ -248,6 +254,8 @@ class Track:
             The pins, shape (n,).
         pitch : float
             Length of a link.
+        links : array_like of int
+            Number of links for each place, at least 0.
         direction : {1, -1}
             With or against the direction of travel.
 
@@ -255,22 +263,6 @@ class Track:
         ------
         ChordError
             For the first pin that has no next pin.
-        """
-        if direction < 0:
-            return self.reverse.mirrored(self.reverse.step(self.mirrored(place), pitch))
-        along = place.along + self.link_lengths(pitch)[place.segment]
-        stays = along <= self.length[place.segment]
-        segment, lap = place.segment.copy(), place.lap.copy()
-        along = np.where(stays, along, 0.0)
-        leaving = np.flatnonzero(~stays)
-        if len(leaving):
-            segment[leaving], along[leaving], lap[leaving] = self._onto_later_segment(place.rows(leaving), pitch)
-        return Place(segment, along, lap)
-
-    def advance(self, place: Place, pitch: float, links: ArrayLike, direction: int = 1) -> Place:
-        """The pins ``links`` links ahead, shape (n,). Costs one crossing a joint, however many links lie on a segment.
-
-        Law: equals ``links`` calls of `step`.
         """
         if direction < 0:
             return self.reverse.mirrored(self.reverse.advance(self.mirrored(place), pitch, links))
