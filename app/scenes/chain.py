@@ -87,7 +87,6 @@ def _fit(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> FitReply | None:
         else:
             data["slope"] *= axis.unit
             data[f"{axis.name}_start"], data["period"] = slot.start / axis.unit, slot.chain.period / axis.unit
-            del data["segment"]
         if "phase" in data:
             data[axis.name] = [phase / axis.unit for phase in data.pop("phase")]
         data = {"coefficients": data}

@@ -142,13 +142,10 @@ def closing_links(track: Track, pitch: float) -> int:
     while links > 1:
         spare = max(1, int(room / (pitch * np.pi / 2)))
         below = least(links - spare)
+        if below < 0 and spare > 1:
+            spare, below = 1, least(links - 1)
         if below < 0:
-            if spare == 1:
-                break
-            spare = 1
-            below = least(links - 1)
-            if below < 0:
-                break
+            break
         links, room = links - spare, below
     return links
 

@@ -138,58 +138,59 @@ def _chebyshev(slot: Slot, degree: int) -> Fit:
     return Fit("chebyshev", degree, 2 * series.size, float(np.linalg.cond(basis)), data, evaluate)
 
 
-def _along_base(slot: Slot, phase: Floats) -> tuple[Floats, float, float]:
-    """The slot as the track's own coordinates, periodic in the phase: arc length less its linear part, and depth."""
-    along, depth = slot.foot(slot.path(phase))
-    (start, end), _ = slot.foot(slot.path(np.array([slot.start, slot.end])))
-    slope = float(end - start) / slot.chain.period
-    return np.stack([along - start - slope * (phase - slot.start), depth], axis=1), float(start), slope
+class _AlongBase:
+    """A slot in the coordinates of the one segment that it replaces, periodic in the phase.
 
+    They are arc length less its linear part ``start + slope * phase``, phase from the window's start, and depth.
+    """
 
-def _from_base(slot: Slot, phase: Floats, values: Floats, start: float, slope: float) -> Points:
-    segment = np.full(len(phase), slot.base[0][0])
-    along = values[:, 0] + start + slope * (phase - slot.start)
-    return slot.chain.track.beside(Place(segment, along, np.zeros_like(segment)), slot.outward * values[:, 1])
+    def __init__(self, slot: Slot) -> None:
+        if len(slot.base) > 1:
+            raise FieldError(
+                "/fit/kind",
+                "this slot replaces pieces of several segments, so it is not periodic in the coordinates of one; "
+                "take 'chebyshev'",
+            )
+        (start, end), _ = slot.foot(slot.path(np.array([slot.start, slot.end])))
+        self.slot = slot
+        self.line = {"start": float(start), "slope": float(end - start) / slot.chain.period}
 
+    def _linear(self, phase: Floats) -> Floats:
+        return self.line["start"] + self.line["slope"] * (phase - self.slot.start)
 
-def _needs_one_segment(slot: Slot) -> None:
-    if len(slot.base) > 1:
-        raise FieldError(
-            "/fit/kind",
-            "this slot replaces pieces of several segments, so it is not periodic in the coordinates of one; "
-            "take 'chebyshev'",
-        )
+    def values(self, phase: Floats) -> Floats:
+        """Both coordinates, shape (n, 2)."""
+        along, depth = self.slot.foot(self.slot.path(phase))
+        return np.stack([along - self._linear(phase), depth], axis=1)
+
+    def points(self, phase: Floats, values: Floats) -> Points:
+        """The drawing's points of coordinates."""
+        segment = np.full(len(phase), self.slot.base[0][0])
+        place = Place(segment, values[:, 0] + self._linear(phase), np.zeros_like(segment))
+        return self.slot.chain.track.beside(place, self.slot.outward * values[:, 1])
 
 
 def _spline(slot: Slot, knots: int) -> Fit:
     """Periodic cubic spline of depth and arc length along the base (on an arc: of r and phi) over the phase."""
     from scipy.interpolate import CubicSpline
 
-    _needs_one_segment(slot)
+    base = _AlongBase(slot)
     phases = slot.start + slot.chain.period * np.arange(knots + 1) / knots
-    values, start, slope = _along_base(slot, phases)
+    values = base.values(phases)
     values[-1] = values[0]  # equal but for rounding; the periodic end condition asks for equal numbers
     spline = CubicSpline(phases, values, bc_type="periodic")
-    data = {
-        "segment": slot.base[0][0],
-        "start": start,
-        "slope": slope,
-        "phase": phases[:-1].tolist(),
-        "along": values[:-1, 0].tolist(),
-        "depth": values[:-1, 1].tolist(),
-    }
+    along, depth = values[:-1].T.tolist()
+    data = {**base.line, "phase": phases[:-1].tolist(), "along": along, "depth": depth}
     # Evenly spaced knots: the circulant matrix [1 4 1] has eigenvalues 4 + 2 cos(2 pi j/n).
     eigenvalues = 4 + 2 * np.cos(2 * np.pi * np.arange(knots) / knots)
     condition = float(eigenvalues.max() / eigenvalues.min())
-    return Fit("spline", knots, 2 * knots, condition, data, lambda p: _from_base(slot, p, spline(p), start, slope))
+    return Fit("spline", knots, 2 * knots, condition, data, lambda phase: base.points(phase, spline(phase)))
 
 
 def _fourier(slot: Slot, harmonics: int) -> Fit:
     """Fourier series of depth and arc length along the base over the period."""
-    _needs_one_segment(slot)
-    period = slot.chain.period
-    phases = slot.start + period * np.arange(FOURIER_SAMPLES) / FOURIER_SAMPLES
-    values, start, slope = _along_base(slot, phases)
+    base, period = _AlongBase(slot), slot.chain.period
+    values = base.values(slot.start + period * np.arange(FOURIER_SAMPLES) / FOURIER_SAMPLES)
     spectrum = np.fft.rfft(values, axis=0)[: harmonics + 1] / FOURIER_SAMPLES
     spectrum[1:] *= 2
 
@@ -199,18 +200,11 @@ def _fourier(slot: Slot, harmonics: int) -> Fit:
         total = np.zeros((len(phase), 2), dtype=complex)
         for coefficient in spectrum[::-1]:
             total = total * z + coefficient
-        return _from_base(slot, phase, total.real, start, slope)
+        return base.points(phase, total.real)
 
-    data = {
-        "segment": slot.base[0][0],
-        "start": start,
-        "slope": slope,
-        **{
-            f"{name}_{part}": values.tolist()
-            for column, name in enumerate(("along", "depth"))
-            for part, values in (("cos", spectrum[:, column].real), ("sin", -spectrum[1:, column].imag))
-        },
-    }
+    data: dict[str, Any] = dict(base.line)
+    for name, series in zip(("along", "depth"), spectrum.T):
+        data |= {f"{name}_cos": series.real.tolist(), f"{name}_sin": (-series[1:].imag).tolist()}
     # Columns 1, cos, sin on an even grid are orthogonal; only their lengths differ.
     return Fit("fourier", harmonics, 2 * (2 * harmonics + 1), float(np.sqrt(2)), data, evaluate)
 
