@@ -1,57 +1,32 @@
-"""Time, size and memory of building, loading and scanning an atlas.
+"""Time, size and memory of building, loading and scanning an atlas: ``python -m benchmarks.foundation [--atlas FILE]``.
 
-``python -m benchmarks.foundation [--atlas FILE]`` prints a table and writes ``benchmarks/results/foundation.json``. Times
-are medians of several runs on one machine; the scan is measured against the scan of every window one by one (on a
-part of the atlas, scaled up), which is what a ratio can be made of.
+Times are medians of several runs. The scan runs on all cores as in the service; its ratio to the evaluation of every window one
+by one (on a part of the atlas, scaled up) is that of the processor times of both.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
-import resource
-import subprocess
-import sys
 import tempfile
-import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synthesis.atlas.file import load_atlas
-from synthesis.atlas.scan import STARTS, Scan, Windows, window_errors
-from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.target import Target, make_target
+from benchmarks import report
+from benchmarks.product import STARTS, Scan, Target, Windows, coupler_angle, load_atlas, make_target, window_errors
+from benchmarks.report import repeat, significant, size
+from benchmarks.service import build
 
-RESULTS = Path(__file__).parent / "results" / "foundation.json"
-NAIVE_TYPES = 500
-
-
-def timed(function, runs: int = 5) -> float:
-    """Median seconds."""
-    seconds = []
-    for _ in range(runs):
-        begin = time.perf_counter()
-        function()
-        seconds.append(time.perf_counter() - begin)
-    return float(np.median(seconds))
-
-
-def build() -> dict[str, float]:
-    """Build the default atlas in a process of its own: seconds, bytes, peak memory of it and its workers."""
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "atlas.h5"
-        begin = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "data_build", "--out", str(out)], check=True, capture_output=True)
-        seconds = time.perf_counter() - begin
-        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
-        return {"build_s": seconds, "file_bytes": out.stat().st_size, "build_peak_bytes_largest_process": peak}
+NAIVE_TYPES, NAIVE_SPAN = 500, 70
+SPANS = (20, 70, 200, 360)
 
 
 def targets(scan: Scan, span: float, rng: np.random.Generator) -> dict[str, Target]:
-    """A reachable and an unreachable request of 32 samples, rotation only and with positions."""
+    """Requests of 32 samples, one of which comes from no linkage, by what they give."""
     row = int(rng.integers(len(scan.lengths)))
     crank = rng.uniform(0, 2 * np.pi) + np.linspace(0, span, 32)
     angle = coupler_angle(scan.lengths[row], 1, crank)
@@ -66,47 +41,88 @@ def targets(scan: Scan, span: float, rng: np.random.Generator) -> dict[str, Targ
     }
 
 
-def naive_seconds(scan: Scan, target: Target) -> float:
-    """Seconds for every window one by one, from a part of the types."""
+def one_by_one(scan: Scan, target: Target) -> float:
+    """Processor seconds for every window one by one, from a part of the types."""
     rows = np.linspace(0, len(scan.lengths) - 1, NAIVE_TYPES).astype(int)
     row, start, branch = (v.ravel() for v in np.meshgrid(rows, np.arange(STARTS), [1, -1], indexing="ij"))
     windows = Windows(row, start, branch, np.zeros(row.size))
-    return timed(lambda: window_errors(scan.lengths, target, windows), 1) * len(scan.lengths) / NAIVE_TYPES
+    times = repeat(lambda: window_errors(scan.lengths, target, windows), 1, warm_up=0)
+    return times.median.processor * len(scan.lengths) / NAIVE_TYPES
 
 
-def main() -> None:
-    """Measure, print, write."""
+def measure(file: Path) -> dict[str, Any]:
+    """All figures of one atlas, and of building the default one."""
+    with tempfile.TemporaryDirectory() as folder:
+        results: dict[str, Any] = build(Path(folder) / "atlas.h5")
+    with threadpool_limits(1, "blas"):
+        results["load_s"] = repeat(lambda: load_atlas(file)).median.wall
+        atlas = load_atlas(file)
+        results["prepare_s"] = repeat(lambda: Scan(atlas), 3, warm_up=0).median.wall
+        scan = Scan(atlas, threads=os.cpu_count() or 1)
+        results |= {"scan_bytes": scan.nbytes, "details_bytes": atlas.details.nbytes, "windows": scan.windows}
+        rng = np.random.default_rng(3)
+        results["scan"] = []
+        for degrees in SPANS:
+            for name, target in targets(scan, np.deg2rad(degrees), rng).items():
+                seconds = repeat(lambda target=target: scan.best(target, 10), 3).median
+                row = {"span_deg": degrees, "request": name, "scan_s": seconds.wall}
+                if degrees == NAIVE_SPAN:
+                    row["ratio"] = one_by_one(scan, target) / seconds.processor
+                results["scan"].append(row)
+                print(row, flush=True)
+    results["positions_bytes"] = scan.nbytes - results["scan_bytes"]  # prepared by the first request with positions
+    return results
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The table of docs/file_format.md; what concerns the service comes from `growth` and `throughput`."""
+    served = next(row for row in report.load("growth")["rows"] if row["perimeter"] == 400)
+    loaded = report.load("throughput")["services"][0]
+
+    def between(values: Sequence[float], digits: int = 2) -> str:
+        return " to ".join(dict.fromkeys(significant(value, digits) for value in (min(values), max(values))))
+
+    def scans(kind: str) -> str:
+        rows = [row for row in results["scan"] if row["request"].startswith(kind)]
+        text = f"{between([1000 * row['scan_s'] for row in rows])} ms"
+        ratios = [row["ratio"] for row in rows if "ratio" in row]
+        if ratios:
+            text += f"; at {NAIVE_SPAN} degrees {between(ratios, 1)} times faster than one window at a time"
+        return text
+
+    spans = f"{SPANS[0]}..{SPANS[-1]} degrees"
+    rows = [
+        [
+            "build, two processes",
+            f"{significant(results['build_s'], 2)} s, {size(results['build_peak_bytes'])} the largest",
+        ],
+        ["file", size(results["file_bytes"])],
+        ["load and verify", f"{significant(results['load_s'], 2)} s"],
+        [
+            "prepare the scan, one thread",
+            f"{significant(results['prepare_s'], 2)} s, {size(results['scan_bytes'])}; "
+            f"the details stay in memory with {size(results['details_bytes'])}",
+        ],
+        ["the series for requests with positions, behind the readiness", f"{size(results['positions_bytes'])} more"],
+        [
+            "service: start until ready",
+            f"{significant(served['ready_s'], 2)} s; {size(served['resident_bytes'])} then, "
+            f"{size(served['peak_bytes'])} at most on the way; {size(loaded['peak_bytes'])} at most with positions, under load",
+        ],
+        [f"scan of {results['windows'] / 1e6:.0f} million windows, exact, spans {spans}", scans("rotation")],
+        ["the same with positions", scans("both")],
+        ["positions only", scans("position")],
+    ]
+    return {"figures": report.lines(["what", "figure"], rows, 2)}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure and publish."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--atlas", type=Path, default=Path("atlas.h5"))
-    options = parser.parse_args()
-    results: dict[str, object] = dict(build())
-    with threadpool_limits(1, "blas"):
-        results["load_s"] = timed(lambda: load_atlas(options.atlas))
-        atlas = load_atlas(options.atlas)
-        results["prepare_s"] = timed(lambda: Scan(atlas), 3)
-        scan = Scan(atlas, threads=os.cpu_count() or 1)
-        results["scan_bytes"] = scan.nbytes
-        results["details_bytes"] = atlas.details.nbytes
-        rng = np.random.default_rng(3)
-        rows = []
-        for degrees in (20, 70, 200, 360):
-            for name, target in targets(scan, np.deg2rad(degrees), rng).items():
-                seconds = timed(lambda target=target: scan.best(target, 10), 3)
-                rows.append({"span_deg": degrees, "request": name, "scan_s": seconds})
-                if degrees == 70:
-                    rows[-1]["one_by_one_s"] = naive_seconds(scan, target)
-                    rows[-1]["ratio"] = rows[-1]["one_by_one_s"] / seconds
-        results["scan"] = rows
-    results["peak_bytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
-    for name, value in results.items():
-        if name != "scan":
-            print(f"{name:<34} {value:,.2f}")
-    for row in rows:
-        extra = f"   one by one {row['one_by_one_s']:.0f} s, {row['ratio']:.0f} x" if "ratio" in row else ""
-        print(f"{row['span_deg']:>4} deg  {row['request']:<22} {1000 * row['scan_s']:8.0f} ms{extra}")
+    report.publish("foundation", measure(parser.parse_args(arguments).atlas))
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

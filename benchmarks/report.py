@@ -11,7 +11,7 @@ which take what the JSON file holds and measure nothing.
 
 **A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md or docs/*.md. Where a line ends
 after the first, what stands between is a block of lines (a table); else it is a few words of the line. Every block stands
-in at least one place.
+in at least one place. The block ``made`` (machine, commit, command in words) is there without being written.
 
 **Again without measuring**: ``python -m benchmarks.report [NAME ...]`` draws the pictures and writes all markers from the
 committed JSON files. ``tests/benchmarks/test_report.py`` compares the documents with them.
@@ -168,6 +168,16 @@ def significant(value: float | None, digits: int = 3) -> str:
     return f"{round(value, places):,.{max(places, 0)}f}"
 
 
+def finite(value: float) -> float | None:
+    """A number as a result file holds it: None where it is infinite or none."""
+    return float(value) if math.isfinite(value) else None
+
+
+def power(value: float | None) -> str:
+    """A number to two digits with its power of ten."""
+    return "no answer" if value is None or not math.isfinite(value) else f"{value:.1e}"
+
+
 def size(value: float | None) -> str:
     """Bytes as kB, MB, GB or TB."""
     if value is None or not math.isfinite(value):
@@ -320,6 +330,26 @@ def save(results: Mapping[str, Any], name: str) -> None:
     (RESULTS / f"{name}.json").write_text(text + "\n")
 
 
+def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
+    """In words where numbers come from: each machine, commit and command once."""
+
+    def on(machine: Mapping[str, Any]) -> str:
+        found = [machine["processor"], f"{machine['cores']} cores" if "cores" in machine else ""]
+        found += [size(machine["memory_bytes"])] if "memory_bytes" in machine else []
+        found += [f"{name} {machine[name.lower()]}" for name in ("Python", "numpy") if name.lower() in machine]
+        return ", ".join(filter(None, found))
+
+    machines = dict.fromkeys(on(one["machine"]) for one in stamps)
+    commits = [re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", one["commit"]) for one in stamps]
+    runs = dict.fromkeys(f"`{one['command']}` at commit {found}" for one, found in zip(stamps, commits))
+    return f"Measured by {', '.join(runs)}; machine: {'; '.join(machines)}."
+
+
+def stored(name: str) -> bool:
+    """Whether there is a result of this name."""
+    return (RESULTS / f"{name}.json").exists()
+
+
 def load(name: str) -> Any:
     """What `save` wrote."""
     return json.loads((RESULTS / f"{name}.json").read_text())
@@ -358,23 +388,23 @@ def fill(text: str, parts: Mapping[str, Mapping[str, str]]) -> str:
     return MARKER.sub(filled, text)
 
 
-def placed(name: str) -> set[str]:
-    """The blocks of a result that stand in some document."""
-    every = "".join(path.read_text() for path in documents())
-    return {block for found, block, *_ in MARKER.findall(every) if found == name}
+def parts(name: str) -> dict[str, str]:
+    """The text of every block of a result."""
+    results = load(name)
+    module = importlib.import_module(f"benchmarks.{name}")
+    return {"made": made_text([results["made"]]), **module.blocks(results)}
 
 
 def render(names: Sequence[str] | None = None, pictures: bool = True) -> None:
     """Draw the pictures and fill the markers of some results, or of all, from their files."""
     names = sorted(path.stem for path in RESULTS.glob("*.json")) if names is None else names
-    parts = {}
     for name in names:
-        module, results = importlib.import_module(f"benchmarks.{name}"), load(name)
-        parts[name] = module.blocks(results)
+        module = importlib.import_module(f"benchmarks.{name}")
         if pictures and hasattr(module, "draw"):
-            module.draw(results)
+            module.draw(load(name))
+    found = {name: parts(name) for name in names}
     for path in documents():
-        path.write_text(fill(path.read_text(), parts))
+        path.write_text(fill(path.read_text(), found))
 
 
 def publish(name: str, results: Mapping[str, Any]) -> None:

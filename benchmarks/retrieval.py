@@ -1,15 +1,12 @@
-"""The exact scan of an atlas against its opponents, in one run: the ten best windows of a requested rotation.
+"""The exact scan of an atlas against its baselines, in one run: the ten best windows of a requested rotation.
 
-``python -m benchmarks.retrieval [--atlas FILE] [--requests 60] [--hard 200]`` prints tables, writes
-``benchmarks/results/retrieval.json`` and the part between the ``retrieval`` markers of ``docs/scaling.md``; ``--redraw``
-does the latter from the stored result. It ends with 1 if any answer differs from that of the plain scan.
-
-Opponents (the last two are in `opponents`):
+``python -m benchmarks.retrieval [--atlas FILE] [--requests 60] [--hard 200]`` ends with 1 if any answer differs from that of
+the plain scan. Baselines (the last two are in `baselines`):
 
 - *plain scan*: the same scan without its cells, which bounds every window of the atlas. Its answers must be identical.
 - *flat index* (faiss): a table of all windows of one span, centred, float32. It answers that span alone, and only requests of
   its very crank angles. Single queries are what a service gets; a batch of all queries is what the index is best at.
-- *stumpy mass*: the distance profile over each curve, z-normalised: another measure, so an opponent in speed only.
+- *stumpy mass*: the distance profile over each curve, z-normalised: another measure, so a baseline in speed only.
 
 Times are wall clock on all cores; of each scan the best of two, taken alternately. Preparation is not counted.
 """
@@ -17,13 +14,9 @@ Times are wall clock on all cores; of each scan the best of two, taken alternate
 from __future__ import annotations
 
 import argparse
-import json
 import os
-import subprocess
-import sys
 import tempfile
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,19 +25,25 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from benchmarks import scaling
-from benchmarks.classes import SAMPLES, base_order, generator
-from benchmarks.opponents import flat_index, stumpy_mass
-from benchmarks.service import machine
-from synthesis.atlas.file import Atlas, load_atlas
-from synthesis.atlas.scan import TIE, Scan, Windows
-from synthesis.fourbar.kinematics import TURN, coupler_angle
-from synthesis.target import MIN_SPAN, Target, make_target
+from benchmarks import report
+from benchmarks.baselines import flat_index, stumpy_mass
+from benchmarks.product import (
+    MIN_SPAN,
+    TIE,
+    TURN,
+    Atlas,
+    Scan,
+    Target,
+    Windows,
+    coupler_angle,
+    load_atlas,
+    make_target,
+)
+from benchmarks.report import paired, spread
+from benchmarks.service import build
+from tests.oracles.classes import SAMPLES, base_order, generator
 
 Floats = NDArray[np.float64]
-
-RESULT = Path(__file__).parent / "results" / "retrieval.json"
-PAGE = Path(__file__).parents[1] / "docs" / "scaling.md"
 
 TOP = 10
 WIDE_REQUESTS = 16
@@ -163,29 +162,47 @@ class Duel(NamedTuple):
         return self.plain / self.ours
 
 
-def duel(kind: str, seed: int, target: Target, ours: Scan, plain: Scan) -> Duel:
-    """Seconds of both, each the best of two, and whether their answers are identical."""
-    seconds, answers = {ours: np.inf, plain: np.inf}, {}
-    for order in ((ours, plain), (plain, ours)):
-        for scan in order:
-            begin = time.perf_counter()
+class Scans(NamedTuple):
+    """The scan and the plain scan of one atlas."""
+
+    atlas: Atlas
+    ours: Scan
+    plain: Scan
+
+    @classmethod
+    def of(cls, file: Path, cores: int) -> Scans:
+        atlas = load_atlas(file)
+        return cls(atlas, Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False))
+
+    @property
+    def smallest(self) -> float:
+        """The shortest link of the atlas over the perimeter."""
+        return self.atlas.rule.types.smallest / self.atlas.rule.types.perimeter
+
+    def duel(self, kind: str, seed: int, target: Target) -> Duel:
+        """Seconds of both, each the best of two, and whether their answers are identical."""
+        answers = {}
+
+        def ask(scan: Scan) -> None:
             answers[scan] = scan.best(target, TOP)
-            seconds[scan] = min(seconds[scan], time.perf_counter() - begin)
-    (windows, report), (wanted, wanted_report) = answers[ours], answers[plain]
-    same = report.exhaustive and all(np.array_equal(*pair) for pair in zip(windows[:3], wanted[:3]))
-    # a fit of positions is a matrix product, whose last bits depend on how many windows are evaluated at a time
-    unlike = np.abs(windows.error - wanted.error) > (0 if target.position is None else TIE) if same else np.ones(1)
-    same = same and not unlike.any()
-    done = Duel(kind, seed, seconds[ours], seconds[plain], report.evaluated, wanted_report.evaluated, same, windows)
-    if not same:
-        print(f"DIFFERS: {kind} {seed}: {windows} by the scan, {wanted} by the plain scan")
-    return done
 
+        ours, plain = paired([lambda: ask(self.ours), lambda: ask(self.plain)], rounds=2, warm_up=0)
+        (windows, told), (wanted, wanted_told) = answers[self.ours], answers[self.plain]
+        same = told.exhaustive and all(np.array_equal(*pair) for pair in zip(windows[:3], wanted[:3]))
+        # a fit of positions is a matrix product, whose last bits depend on how many windows are evaluated at a time
+        near = 0 if target.position is None else TIE
+        same = same and bool(np.all(np.abs(windows.error - wanted.error) <= near))
+        if not same:
+            print(f"DIFFERS: {kind} {seed}: {windows} by the scan, {wanted} by the plain scan")
+        seconds = ours.least.wall, plain.least.wall
+        return Duel(kind, seed, *seconds, told.evaluated, wanted_told.evaluated, same, windows)
 
-def spread(values: Sequence[float]) -> dict[str, float]:
-    """Least, median, 99th percentile, largest."""
-    quantiles = np.quantile(values, [0, 0.5, 0.99, 1])
-    return {name: float(f"{value:.5g}") for name, value in zip(("min", "median", "p99", "max"), quantiles)}
+    def by(self, name: str, requests: Iterator[tuple[str, int, Target]]) -> dict[str, list[Duel]]:
+        """Duels over requests (key, seed, target), by key."""
+        found: dict[str, list[Duel]] = {}
+        for key, seed, target in requests:
+            found.setdefault(key, []).append(self.duel(name or key, seed, target))
+        return found
 
 
 def summary(duels: Sequence[Duel]) -> dict[str, Any]:
@@ -195,178 +212,174 @@ def summary(duels: Sequence[Duel]) -> dict[str, Any]:
     return {"requests": len(duels), "differ": sum(not done.same for done in duels), **told}
 
 
-# -- report -----------------------------------------------------------------------------------------------------------
+def summaries(duels: dict[str, list[Duel]]) -> dict[str, Any]:
+    """`summary` of each key; spans in order."""
+    keys = sorted(duels, key=int) if all(key.isdigit() for key in duels) else duels
+    return {key: summary(duels[key]) for key in keys}
 
 
-def tables(told: dict[str, Any]) -> str:
-    """The result as markdown: by span, the other opponents, hard requests."""
+def spans(
+    requests: int, name: str, make: Callable[[Generator, int, int], Target]
+) -> Iterator[tuple[str, int, Target]]:
+    """Requests over `SPANS` in turn."""
+    for seed in range(requests):
+        span = SPANS[seed % len(SPANS)]
+        yield str(span), seed, make(generator(f"retrieval {name}", seed), span, seed)
 
-    def ms(seconds: float) -> str:
-        return f"{1000 * seconds:,.1f}"
 
-    def table(name: str, parts: dict[str, Any]) -> str:
-        lines = [
-            f"| {name} | requests | ms | max | plain ms | max | plain / ours | least | evaluated | differ |",
-            "|---|" + "--:|" * 9,
-        ]
-        for key, part in parts.items():
-            cells = [str(part["requests"])]
-            cells += [ms(part[who][column]) for who in ("ours", "plain") for column in ("median", "max")]
-            cells += [f"{part['ratio'][column]:.2f}" for column in ("median", "min")]
-            cells += [f"{part['evaluated']['median']:,.0f}", str(part["differ"])]
-            lines.append(f"| {key} | {' | '.join(cells)} |")
-        return "\n".join(lines)
+def measure_wide(cores: int) -> dict[str, Any]:
+    """The same duel on the wider atlas: crank or ground the shortest, the others in all orders; built for it."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "wide.h5"
+        build(file, order="full_crank", samples=128)
+        both = Scans.of(file, cores)
 
-    flat, mass, worst = told["flat_index"], told["stumpy_mass"], told["worst"]
-    same = ""
-    others = [f"| scan | {ms(told['flat_requests']['ours']['median'])} | any span, any crank angles |"]
-    if flat:
-        part = "" if flat["every_nth_start"] == 1 else f", from every {flat['every_nth_start']}th start"
-        held = f"this span only, a table of {flat['bytes'] / 1e9:.1f} GB{part}"
-        others.append(f"| flat index, single query | {ms(flat['single_s']['median'])} | {held} |")
-        others.append(f"| flat index, all in one batch | {ms(flat['batch_s_each'])} | {held} |")
-        if flat["every_nth_start"] == 1:
-            same = (
-                f"\nIn single precision, the flat index finds the {TOP} windows of the scan for {flat['same_windows']} of"
-                f" {flat['requests']} single queries, for {flat['same_windows_in_batch']} in a batch.\n"
-            )
-    if mass:
-        held = f"another measure; from {mass['curves']:,} curves"
-        others.append(f"| stumpy mass | {ms(mass['seconds']['median'])} | {held} |")
-    size = f"{told['types']:,} types, {told['windows']:,} windows"
-    return f"""{size}, the best {TOP}; wall clock on {told["machine"]["cores"]} cores, each request the best of two runs.
-"evaluated" counts the windows whose error was computed from the lengths, after a first look at 64 or more (median); "differ"
-the answers that are not those of the plain scan: the same windows in the same order, and the same errors, of rotations bit for
-bit, with positions to 1e-12.
+    def motion(random: Generator, span: int, seed: int) -> Target:
+        return motion_of(random, any_order(random, both.smallest), crank_angles(random, span))
 
-{table("span", told["spans"])}
+    with threadpool_limits(1, "blas"):
+        duels = both.by("wide", spans(WIDE_REQUESTS, "wide", motion))
+    return {
+        "types": len(both.atlas),
+        "windows": both.ours.windows,
+        "scan_bytes": both.ours.nbytes,
+        "spans": summaries(duels),
+    }
 
-With positions too (`effort: "atlas"`):
 
-{table("span", told["joint"])}
+def measure(file: Path, requests: int, hard: int, cores: int) -> dict[str, Any]:
+    """All of it."""
+    both = Scans.of(file, cores)
 
-All six orders and the double-cranks, {told["wide"]["types"]:,} types, {told["wide"]["windows"]:,} windows:
+    def motion(random: Generator, span: int, seed: int) -> Target:
+        uneven = seed // len(SPANS) % 3 == 2
+        return motion_of(random, atlas_lengths(random, both.smallest), crank_angles(random, span, uneven=uneven))
 
-{table("span", told["wide"]["spans"])}
+    def with_positions(random: Generator, span: int, seed: int) -> Target:
+        lengths = atlas_lengths(random, both.smallest)
+        return motion_of(random, lengths, crank_angles(random, span), positions=True)
 
-Opponents at {FLAT_SPAN} degrees:
+    def at_flat_span(name: str, seed: int, samples: int) -> Target:
+        random = generator(f"retrieval {name}", seed)
+        return motion_of(random, atlas_lengths(random, both.smallest), crank_angles(random, FLAT_SPAN, samples))
 
-| | ms a request | |
-|---|--:|---|
-{chr(10).join(others)}
-{same}
-Hard requests:
-
-{table("kind", told["hard"])}
-
-The worst: {worst["kind"]} (number {worst["seed"]}), {ms(worst["ours"])} ms, the plain scan {ms(worst["plain"])} ms.
-"""
+    flat_targets = [at_flat_span("flat", seed, SAMPLES) for seed in range(requests)]
+    mass_targets = [at_flat_span("mass", seed, FLAT_SPAN + 1) for seed in range(MASS_REQUESTS)]
+    places = (divmod(number, len(KINDS)) for number in range(hard))
+    hard_ones = ((KINDS[place], seed, hard_target(KINDS[place], seed, both.smallest)) for seed, place in places)
+    with threadpool_limits(1, "blas"):  # as the service does: threads are the scan's own
+        by_span = both.by("reachable", spans(requests, "span", motion))
+        joint = both.by("joint", spans(requests, "joint", with_positions))
+        flat = both.by("flat", (("flat", seed, target) for seed, target in enumerate(flat_targets)))["flat"]
+        by_kind = both.by("", hard_ones)
+    everything = [done for part in (*by_span.values(), *joint.values(), flat, *by_kind.values()) for done in part]
+    worst = min(everything, key=lambda done: done.ratio)
+    if indexed := flat_index(both.atlas, flat_targets, TOP, cores):
+        indexed["single_s"] = spread(indexed["single_s"])
+        for found, same in (("found", "same_windows"), ("found_in_batch", "same_windows_in_batch")):
+            pairs = zip(indexed.pop(found), flat)
+            indexed[same] = sum(ids == _window_ids(done.windows) for ids, done in pairs)
+    if profiled := stumpy_mass(both.atlas, [target.rotation for target in mass_targets], cores):
+        profiled["seconds"] = spread(profiled["seconds"])
+    wide = measure_wide(cores)
+    return {
+        "types": len(both.atlas),
+        "windows": both.ours.windows,
+        "scan_bytes": both.ours.nbytes,
+        "plain_scan_bytes": both.plain.nbytes,
+        "differ": sum(not done.same for done in everything) + sum(part["differ"] for part in wide["spans"].values()),
+        "spans": summaries(by_span),
+        "joint": summaries(joint),
+        "flat_requests": summary(flat),
+        "flat_index": indexed,
+        "stumpy_mass": profiled,
+        "hard": summaries(by_kind),
+        "worst": {name: getattr(worst, name) for name in ("kind", "seed", "ours", "plain", "evaluated")},
+        "wide": wide,
+    }
 
 
 def _window_ids(windows: Windows) -> set[tuple[int, int, int]]:
     return {(int(row), int(start), int(branch)) for row, start, branch, _ in zip(*windows)}
 
 
-def measure_wide(cores: int, samples: int = 128) -> dict[str, Any]:
-    """The same duel on the wider atlas: crank or ground the shortest, the others in all orders; built for it."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "wide.h5"
-        words = ["--order", "full_crank", "--samples", str(samples), "--out", str(file)]
-        subprocess.run([sys.executable, "-m", "data_build", *words], check=True, capture_output=True)
-        atlas = load_atlas(file)
-    ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
-    smallest = atlas.rule.types.smallest / atlas.rule.types.perimeter
-    by_span: dict[str, list[Duel]] = {}
-    with threadpool_limits(1, "blas"):
-        for seed in range(WIDE_REQUESTS):
-            random = generator("retrieval wide", seed)
-            span = SPANS[seed % len(SPANS)]
-            target = motion_of(random, any_order(random, smallest), crank_angles(random, span))
-            by_span.setdefault(str(span), []).append(duel("wide", seed, target, ours, plain))
+# -- document ---------------------------------------------------------------------------------------------------------
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """By span, the other baselines, hard requests (docs/scaling.md), and the headline of README.md."""
+
+    def ms(seconds: float) -> str:
+        return f"{1000 * seconds:,.1f}"
+
+    def duels(name: str, parts: dict[str, Any]) -> str:
+        columns = {
+            name: "{key}",
+            "requests": "{requests}",
+            "ms": lambda row: ms(row["ours"]["median"]),
+            "max": lambda row: ms(row["ours"]["max"]),
+            "plain ms": lambda row: ms(row["plain"]["median"]),
+            "plain max": lambda row: ms(row["plain"]["max"]),
+            "plain / ours": "{ratio[median]:.2f}",
+            "least": "{ratio[min]:.2f}",
+            "evaluated": "{evaluated[median]:,.0f}",
+            "differ": "{differ}",
+        }
+        return report.table([{"key": key, **part} for key, part in parts.items()], columns)
+
+    flat, mass, worst, wide = (results[name] for name in ("flat_index", "stumpy_mass", "worst", "wide"))
+    ours = results["flat_requests"]["ours"]["median"]
+    cores = results["made"]["machine"]["cores"]
+    others, same = [["scan", ms(ours), "any span, any crank angles"]], ""
+    if flat:
+        part = "" if flat["every_nth_start"] == 1 else f", from every {flat['every_nth_start']}th start"
+        held = f"this span only, a table of {flat['bytes'] / 1e9:.1f} GB{part}"
+        others.append(["flat index, single query", ms(flat["single_s"]["median"]), held])
+        others.append(["flat index, all in one batch", ms(flat["batch_s_each"]), held])
+        if flat["every_nth_start"] == 1:
+            same = (
+                f"\n\nIn single precision, the flat index finds the {TOP} windows of the scan for {flat['same_windows']} of"
+                f" {flat['requests']} single queries, for {flat['same_windows_in_batch']} in a batch."
+            )
+    if mass:
+        others.append(
+            ["stumpy mass", ms(mass["seconds"]["median"]), f"another measure; from {mass['curves']:,} curves"]
+        )
+    medians = [part["ours"]["median"] for part in results["spans"].values()]
+    ratios = [part["ratio"]["median"] for part in results["spans"].values()]
+    headline = (
+        f"{results['types']:,} types at 720 starts each, for any span, in {1000 * min(medians):.0f} to "
+        f"{1000 * max(medians):.0f} ms on {cores} cores: {min(ratios):.0f} to {max(ratios):.0f} times faster than bounding "
+        "all windows by matrix products"
+    )
+    if flat:
+        times = report.significant(flat["single_s"]["median"] / ours, 2)
+        headline += f", {times} times faster than a single query of a flat index made for one span"
     return {
-        "types": len(atlas),
-        "windows": ours.windows,
-        "scan_bytes": ours.nbytes,
-        "spans": {span: summary(by_span[span]) for span in sorted(by_span, key=int)},
-    }
-
-
-def measure(atlas: Atlas, requests: int, hard: int, cores: int) -> dict[str, Any]:
-    """All of it."""
-    smallest = atlas.rule.types.smallest / atlas.rule.types.perimeter
-    ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
-
-    def reachable(kind: str, seed: int, span: float, samples: int = SAMPLES, uneven: bool = False) -> Target:
-        random = generator(f"retrieval {kind}", seed)
-        return motion_of(random, atlas_lengths(random, smallest), crank_angles(random, span, samples, uneven))
-
-    flat_targets = [reachable("flat", seed, FLAT_SPAN) for seed in range(requests)]
-    mass_targets = [reachable("mass", seed, FLAT_SPAN, FLAT_SPAN + 1) for seed in range(MASS_REQUESTS)]
-    by_span: dict[str, list[Duel]] = {}
-    by_kind: dict[str, list[Duel]] = {}
-    joint: dict[str, list[Duel]] = {}
-    with threadpool_limits(1, "blas"):  # as the service does: threads are the scan's own
-        for seed in range(requests):
-            span = SPANS[seed % len(SPANS)]
-            target = reachable("span", seed, span, uneven=seed // len(SPANS) % 3 == 2)
-            by_span.setdefault(str(span), []).append(duel("reachable", seed, target, ours, plain))
-            random = generator("retrieval joint", seed)
-            target = motion_of(random, atlas_lengths(random, smallest), crank_angles(random, span), positions=True)
-            joint.setdefault(str(span), []).append(duel("joint", seed, target, ours, plain))
-        flat = [duel("flat", seed, target, ours, plain) for seed, target in enumerate(flat_targets)]
-        for number in range(hard):
-            seed, place = divmod(number, len(KINDS))
-            target = hard_target(KINDS[place], seed, smallest)
-            by_kind.setdefault(KINDS[place], []).append(duel(KINDS[place], seed, target, ours, plain))
-    everything = [done for part in (*by_span.values(), *joint.values(), flat, *by_kind.values()) for done in part]
-    worst = min(everything, key=lambda done: done.ratio)
-    if indexed := flat_index(atlas, flat_targets, TOP, cores):
-        indexed["single_s"] = spread(indexed["single_s"])
-        for found, same in (("found", "same_windows"), ("found_in_batch", "same_windows_in_batch")):
-            pairs = zip(indexed.pop(found), flat)
-            indexed[same] = sum(ids == _window_ids(done.windows) for ids, done in pairs)
-    if profiled := stumpy_mass(atlas, [target.rotation for target in mass_targets], cores):
-        profiled["seconds"] = spread(profiled["seconds"])
-    return {
-        "machine": machine(),
-        "numpy": np.__version__,
-        "types": len(atlas),
-        "windows": ours.windows,
-        "scan_bytes": ours.nbytes,
-        "plain_scan_bytes": plain.nbytes,
-        "differ": sum(not done.same for done in everything),
-        "spans": {span: summary(by_span[span]) for span in sorted(by_span, key=int)},
-        "joint": {span: summary(joint[span]) for span in sorted(joint, key=int)},
-        "flat_requests": summary(flat),
-        "flat_index": indexed,
-        "stumpy_mass": profiled,
-        "hard": {kind: summary(duels) for kind, duels in by_kind.items()},
-        "worst": {name: getattr(worst, name) for name in ("kind", "seed", "ours", "plain", "evaluated")},
+        "sizes": f"{results['types']:,} types, {results['windows']:,} windows, the best {TOP}; wall clock on {cores} cores.",
+        "spans": duels("span", results["spans"]),
+        "joint": duels("span", results["joint"]),
+        "wide_sizes": f"{wide['types']:,} types, {wide['windows']:,} windows",
+        "wide": duels("span", wide["spans"]),
+        "others": report.lines([f"at {FLAT_SPAN} degrees", "ms a request", "what it answers"], others) + same,
+        "hard": duels("kind", results["hard"]),
+        "worst": f"The worst: {worst['kind']} (number {worst['seed']}), {ms(worst['ours'])} ms, "
+        f"the plain scan {ms(worst['plain'])} ms.",
+        "headline": headline,
     }
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure (or read what was measured), print, write; 1 if an answer differs."""
+    """Measure and publish; 1 if an answer differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--atlas", type=Path, default=Path("atlas.h5"))
     parser.add_argument("--requests", type=int, default=60, help="reachable ones, and as many for the flat index")
     parser.add_argument("--hard", type=int, default=200, help="requests far from every row, or numerically hard")
-    parser.add_argument("--out", type=Path, default=RESULT)
-    parser.add_argument("--page", type=Path, default=PAGE)
-    parser.add_argument("--redraw", action="store_true", help="from the result file, without measuring")
     options = parser.parse_args(arguments)
-    if not options.redraw:
-        cores = os.cpu_count() or 1
-        told = measure(load_atlas(options.atlas), options.requests, options.hard, cores)
-        told["wide"] = measure_wide(cores)
-        told["differ"] += sum(part["differ"] for part in told["wide"]["spans"].values())
-        options.out.parent.mkdir(exist_ok=True)
-        options.out.write_text(json.dumps(told, indent=1) + "\n")
-    told = json.loads(options.out.read_text())
-    print(tables(told))
-    options.page.write_text(scaling.fill(options.page.read_text(), {"retrieval": f"\n{tables(told)}"}))
-    print(f"{told['differ']} answers differ from those of the plain scan")
-    return 1 if told["differ"] else 0
+    results = measure(options.atlas, options.requests, options.hard, os.cpu_count() or 1)
+    report.publish("retrieval", results)
+    print(f"{results['differ']} answers differ from those of the plain scan")
+    return 1 if results["differ"] else 0
 
 
 if __name__ == "__main__":
