@@ -1,6 +1,7 @@
 """The chain on a U-shaped slide: published numbers, speed, fits, stability, other tracks; fills docs/chain.md.
 
-Everything but the times is reproducible to the last printed digit. Times are medians and are compared within one run only.
+Everything but the times is reproducible but for rounding. Times are the least of several runs, processor time, and are
+compared within one run only.
 """
 
 from __future__ import annotations
@@ -164,7 +165,7 @@ def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
     differences = [np.abs(few_found - slot.pins(few)).max(), np.abs(halving() - slot.pins(phases)).max()]
 
     def milliseconds(work: Any, runs: int = 9) -> float:
-        return 1e3 * page.repeat(work, runs).median.wall
+        return 1e3 * page.repeat(work, runs).least.processor
 
     def row(task: str, by: str, ours: float, search: float) -> dict[str, Any]:
         return {"task": task, "by": by, "ours_ms": ours, "search_ms": search, "ratio": search / ours}
@@ -195,8 +196,8 @@ def measure_fits(slot: Slot) -> list[dict[str, Any]]:
                     return chebyshev.chebval(np.linspace(-1, 1, PHASES), fit.data["coefficients"])
                 return fit.evaluate(phases)
 
-            made = page.repeat(lambda kind=kind, order=order: fit_slot(slot, kind, order), 7).median.wall
-            times = {"fit_ms": 1e3 * made, "evaluate_us": 1e9 * page.repeat(evaluate, 9).median.wall / PHASES}
+            made = page.repeat(lambda kind=kind, order=order: fit_slot(slot, kind, order), 7).least.processor
+            times = {"fit_ms": 1e3 * made, "evaluate_us": 1e9 * page.repeat(evaluate, 9).least.processor / PHASES}
             errors = {"normal": error.normal, "chord": error.chord, "condition": fit.condition}
             rows.append({"kind": kind, "order": order, "unknowns": fit.unknowns} | errors | times)
     return rows
