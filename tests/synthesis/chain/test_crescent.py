@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links, highest, lowest
@@ -285,6 +286,24 @@ def test_curvature_jumps_by_the_reference_at_the_crossings(canonical) -> None:
     for phase, jump in zip(slot.breaks[1:-1], (0.0118, 0.0123, 0.0123, 0.0118)):
         before, after = slot.curvature(phase + np.array([-1e-7, 1e-7]) * slot.chain.period)
         assert abs(abs(after - before) - jump) < 6e-4
+
+
+@pytest.mark.parametrize(("links", "radius"), [(12, 0.6), (16, 1.2), (40, 0.52), (301, 9.0)])
+def test_the_critical_parameter_is_the_root_that_brentq_finds(links, radius) -> None:
+    def least(straight):
+        return Chain(chain.stadium(radius, straight), 1.0, links).least_overrun().value
+
+    straight = chain.critical_stadium(1.0, links, radius).length[1]
+    assert straight == pytest.approx(brentq(least, 1e-6, links, xtol=1e-14, rtol=1e-14), abs=1e-11)
+
+
+def test_the_slack_is_polished_to_where_its_derivative_vanishes(canonical, facts) -> None:
+    """Values alone know the place of a smooth extreme to the root of their rounding only."""
+    slot = canonical[1]
+    phase, h = facts.slack_max.phase, 1e-2 * slot.chain.period
+    before, after = slot.slack(phase + np.array([-h, h]))
+    assert slot.slack_rate(np.array([phase]))[0][0] == pytest.approx(0, abs=1e-14)
+    assert abs(after - before) < 1e-2 * (facts.slack_max.value - before)
 
 
 def test_extremes_of_functions_with_many_valleys() -> None:

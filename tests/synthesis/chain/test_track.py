@@ -111,7 +111,8 @@ def test_places_beyond_one_lap() -> None:
 def test_segments_that_are_no_track(segments, message) -> None:
     with pytest.raises(TrackError, match=message) as caught:
         Track(segments)
-    assert 0 <= caught.value.segment <= len(segments)
+    assert caught.value.field == f"/segments/{caught.value.segment}"
+    assert 0 <= caught.value.segment < max(1, len(segments))
 
 
 def test_a_circle_is_a_track() -> None:
