@@ -329,7 +329,7 @@ COLUMNS = {
     ),
     "speed": columns(
         "task | search by | ours, ms | search, ms | search / ours",
-        "{task} | {by} | {ours_ms:.3g} | {search_ms:.3g} | {ratio:.2g}",
+        "{task} | {by} | {ours_ms:.4g} | {search_ms:.4g} | {ratio:.2g}",
     ),
 }
 
