@@ -95,6 +95,30 @@ def rising_root(
     return np.clip(x, first, last)
 
 
+def secant(
+    function: Callable[[Floats], Floats], place: float, value: float
+) -> Callable[[Floats], tuple[Floats, Floats]]:
+    """A function of one member without a derivative, for `rising_root`: the slope is that from the place before.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> value``, both of shape (1,).
+    place, value : float
+        A place where the function is known, other than the first one that is asked for.
+    """
+    before, known = np.array([place]), np.array([value])
+
+    def with_slope(x: Floats) -> tuple[Floats, Floats]:
+        nonlocal before, known
+        here, way = function(x), x - before
+        slope = np.divide(here - known, way, out=np.full(1, np.nan), where=way != 0)
+        before, known = x, here
+        return here, slope
+
+    return with_slope
+
+
 def closer_looks(
     function: Callable[[Floats], Floats], left: Floats, right: Floats, nodes: tuple[int, ...]
 ) -> tuple[Floats, Floats]:
