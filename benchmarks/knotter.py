@@ -16,9 +16,9 @@ from pathlib import Path
 import mpmath as mp
 import numpy as np
 
-from synthesis.knotter import machine as knotter
+from synthesis.knotter import d_knotter
 from synthesis.knotter.mechanism import Mechanism
-from synthesis.knotter.predicates import classify, crossing_point, inside, orientations
+from synthesis.knotter.segment_triangle import classify, crossing_point, inside, orientations
 from synthesis.knotter.study import solve, study
 
 ROOT = Path(__file__).parents[1]
@@ -30,7 +30,7 @@ REPEATS = 5
 
 def machine(alpha1: float, alpha3: float, **others: float) -> Mechanism:
     """The reference knotter at a pair in degrees."""
-    return knotter.knotter({"alpha1": float(np.radians(alpha1)), "alpha3": float(np.radians(alpha3)), **others})
+    return d_knotter.mechanism({"alpha1": float(np.radians(alpha1)), "alpha3": float(np.radians(alpha3)), **others})
 
 
 def seconds(function: Callable[[], object]) -> float:
@@ -60,7 +60,7 @@ def angle_sum(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) ->
 def predicate_errors() -> list[dict]:
     """Wrong verdicts beside the edge S3S4, in percent; the truth by rational arithmetic."""
     random = np.random.default_rng(2018)
-    a, b, c = (np.array(knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
+    a, b, c = (np.array(d_knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
     along = b - a
     inward = np.cross(along, (1.0, 0.0, 0.0))
     inward *= np.sign(inward @ (c - a)) / np.linalg.norm(inward)
@@ -100,7 +100,7 @@ def _percent(wrong: np.ndarray) -> float:
 def predicate_times() -> dict:
     """The sum of angles against the orientations on the same 100,000 crossings."""
     random = np.random.default_rng(7)
-    a, b, c = (np.array(knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
+    a, b, c = (np.array(d_knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
     point = random.dirichlet((1, 1, 1), 100_000) @ np.array([a, b, c])
     p, q = tuple(np.add(point, (3.0, 0.0, 0.0)).T), tuple(np.subtract(point, (2.0, 0.0, 0.0)).T)
     corners = tuple(a), tuple(b), tuple(c)
@@ -120,14 +120,14 @@ def predicate_times() -> dict:
 def exact_entry(alpha1: float, alpha3: float, guess: float, edge: int) -> mp.mpf:
     """The wrap's entry in 40 digits, near a guess."""
     names = ("S3", "S4", "S5")
-    (y0, z0), (y1, z1) = (knotter.POINTS[names[k % 3]][1:] for k in (edge, edge + 1))
+    (y0, z0), (y1, z1) = (d_knotter.POINTS[names[k % 3]][1:] for k in (edge, edge + 1))
     first, third = mp.mpf(float(np.radians(alpha1))), mp.mpf(float(np.radians(alpha3)))
 
     def side(alpha: mp.mpf) -> mp.mpf:
-        r = _rotation("j", -(mp.mpf(float(np.radians(23.5))) + alpha / 2)) * mp.matrix(knotter.POINTS["S0"])
+        r = _rotation("j", -(mp.mpf(float(np.radians(23.5))) + alpha / 2)) * mp.matrix(d_knotter.POINTS["S0"])
         r = _rotation("i", first) * (r - mp.matrix([0, 20, 0])) + mp.matrix([54, 0, -136])
-        r = _rotation("j", mp.mpf(knotter.ALPHA2)) * (_rotation("i", third) * r) + mp.matrix([0, 0, 142])
-        p, q = _rotation("k", alpha) * r, mp.matrix(knotter.POINTS["S1"])
+        r = _rotation("j", mp.mpf(d_knotter.ALPHA2)) * (_rotation("i", third) * r) + mp.matrix([0, 0, 142])
+        p, q = _rotation("k", alpha) * r, mp.matrix(d_knotter.POINTS["S1"])
         at = p + p[0] / (p[0] - q[0]) * (q - p)
         return (y1 - y0) * (at[2] - z0) - (z1 - z0) * (at[1] - y0)
 
@@ -156,7 +156,7 @@ def scanned_entries(items: Mechanism, count: int, step: float, interpolate: bool
     for start in range(0, count, few):
         item = np.arange(start, min(start + few, count))[:, None]
         shape = (len(item), len(driver))
-        positions = knotter.wrap().positions(items.item(item), driver)
+        positions = d_knotter.wrap().positions(items.item(item), driver)
         signs = np.array([np.broadcast_to(u, shape) for u in orientations(*positions)])
         hits = inside(tuple(signs))
         at = np.argmax(hits, axis=1)
@@ -173,8 +173,8 @@ def scanned_entries(items: Mechanism, count: int, step: float, interpolate: bool
 
 def summed_entry(item: Mechanism, step: float) -> float:
     """The source's way: a loop over the steps, the crossing by the quotient, inside if the angles add up to 360."""
-    a, b, c = (np.array(knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
-    condition = knotter.wrap()
+    a, b, c = (np.array(d_knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
+    condition = d_knotter.wrap()
     for degrees in np.arange(0.0, 180.0, step):
         corners = condition.positions(item, np.radians(degrees))
         point = np.array([crossing_point(*corners)])
@@ -185,10 +185,10 @@ def summed_entry(item: Mechanism, step: float) -> float:
 
 def event_errors() -> list[dict]:
     """Largest error over the nine pairs, and time per pair, of 900 pairs at once, as a multiple of the cells'."""
-    grid = {name: np.radians(values) for name, values in knotter.GRID_DEGREES.items()}
+    grid = {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()}
     nine = {name: np.array(np.radians(column)) for name, column in zip(grid, np.transpose(PAIRS))}
     many = {name: values.ravel() for name, values in zip(grid, np.meshgrid(*np.radians([LINE_1, LINE_3])))}
-    cells = knotter.wrap().evaluate(knotter.knotter(nine), 9)
+    cells = d_knotter.wrap().evaluate(d_knotter.mechanism(nine), 9)
     exact = [
         exact_entry(*pair, float(cells.enter[row]), int(cells.opened_by[row]) - 2) for row, pair in enumerate(PAIRS)
     ]
@@ -199,7 +199,7 @@ def event_errors() -> list[dict]:
         methods[f"scan and straight line, {step:g} deg"] = lambda of, count, step=step: scanned_entries(
             of, count, step, True
         )
-    methods["cells, 900 pairs at once"] = lambda of, count: knotter.wrap().evaluate(of, count).enter
+    methods["cells, 900 pairs at once"] = lambda of, count: d_knotter.wrap().evaluate(of, count).enter
 
     def error(found: np.ndarray) -> float:
         return max(abs(float(mp.degrees(mp.mpf(float(at)) - truth))) for at, truth in zip(found, exact))
@@ -207,8 +207,8 @@ def event_errors() -> list[dict]:
     rows = [
         {
             "method": name,
-            "max_error_deg": error(method(knotter.knotter(nine), 9)),
-            "ms_per_pair": 1e3 * seconds(lambda method=method: method(knotter.knotter(many), 900)) / 900,
+            "max_error_deg": error(method(d_knotter.mechanism(nine), 9)),
+            "ms_per_pair": 1e3 * seconds(lambda method=method: method(d_knotter.mechanism(many), 900)) / 900,
         }
         for name, method in methods.items()
     ]
@@ -216,7 +216,7 @@ def event_errors() -> list[dict]:
     loop = [summed_entry(item, 1.0) for item in items]
     spent = 1e3 * seconds(lambda: [summed_entry(item, 1.0) for item in items]) / 9
     rows.insert(0, {"method": "loop and sum of angles, 1 deg", "max_error_deg": error(loop), "ms_per_pair": spent})
-    alone = 1e3 * seconds(lambda: [knotter.wrap().evaluate(item, 1) for item in items]) / 9
+    alone = 1e3 * seconds(lambda: [d_knotter.wrap().evaluate(item, 1) for item in items]) / 9
     rows.append({"method": "cells, one pair", "max_error_deg": rows[-1]["max_error_deg"], "ms_per_pair": alone})
     for row in rows:
         row["time_over_cells"] = row["ms_per_pair"] / rows[-2]["ms_per_pair"]
@@ -225,11 +225,11 @@ def event_errors() -> list[dict]:
 
 def short_windows() -> list[dict]:
     """Which scan sees the window that closes as d5 grows, and what the cells find."""
-    (limit,), _ = solve(machine(10, 25), knotter.wrap(), "d5", (20.0, 120.0))
+    (limit,), _ = solve(machine(10, 25), d_knotter.wrap(), "d5", (20.0, 120.0))
     rows = []
     for short_of in (1.0, 0.3, 0.03, 1e-2, 1e-4, 1e-6, 1e-8):
         item = machine(10, 25, d5=limit.value - short_of)
-        found = knotter.wrap().evaluate(item, 1)
+        found = d_knotter.wrap().evaluate(item, 1)
         row = {"short_of_mm": short_of, "width_deg": float(np.degrees(found.leave[0] - found.enter[0]))}
         for step in (2.0, 1.0, 0.1, 0.01):
             row[f"scan_{step:g}"] = bool(np.isfinite(scanned_entries(item, 1, step)[0]))
@@ -241,12 +241,12 @@ def short_windows() -> list[dict]:
 def grid_time() -> dict:
     """101 x 101 pairs under the three conditions, and under the wrap alone against a scan of 0.1 degrees."""
     first, third = np.meshgrid(np.radians(np.linspace(0, 30, 101)), np.radians(np.linspace(15, 35, 101)))
-    items, count = knotter.knotter({"alpha1": first.ravel(), "alpha3": third.ravel()}), first.size
+    items, count = d_knotter.mechanism({"alpha1": first.ravel(), "alpha3": third.ravel()}), first.size
     start = time.process_time()
-    holds = [condition.evaluate(items, count).holds for condition in knotter.conditions()]
+    holds = [condition.evaluate(items, count).holds for condition in d_knotter.conditions()]
     whole = time.process_time() - start
     start = time.process_time()
-    knotter.wrap().evaluate(items, count)
+    d_knotter.wrap().evaluate(items, count)
     wrap = time.process_time() - start
     start = time.process_time()
     scanned_entries(items, count, 0.1)
@@ -264,11 +264,11 @@ def grid_time() -> dict:
 
 def published() -> list[list[str]]:
     """Rows of what the source prints and what comes out here."""
-    needle = knotter.Needle()
+    needle = d_knotter.Needle()
     low, high = np.degrees(needle.free_range())
-    length = needle.lay(knotter.ALPHA2)
-    grid = {name: np.radians(values) for name, values in knotter.GRID_DEGREES.items()}
-    result = study(knotter.knotter(), grid, knotter.conditions())
+    length = needle.lay(d_knotter.ALPHA2)
+    grid = {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()}
+    result = study(d_knotter.mechanism(), grid, d_knotter.conditions())
     feasible = ", ".join(f"({PAIRS[row][0]}, {PAIRS[row][1]})" for row in np.flatnonzero(result.feasible))
     if {PAIRS[row] for row in np.flatnonzero(result.feasible)} != PUBLISHED_FEASIBLE:
         raise ValueError(f"the feasible pairs are no longer the published ones: {feasible}")
@@ -318,8 +318,8 @@ def draw_frames(plt, path: Path) -> None:
     """The frames and the rope at the wrap and at the bite, pair (10, 25), in parallel projection from the bearing."""
     item = machine(10, 25)
     scenes = (
-        ("wrap", knotter.wrap(), BILL, "E1"),
-        ("bite", knotter.bite(), HOOK, "E2"),
+        ("wrap", d_knotter.wrap(), BILL, "E1"),
+        ("bite", d_knotter.bite(), HOOK, "E2"),
     )
     figure, panels = plt.subplots(1, 2, figsize=(11.5, 4.7), sharex=True, sharey=True)
     for axes, (name, condition, colour, mark) in zip(panels, scenes):
@@ -398,8 +398,8 @@ def draw_paths(plt, path: Path) -> None:
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.8))
     tones = plt.get_cmap("viridis")(np.linspace(0.05, 0.85, 3))
     for axes, condition, plane, names in (
-        (left, knotter.wrap(), (1, 2), ("S3", "S4", "S5")),
-        (right, knotter.bite(), (0, 2), ("O5", "S8", "S9")),
+        (left, d_knotter.wrap(), (1, 2), ("S3", "S4", "S5")),
+        (right, d_knotter.bite(), (0, 2), ("O5", "S8", "S9")),
     ):
         for (alpha1, alpha3), row in zip(PAIRS, range(9)):
             item = machine(alpha1, alpha3)
@@ -451,7 +451,7 @@ def draw_map(plt, path: Path) -> None:
     """Feasible pairs and the smallest margin over (alpha1, alpha3), with the limit of each condition."""
     first, third = np.linspace(-5, 30, 281), np.linspace(15, 40, 251)
     result = study(
-        knotter.knotter(), {"alpha1": np.radians(first), "alpha3": np.radians(third)}, knotter.conditions()
+        d_knotter.mechanism(), {"alpha1": np.radians(first), "alpha3": np.radians(third)}, d_knotter.conditions()
     )
     shape = (len(first), len(third))
     margin = result.margin.reshape(shape)
@@ -461,7 +461,7 @@ def draw_map(plt, path: Path) -> None:
     filled = axes.contourf(first, third, margin.T, levels, cmap="YlGn", extend="max")
     lines = axes.contour(first, third, margin.T, levels[1:], colors=INK, linewidths=0.5)
     axes.clabel(lines, fmt="%g", fontsize=7)
-    for condition, colour in zip(knotter.conditions(), (BILL, DISC, HOOK)):
+    for condition, colour in zip(d_knotter.conditions(), (BILL, DISC, HOOK)):
         limits = []
         for alpha1 in np.linspace(-5, 30, 36):
             found, _ = solve(machine(alpha1, 25), condition, "alpha3", tuple(np.radians([15, 40])), samples=65)

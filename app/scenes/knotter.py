@@ -1,4 +1,4 @@
-"""The knotter over HTTP and on the command line: answers made from `synthesis.knotter.machine`."""
+"""The knotter over HTTP and on the command line: answers made from `synthesis.knotter.d_knotter`."""
 
 from __future__ import annotations
 
@@ -89,10 +89,10 @@ def _range(field: str, found: list[float] | None, default: tuple[float, float], 
 
 def _machine(request: MachineRequest, angles: _Angles) -> tuple[Any, dict[str, Any]]:
     """The mechanism of a request and its three conditions by name."""
-    from synthesis.knotter import machine as knotter
+    from synthesis.knotter import d_knotter
 
     lengths = _given(request.parameters)
-    mechanism = knotter.knotter(
+    mechanism = d_knotter.mechanism(
         {name: angles.inward(value) if name in ANGLES else value for name, value in lengths.items()},
         _given(request.senses),
         {name: _law(name, law, angles) for name, law in _given(request.laws).items()},
@@ -101,28 +101,28 @@ def _machine(request: MachineRequest, angles: _Angles) -> tuple[Any, dict[str, A
     options = request.clearance
     windows, over = request.windows, options.over
     conditions = {
-        "wrap": knotter.wrap(_range("/windows/wrap", windows.wrap, knotter.WRAP_WINDOW, angles, False)),
-        "clearance": knotter.clearance(
-            knotter.CLEARANCE_AT if options.at is None else angles.inward(options.at),
-            _range("/clearance/over", over, knotter.CLEARANCE_OVER, angles, True),
+        "wrap": d_knotter.wrap(_range("/windows/wrap", windows.wrap, d_knotter.WRAP_WINDOW, angles, False)),
+        "clearance": d_knotter.clearance(
+            d_knotter.CLEARANCE_AT if options.at is None else angles.inward(options.at),
+            _range("/clearance/over", over, d_knotter.CLEARANCE_OVER, angles, True),
             math.inf if options.disc_radius is None else options.disc_radius,
             options.hook == "locked",
         ),
-        "bite": knotter.bite(_range("/windows/bite", windows.bite, knotter.BITE_WINDOW, angles, False)),
+        "bite": d_knotter.bite(_range("/windows/bite", windows.bite, d_knotter.BITE_WINDOW, angles, False)),
     }
     return mechanism, conditions
 
 
 def _provenance(request: MachineRequest, given_angles: set[str]) -> dict[str, Any]:
-    from synthesis.knotter import machine as knotter
+    from synthesis.knotter import d_knotter
 
     given = [*_given(request.parameters), *_given(request.laws), *_given(request.points)]
     given += [name for name in given_angles if name not in given]
     given += [f"senses.{name}" for name in _given(request.senses)]
-    assumed = [*knotter.ASSUMED_PARAMETERS, "beta", "alpha4"]
-    assumed += [f"senses.{name}" for name in knotter.SENSES]
-    assumed += [name for name in knotter.POINTS if name not in knotter.PUBLISHED_POINTS]
-    published = ["alpha1", "alpha2", "alpha3", "d5", "d6", *knotter.PUBLISHED_POINTS]
+    assumed = [*d_knotter.ASSUMED_PARAMETERS, "beta", "alpha4"]
+    assumed += [f"senses.{name}" for name in d_knotter.SENSES]
+    assumed += [name for name in d_knotter.POINTS if name not in d_knotter.PUBLISHED_POINTS]
+    published = ["alpha1", "alpha2", "alpha3", "d5", "d6", *d_knotter.PUBLISHED_POINTS]
     partly = {
         "S0": "radius 30 and starting angle 15 degrees are published, the sign of its k coordinate is assumed",
         "S1": "22 along i and -39 along k are published, its j coordinate is assumed",
@@ -132,13 +132,13 @@ def _provenance(request: MachineRequest, given_angles: set[str]) -> dict[str, An
         "published": [name for name in published if name not in given],
         "given": given,
         "partly_published": {name: text for name, text in partly.items() if name not in given},
-        "frames": {**knotter.POINT_FRAMES, "E1": "u4", "E2": "u5"},
+        "frames": {**d_knotter.POINT_FRAMES, "E1": "u4", "E2": "u5"},
     }
 
 
 def _entry(condition: Any, result: Any, row: int, angles: _Angles) -> EntryReply:
     from synthesis.knotter.entry import Found
-    from synthesis.knotter.predicates import Crossing
+    from synthesis.knotter.segment_triangle import Crossing
 
     enters = result.windows[row] > 0
     opened = int(result.opened_by[row])
@@ -174,7 +174,7 @@ def _condition(name: str, condition: Any, result: Any, row: int, angles: _Angles
 
 def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     """Every combination of the grid under the conditions that are asked for."""
-    from synthesis.knotter import machine as knotter
+    from synthesis.knotter import d_knotter
     from synthesis.knotter.study import study
 
     start = resources.clock()
@@ -182,7 +182,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     given = _given(request.grid)
     grid = {
         name: given.get(name) or [angles.outward(math.radians(x)) for x in values]
-        for name, values in knotter.GRID_DEGREES.items()
+        for name, values in d_knotter.GRID_DEGREES.items()
     }
     grid |= {name: values for name, values in given.items() if name not in grid}
     if twice := sorted(set(grid) & set(_given(request.parameters))):
@@ -262,15 +262,15 @@ def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
 
 def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
     """Clearance and length at the needle's angle, and the angles for a given clearance or length."""
-    from synthesis.knotter import machine as knotter
+    from synthesis.knotter import d_knotter
 
     angles = _Angles(request.angle_unit)
-    alpha2 = knotter.ALPHA2 if request.alpha2 is None else angles.inward(request.alpha2)
+    alpha2 = d_knotter.ALPHA2 if request.alpha2 is None else angles.inward(request.alpha2)
     if not abs(alpha2) < math.radians(90.0):
         raise FieldError("/alpha2", "the needle's angle must lie between -90 and 90 degrees", constraint="range")
-    needle = knotter.Needle(
+    needle = d_knotter.Needle(
         **{name: getattr(request, name) for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")},
-        beta0=knotter.BETA0 if request.beta0 is None else angles.inward(request.beta0),
+        beta0=d_knotter.BETA0 if request.beta0 is None else angles.inward(request.beta0),
     )
     clearance, length, best = float(needle.clearance(alpha2)), float(needle.lay(alpha2)), needle.best()
     free = needle.free_range()

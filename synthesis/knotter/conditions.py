@@ -116,7 +116,7 @@ class Clearance:
             mechanism = mechanism.locked(self.locked, self.at)
         frames = self.frames(mechanism)
         first, last = self.over
-        ends = events.edges(first, last, mechanism.breakpoints(frames), partial(mechanism.turning_rate, frames))
+        ends = events.piece_ends(first, last, mechanism.breakpoints(frames), partial(mechanism.turning_rate, frames))
         return in_chunks(lambda part, count: self._evaluate(part, count, ends), mechanism, items, ends, self.name)
 
     def depth(self, mechanism: Mechanism, driver: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from synthesis.errors import FieldError
-from synthesis.knotter import events, predicates
+from synthesis.knotter import events, segment_triangle
 from synthesis.knotter.conditions import Result, in_chunks
 from synthesis.knotter.mechanism import Mechanism, Vector
 
@@ -62,7 +62,7 @@ class Entry(Result):
     nearest : ndarray
         Where the segment never enters: the driver angle (rad) at which it comes nearest to the triangle.
     nearest_case : ndarray of int
-        How it lies to the triangle there, values of `knotter_predicates.Crossing`; -1 where it enters.
+        How it lies to the triangle there, values of `segment_triangle.Crossing`; -1 where it enters.
     """
 
     found: np.ndarray
@@ -142,12 +142,12 @@ class SegmentHitsTriangle:
         """The verdict for each item."""
         frames = self.frames(mechanism)
         first, last = self.window
-        ends = events.edges(first, last, mechanism.breakpoints(frames), partial(mechanism.turning_rate, frames))
+        ends = events.piece_ends(first, last, mechanism.breakpoints(frames), partial(mechanism.turning_rate, frames))
         return in_chunks(lambda part, count: self._evaluate(part, count, ends), mechanism, items, ends, self.name)
 
     def _evaluate(self, mechanism: Mechanism, items: int, ends: np.ndarray) -> Entry:
         def function(driver: np.ndarray, item: np.ndarray) -> np.ndarray:
-            signs = predicates.orientations(*self.positions(mechanism.item(item), driver))
+            signs = segment_triangle.orientations(*self.positions(mechanism.item(item), driver))
             shape = np.broadcast_shapes(driver.shape, item.shape)
             return np.array([np.broadcast_to(sign, shape) for sign in signs])
 
@@ -175,18 +175,22 @@ class SegmentHitsTriangle:
         rows = np.flatnonzero(has)
         if len(rows):
             p, q, *corners = self.positions(mechanism.item(rows), enter[rows])
-            crossing = predicates.crossing_point(p, q, *corners)
+            crossing = segment_triangle.crossing_point(p, q, *corners)
             point[rows] = np.stack([np.broadcast_to(x, rows.shape) for x in crossing], axis=-1) + 0.0  # no minus zero
             for edge in range(3):
                 a, b = corners[edge], corners[(edge + 1) % 3]
-                ab = predicates.subtract(b, a)
-                length2 = predicates.dot(ab, ab)
-                f = predicates.dot(predicates.subtract(crossing, a), ab) / np.where(length2 > 0, length2, 1.0)
+                ab = segment_triangle.subtract(b, a)
+                length2 = segment_triangle.dot(ab, ab)
+                f = segment_triangle.dot(segment_triangle.subtract(crossing, a), ab) / np.where(
+                    length2 > 0, length2, 1.0
+                )
                 through = opened[rows] == 2 + edge
                 fraction[rows[through]] = np.broadcast_to(f, rows.shape)[through]
                 if edge == self.enter:
                     inner = np.minimum(f, 1 - f) * np.sqrt(length2)
-                    outer = predicates.norm(predicates.subtract(crossing, predicates.along(a, ab, np.clip(f, 0, 1))))
+                    outer = segment_triangle.norm(
+                        segment_triangle.subtract(crossing, segment_triangle.along(a, ab, np.clip(f, 0, 1)))
+                    )
                     margin[rows] = np.where(through, np.maximum(inner, 0.0), -outer)
         entering = np.flatnonzero(opened >= 0)
         if len(entering):
@@ -197,7 +201,7 @@ class SegmentHitsTriangle:
             margin[missing] = -distance
             corners = self.positions(mechanism.item(missing), nearest[missing])
             rows = [np.stack([np.broadcast_to(x, missing.shape) for x in corner], axis=-1) for corner in corners]
-            case[missing] = predicates.classify(*rows)
+            case[missing] = segment_triangle.classify(*rows)
         holds = kind == Found.ENTERS
         return Entry(holds, margin, kind, enter, leave, opened, point, fraction, windows, sensitivity, nearest, case)
 
@@ -206,11 +210,16 @@ class SegmentHitsTriangle:
 
         def distance(driver: np.ndarray) -> np.ndarray:
             corners = self.positions(mechanism, driver)
-            s_p, s_q, *u = predicates.orientations(*corners)
+            s_p, s_q, *u = segment_triangle.orientations(*corners)
             _, _, a, b, c = corners
-            area = predicates.norm(predicates.cross(predicates.subtract(b, a), predicates.subtract(c, a)))
+            area = segment_triangle.norm(
+                segment_triangle.cross(segment_triangle.subtract(b, a), segment_triangle.subtract(c, a))
+            )
             area = np.where(area > 0, area, 1.0)
-            sides = [predicates.norm(predicates.subtract(end, start)) for start, end in ((a, b), (b, c), (c, a))]
+            sides = [
+                segment_triangle.norm(segment_triangle.subtract(end, start))
+                for start, end in ((a, b), (b, c), (c, a))
+            ]
             w = s_p - s_q
             w = np.where(np.abs(w) > 0, w, 1.0)
             rows = [
@@ -227,11 +236,13 @@ class SegmentHitsTriangle:
         """Rounding error of the five orientations, shape (5, items); refuses a triangle without area."""
         driver = ends[None]
         p, q, a, b, c = self.positions(mechanism.item(np.arange(items)[:, None]), driver)
-        far = predicates.norm(predicates.subtract(p, a)) + predicates.norm(predicates.subtract(q, a))
+        far = segment_triangle.norm(segment_triangle.subtract(p, a)) + segment_triangle.norm(
+            segment_triangle.subtract(q, a)
+        )
         far = np.broadcast_to(far, (items, len(ends))).max(axis=1)
-        ab, ac = predicates.subtract(b, a), predicates.subtract(c, a)
-        area = np.broadcast_to(predicates.norm(predicates.cross(ab, ac)), (items, len(ends))).max(axis=1)
-        sides = np.broadcast_to(predicates.norm(ab) + predicates.norm(ac), (items, len(ends))).max(axis=1)
+        ab, ac = segment_triangle.subtract(b, a), segment_triangle.subtract(c, a)
+        area = np.broadcast_to(segment_triangle.norm(segment_triangle.cross(ab, ac)), (items, len(ends))).max(axis=1)
+        sides = np.broadcast_to(segment_triangle.norm(ab) + segment_triangle.norm(ac), (items, len(ends))).max(axis=1)
         rounding = np.broadcast_to(mechanism.rounding(self.frames(mechanism), *self.window), (items,))
         if np.any(area <= rounding * sides):
             raise FieldError(
@@ -249,14 +260,14 @@ class SegmentHitsTriangle:
         """The smallest distance of segment and triangle and its driver angle, for parameters of shape (items, 1)."""
         grid = np.linspace(ends[:-1], ends[1:], 7)[:-1].T.ravel()
         grid = np.append(grid, ends[-1])
-        near = predicates.segment_triangle_distance(*self.positions(mechanism, grid[None]))
+        near = segment_triangle.segment_triangle_distance(*self.positions(mechanism, grid[None]))
         near = np.atleast_2d(near)
         best = np.argmin(near, axis=1)[:, None]
         left, right = grid[np.maximum(best - 1, 0)], grid[np.minimum(best + 1, len(grid) - 1)]
         golden = (np.sqrt(5) - 1) / 2
 
         def distance(driver: np.ndarray) -> np.ndarray:
-            return predicates.segment_triangle_distance(*self.positions(mechanism, driver))
+            return segment_triangle.segment_triangle_distance(*self.positions(mechanism, driver))
 
         low, high = right - golden * (right - left), left + golden * (right - left)
         at_low, at_high = distance(low), distance(high)
@@ -277,7 +288,7 @@ class SegmentHitsTriangle:
 
 def _coincide(first: tuple[float, float, float], second: tuple[float, float, float]) -> bool:
     distance = np.linalg.norm(np.subtract(first, second))
-    return bool(distance <= 4 * predicates.UNIT_ROUNDOFF * (np.linalg.norm(first) + np.linalg.norm(second)))
+    return bool(distance <= 4 * segment_triangle.UNIT_ROUNDOFF * (np.linalg.norm(first) + np.linalg.norm(second)))
 
 
 def _windows(
@@ -301,11 +312,11 @@ def _windows(
     span = np.flatnonzero((item[1:] == item[:-1]) & (driver[1:] > driver[:-1]))
     width = driver[span + 1] - driver[span]
     middle = driver[span] + 0.5 * width
-    hit = predicates.inside(tuple(function(middle, item[span])))
+    hit = segment_triangle.inside(tuple(function(middle, item[span])))
     narrow = np.flatnonzero(width < NARROW)
     if len(narrow):
         extended = driver[span[narrow]] + 0.5 * width[narrow].astype(np.longdouble)
-        hit[narrow] = predicates.inside(tuple(function(extended, item[span[narrow]])))
+        hit[narrow] = segment_triangle.inside(tuple(function(extended, item[span[narrow]])))
     span = span[hit & allowed[item[span]]]
     # Two neighbouring spans that are both inside are one window: nothing but rounding parts them.
     continued = np.zeros(len(span), bool)

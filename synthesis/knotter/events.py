@@ -86,7 +86,9 @@ class Events:
     driver: np.ndarray
 
 
-def edges(first: float, last: float, breakpoints: list[float], rate: Callable[[float, float], float]) -> np.ndarray:
+def piece_ends(
+    first: float, last: float, breakpoints: list[float], rate: Callable[[float, float], float]
+) -> np.ndarray:
     """Ends of the pieces of a range: at the breakpoints, and so that nothing turns far within a piece.
 
     ``rate(low, high)`` is how many times faster than the driver anything turns between two driver angles.

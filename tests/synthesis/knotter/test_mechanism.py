@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
-from synthesis.knotter.machine import knotter
+from synthesis.knotter.d_knotter import mechanism
 from synthesis.knotter.mechanism import Chain, Linear, Mechanism, Shift, Table, Turn
 
 KNOTS = (-1.0, 0.5, 0.7, 2.0, 6.5)
@@ -43,7 +43,7 @@ def test_chain_is_equation_9(seed: int) -> None:
     size = {name: random.uniform(-1, 1) * (1 if name.startswith("alpha") else 150) for name in names}
     sense = {name: int(random.choice([-1, 1])) for name in ("alpha", "beta")}
     law, alpha, r = Linear(*random.uniform(-2, 2, 2)), random.uniform(-7, 7), random.uniform(-50, 50, 3)
-    machine = knotter(size, sense, {"beta": law})
+    machine = mechanism(size, sense, {"beta": law})
     found = machine.carry(tuple(r), "u3", "u4", np.float64(alpha))
     expected = naive_disc_to_bill(r, alpha, size, sense, law.lead + law.ratio * alpha)
     assert np.array(found) == pytest.approx(expected, abs=1e-11)
@@ -51,7 +51,7 @@ def test_chain_is_equation_9(seed: int) -> None:
 
 def test_printed_inverse_is_none() -> None:
     """Eq 17 as printed turns the bill back the wrong way; at 90 degrees it misses by far."""
-    machine = knotter()
+    machine = mechanism()
     there = machine.carry((10.0, 20.0, 30.0), "seat", "u4", np.float64(np.pi / 2))
     wrong = machine.carry(there, "u4", "seat", np.float64(-np.pi / 2))
     assert np.abs(np.subtract(wrong, (10.0, 20.0, 30.0))).max() > 10
@@ -65,7 +65,7 @@ def test_printed_inverse_is_none() -> None:
     st.sampled_from([("u3", "u4"), ("u3", "u5"), ("u5", "seat"), ("u4", "u3")]),
 )
 def test_frames_keep_distances_and_lead_back(first, second, driver, frames) -> None:
-    machine = knotter({"alpha1": 0.2, "alpha3": 0.4})
+    machine = mechanism({"alpha1": 0.2, "alpha3": 0.4})
     driver = np.float64(driver)
     one, two = (np.array(machine.carry(point, *frames, driver)) for point in (first, second))
     assert np.linalg.norm(one - two) == pytest.approx(np.linalg.norm(np.subtract(first, second)), abs=1e-11)
@@ -74,11 +74,11 @@ def test_frames_keep_distances_and_lead_back(first, second, driver, frames) -> N
 
 def test_parameters_of_many_items_are_each_alone() -> None:
     values = np.linspace(0, 1, 7)
-    machine = knotter({"alpha1": values, "d5": 50 + values})
+    machine = mechanism({"alpha1": values, "d5": 50 + values})
     driver = np.linspace(0, 6, 5)
     many = np.array(machine.item(np.arange(7)[:, None]).position("S0", "u5", driver))
     for index, value in enumerate(values):
-        alone = knotter({"alpha1": value, "d5": 50 + value}).position("S0", "u5", driver)
+        alone = mechanism({"alpha1": value, "d5": 50 + value}).position("S0", "u5", driver)
         assert many[:, index] == pytest.approx(np.array(alone), abs=1e-12)
 
 
@@ -115,7 +115,7 @@ def test_law_keeps_extended_precision() -> None:
     driver = np.longdouble(1) / 3
     assert Linear(0.1, 0.3).value(driver).dtype == np.longdouble
     assert Table(KNOTS, ANGLES).value(driver).dtype == np.longdouble
-    assert knotter().position("S0", "u5", driver)[0].dtype == np.longdouble
+    assert mechanism().position("S0", "u5", driver)[0].dtype == np.longdouble
 
 
 @pytest.mark.parametrize(
@@ -127,13 +127,13 @@ def test_table_that_is_no_function_is_refused(rows, word: str) -> None:
 
 
 def test_law_outside_its_table_is_named() -> None:
-    machine = knotter(laws={"beta": Table((0.0, 1.0), (0.0, 0.5), outside="error")})
+    machine = mechanism(laws={"beta": Table((0.0, 1.0), (0.0, 0.5), outside="error")})
     machine.require_laws({"u3", "u4"}, 0.0, 1.0)
     machine.require_laws({"u5", "u4"}, 4.8, 6.0)  # another law's business
     with pytest.raises(FieldError, match="beta") as caught:
         machine.require_laws({"u3", "u4"}, 0.0, 1.1)
     assert caught.value.field == "/laws/beta"
-    apart = knotter(laws={"alpha4": Table((0.0, 1.0), (0.0, 0.5))})
+    apart = mechanism(laws={"alpha4": Table((0.0, 1.0), (0.0, 0.5))})
     with pytest.raises(FieldError, match="alpha4"):
         apart.require_laws({"u5", "u4"}, 4.8, 6.0)
 

@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 from synthesis.errors import FieldError
-from synthesis.knotter import machine as knotter
+from synthesis.knotter import d_knotter
 from synthesis.knotter.conditions import Clearance, Scalar
 from synthesis.knotter.entry import Found, SegmentHitsTriangle, _windows
 from synthesis.knotter.events import Events
@@ -43,7 +43,7 @@ class Twin:
         self.size = dict(zip(names, map(float, random.uniform(low, high))))
         self.sense = {name: int(random.choice([-1, 1])) for name in ("alpha", "beta")}
         spread = random.choice([0.0, 10.0, 40.0])
-        self.points = {name: tuple(at + random.normal(size=3) * spread) for name, at in knotter.POINTS.items()}
+        self.points = {name: tuple(at + random.normal(size=3) * spread) for name, at in d_knotter.POINTS.items()}
         if random.random() < 0.6:
             self.points |= {name: tuple(random.normal(size=3) * 50) for name in ("S3", "S5")}
         knots = np.concatenate([[-1.0], np.sort(random.uniform(-1, 8, 6)), [8.0]])
@@ -61,7 +61,7 @@ class Twin:
         rows = np.array([random.uniform(4, 4.8), random.uniform(5, 6)]), random.uniform(-1, 1, 2)
         self.alpha4 = lambda alpha: np.interp(alpha, *rows)
         laws = {"beta": beta, "alpha4": Table(*map(tuple, rows))}
-        self.machine = knotter.knotter(self.size, self.sense, laws, self.points)
+        self.machine = d_knotter.mechanism(self.size, self.sense, laws, self.points)
 
     def corners(self, name: str, alpha: np.ndarray) -> list[np.ndarray]:
         size, e = self.size, self.sense["alpha"]
@@ -88,7 +88,7 @@ class Twin:
 
     def hook_depth(self, alpha: np.ndarray, locked: bool) -> np.ndarray:
         size, e, same = self.size, self.sense["alpha"], np.ones_like(alpha)
-        fourth = self.alpha4(knotter.CLEARANCE_AT * same if locked else alpha)
+        fourth = self.alpha4(d_knotter.CLEARANCE_AT * same if locked else alpha)
         r = (
             rotated("j", fourth, np.broadcast_to(self.points["S10"], (*np.shape(alpha), 3)))
             - size["d9"] * I
@@ -99,7 +99,7 @@ class Twin:
         return rotated("i", e * size["alpha1"] * same, r) + size["D"] * J
 
 
-WINDOWS = {"wrap": knotter.WRAP_WINDOW, "bite": knotter.BITE_WINDOW}
+WINDOWS = {"wrap": d_knotter.WRAP_WINDOW, "bite": d_knotter.BITE_WINDOW}
 
 
 @pytest.mark.parametrize("name", ["wrap", "bite"])
@@ -108,7 +108,7 @@ def test_entry_is_where_the_naive_twin_finds_it(seed: int, name: str) -> None:
     twin = Twin(seed)
     alpha = np.linspace(*WINDOWS[name], 6001)
     inside = np.all(twin.shares(name, alpha) > 0, axis=-1)
-    condition = getattr(knotter, name)()
+    condition = getattr(d_knotter, name)()
     found = condition.evaluate(twin.machine, 1)
     starts = np.flatnonzero(inside & ~np.append(False, inside[:-1]))
     assert found.windows[0] >= len(starts)
@@ -147,7 +147,7 @@ def test_entry_is_where_the_naive_twin_finds_it(seed: int, name: str) -> None:
 @pytest.mark.parametrize("seed", range(12))
 def test_worst_clearance_is_no_better_than_a_fine_scan(seed: int, radius: float, locked: bool) -> None:
     twin = Twin(seed)
-    condition = knotter.clearance(radius=radius, hook_locked=locked)
+    condition = d_knotter.clearance(radius=radius, hook_locked=locked)
     found = condition.evaluate(twin.machine, 1)
     alpha = np.linspace(*condition.over, 40_001)
 
@@ -168,8 +168,8 @@ def test_worst_clearance_is_no_better_than_a_fine_scan(seed: int, radius: float,
 
 
 def test_a_disc_hides_less_than_its_plane_and_a_huge_one_is_the_plane() -> None:
-    machine = knotter.knotter({"alpha1": 0.2, "alpha3": 0.4})
-    worst = [knotter.clearance(radius=r).evaluate(machine, 1).worst[0] for r in (10.0, 30.0, 60.0, 1e6, np.inf)]
+    machine = d_knotter.mechanism({"alpha1": 0.2, "alpha3": 0.4})
+    worst = [d_knotter.clearance(radius=r).evaluate(machine, 1).worst[0] for r in (10.0, 30.0, 60.0, 1e6, np.inf)]
     assert np.all(np.diff(worst) >= 0)
     assert worst[-2] == pytest.approx(worst[-1], abs=1e-9)
 
@@ -199,10 +199,10 @@ def test_an_event_of_no_width_does_not_split_a_window() -> None:
 def test_an_item_does_not_know_its_neighbours() -> None:
     """Also across chunks: 40 x 40 items are several chunks."""
     grid = {"alpha1": np.linspace(-0.2, 0.6, 40), "alpha3": np.linspace(0.1, 0.7, 40)}
-    whole = study(knotter.knotter(), grid, knotter.conditions())
+    whole = study(d_knotter.mechanism(), grid, d_knotter.conditions())
     for index in (0, 777, 1599):
         point = {name: values[index : index + 1] for name, values in whole.grid.items()}
-        alone = study(knotter.knotter(), point, knotter.conditions())
+        alone = study(d_knotter.mechanism(), point, d_knotter.conditions())
         for name, result in alone.conditions.items():
             for field in result.__dataclass_fields__:
                 many = np.asarray(getattr(whole.conditions[name], field)[index], float)
@@ -216,8 +216,8 @@ def test_the_unit_of_length_changes_no_angle(seed: int, power: int) -> None:
     twin, scale = Twin(seed), 2.0**power
     size = {name: value if name.startswith("alpha") else value * scale for name, value in twin.size.items()}
     points = {name: tuple(scale * x for x in point) for name, point in twin.points.items()}
-    scaled = knotter.knotter(size, twin.sense, twin.machine.laws, points)
-    for condition in knotter.conditions():
+    scaled = d_knotter.mechanism(size, twin.sense, twin.machine.laws, points)
+    for condition in d_knotter.conditions():
         one, other = condition.evaluate(twin.machine, 1), condition.evaluate(scaled, 1)
         assert one.holds[0] == other.holds[0]
         assert other.margin[0] == pytest.approx(scale * one.margin[0], rel=1e-9, abs=1e-9 * scale)
@@ -227,25 +227,25 @@ def test_the_unit_of_length_changes_no_angle(seed: int, power: int) -> None:
 
 def test_margins_meet_at_zero_on_both_sides_of_each_limit() -> None:
     """Along alpha3 the entry moves over S3 to the next edge; along d5 over S4 and away."""
-    machine = knotter.knotter({"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)})
+    machine = d_knotter.mechanism({"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)})
     for parameter, between in (("alpha3", (0.1, 0.5)), ("d5", (20.0, 120.0))):
-        limits, _ = solve(machine, knotter.wrap(), parameter, between)
+        limits, _ = solve(machine, d_knotter.wrap(), parameter, between)
         assert limits
         for limit in limits:
             step = 1e-7 if parameter == "alpha3" else 1e-5
             values = limit.value + step * np.array([-1.0, 1.0])
-            found = knotter.wrap().evaluate(machine.with_parameters(**{parameter: values}), 2)
+            found = d_knotter.wrap().evaluate(machine.with_parameters(**{parameter: values}), 2)
             assert list(found.holds) == ([False, True] if limit.holds_above else [True, False])
             assert np.all(np.sign(found.margin) == np.where(found.holds, 1, -1))
             assert np.abs(found.margin).max() < 1e-3
 
 
 def test_closest_approach_is_the_distance_of_a_dense_scan() -> None:
-    from synthesis.knotter.predicates import segment_triangle_distance
+    from synthesis.knotter.segment_triangle import segment_triangle_distance
 
     for seed in range(30):
         twin = Twin(seed)
-        condition = knotter.wrap()
+        condition = d_knotter.wrap()
         found = condition.evaluate(twin.machine, 1)
         if found.found[0] == Found.NEVER:
             alpha = np.linspace(*condition.window, 20_001)
@@ -256,28 +256,28 @@ def test_closest_approach_is_the_distance_of_a_dense_scan() -> None:
 def test_condition_number_is_the_shift_of_the_event() -> None:
     """Moving S3 and S4 by h across their edge moves the entry by h times the sensitivity."""
     at = {"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)}
-    before = knotter.wrap().evaluate(knotter.knotter(at), 1)
-    (_, y3, z3), (_, y4, z4) = (knotter.POINTS[name] for name in ("S3", "S4"))
+    before = d_knotter.wrap().evaluate(d_knotter.mechanism(at), 1)
+    (_, y3, z3), (_, y4, z4) = (d_knotter.POINTS[name] for name in ("S3", "S4"))
     across = np.array([z4 - z3, y3 - y4]) / np.hypot(z4 - z3, y3 - y4)
-    moved = {name: (0.0, *(np.array(knotter.POINTS[name][1:]) + 1e-6 * across)) for name in ("S3", "S4")}
-    after = knotter.wrap().evaluate(knotter.knotter(at, points=moved), 1)
+    moved = {name: (0.0, *(np.array(d_knotter.POINTS[name][1:]) + 1e-6 * across)) for name in ("S3", "S4")}
+    after = d_knotter.wrap().evaluate(d_knotter.mechanism(at, points=moved), 1)
     assert abs(after.enter[0] - before.enter[0]) == pytest.approx(1e-6 * before.sensitivity[0], rel=1e-4)
 
 
 def test_limits_are_found_on_both_sides() -> None:
-    machine = knotter.knotter({"alpha1": np.radians(10.0)})
-    limits, starts = solve(machine, knotter.bite(), "alpha3", (0.0, 1.2))
+    machine = d_knotter.mechanism({"alpha1": np.radians(10.0)})
+    limits, starts = solve(machine, d_knotter.bite(), "alpha3", (0.0, 1.2))
     assert not starts and [limit.holds_above for limit in limits] == [True, False]
     for limit in limits:
         assert limit.result.holds[0]
         beyond = limit.value + (-1e-13 if limit.holds_above else 1e-13)
-        assert not knotter.bite().evaluate(machine.with_parameters(alpha3=beyond), 1).holds[0]
+        assert not d_knotter.bite().evaluate(machine.with_parameters(alpha3=beyond), 1).holds[0]
 
 
 def test_scalar_condition_finds_the_needles_limit_and_length() -> None:
     """The general solver on a number: eq 4 over alpha2, and eq 5 over d5."""
-    needle = knotter.Needle()
-    machine = knotter.knotter()
+    needle = d_knotter.Needle()
+    machine = d_knotter.mechanism()
     free = Scalar("needle", lambda size: needle.clearance(size["alpha2"]))
     limits, _ = solve(machine, free, "alpha2", (-1.5, 1.5))
     assert [limit.value for limit in limits] == pytest.approx(needle.free_range(), abs=1e-14)
@@ -329,25 +329,25 @@ def test_another_machine_is_another_page_of_data() -> None:
 )
 def test_degenerate_points_are_named(points, names) -> None:
     with pytest.raises(FieldError) as caught:
-        study(knotter.knotter(points=points), {}, knotter.conditions())
+        study(d_knotter.mechanism(points=points), {}, d_knotter.conditions())
     assert caught.value.field == "/points"
     assert caught.value.details["points"] == names
     assert all(name in caught.value.message for name in names)
 
 
 def test_a_rope_end_in_the_triangles_plane_never_crosses() -> None:
-    found = knotter.wrap().evaluate(knotter.knotter(points={"S1": (0.0, 14.0, -39.0)}), 1)
+    found = d_knotter.wrap().evaluate(d_knotter.mechanism(points={"S1": (0.0, 14.0, -39.0)}), 1)
     assert found.found[0] == Found.ALWAYS_IN_PLANE and not found.holds[0] and found.windows[0] == 0
     tilted = {"S3": (1.0, 16.0, -12.0), "S4": (3.0, 8.0, -28.0), "S5": (-2.0, 0.0, 0.0)}
     a, b, c = (np.array(tilted[name]) for name in ("S3", "S4", "S5"))
     rope_end = tuple(a + 1.7 * (b - a) + 0.4 * (c - a))
-    found = knotter.wrap().evaluate(knotter.knotter(points={**tilted, "S1": rope_end}), 1)
+    found = d_knotter.wrap().evaluate(d_knotter.mechanism(points={**tilted, "S1": rope_end}), 1)
     assert found.found[0] == Found.ALWAYS_IN_PLANE
 
 
 def test_empty_grid_and_too_much_work_are_refused() -> None:
     with pytest.raises(FieldError, match="empty"):
-        study(knotter.knotter(), {"alpha1": []}, knotter.conditions())
-    fast = knotter.knotter(laws={"beta": Linear(0.0, 900.0)})
+        study(d_knotter.mechanism(), {"alpha1": []}, d_knotter.conditions())
+    fast = d_knotter.mechanism(laws={"beta": Linear(0.0, 900.0)})
     with pytest.raises(FieldError, match="pieces"):
-        study(fast, {"alpha1": np.zeros(1000)}, knotter.conditions())
+        study(fast, {"alpha1": np.zeros(1000)}, d_knotter.conditions())

@@ -68,7 +68,7 @@ def reference_laws() -> dict[str, Law]:
     }
 
 
-def knotter(
+def mechanism(
     parameters: Mapping[str, float | np.ndarray] | None = None,
     senses: Mapping[str, int] | None = None,
     laws: Mapping[str, Law] | None = None,
@@ -255,7 +255,7 @@ class Needle:
 
     def _zeros(self, function: Callable[[np.ndarray], np.ndarray]) -> list[float]:
         """The zeros of a smooth function between -90 and 90 degrees, increasing."""
-        ends = events.edges(-np.pi / 2, np.pi / 2, [], lambda low, high: 3.0)
+        ends = events.piece_ends(-np.pi / 2, np.pi / 2, [], lambda low, high: 3.0)
         size = abs(self.S1x) + abs(self.S1y) + self.r0 + self.D0
         floor = np.full((1, 1), 16 * np.finfo(float).eps * size)
 
