@@ -19,6 +19,7 @@ import numpy as np
 from synthesis.knotter import d_knotter
 from synthesis.knotter.mechanism import Mechanism
 from synthesis.knotter.segment_triangle import classify, crossing_point, inside, orientations
+from synthesis.knotter.needle import Needle
 from synthesis.knotter.study import solve, study
 
 ROOT = Path(__file__).parents[1]
@@ -264,7 +265,7 @@ def grid_time() -> dict:
 
 def published() -> list[list[str]]:
     """Rows of what the source prints and what comes out here."""
-    needle = d_knotter.Needle()
+    needle = Needle()
     low, high = np.degrees(needle.free_range())
     length = needle.lay(d_knotter.ALPHA2)
     grid = {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()}

@@ -10,6 +10,7 @@ import numpy as np
 from synthesis.errors import FieldError
 from synthesis.knotter.conditions import Condition, Result
 from synthesis.knotter.mechanism import Mechanism
+from synthesis.one_variable import Flags, Floats
 
 
 @dataclass(frozen=True)
@@ -27,10 +28,10 @@ class StudyResult:
         The smallest margin of all conditions.
     """
 
-    grid: Mapping[str, np.ndarray]
+    grid: Mapping[str, Floats]
     conditions: Mapping[str, Result]
-    feasible: np.ndarray
-    margin: np.ndarray
+    feasible: Flags
+    margin: Floats
 
 
 def study(mechanism: Mechanism, grid: Mapping[str, Sequence[float]], conditions: Sequence[Condition]) -> StudyResult:
@@ -99,7 +100,7 @@ def solve(
     """
     condition.check(mechanism)
 
-    def verdict(values: np.ndarray) -> np.ndarray:
+    def verdict(values: Floats) -> Flags:
         return condition.evaluate(mechanism.with_parameters(**{parameter: values}), len(values)).holds
 
     values = np.linspace(*between, samples)

@@ -10,6 +10,7 @@ import pytest
 
 from synthesis.knotter import d_knotter
 from synthesis.knotter.mechanism import Linear
+from synthesis.knotter.needle import Needle
 from synthesis.knotter.segment_triangle import crossing_point
 from synthesis.knotter.study import solve, study
 
@@ -52,11 +53,11 @@ def row(key: str) -> int:
 
 
 def test_needle_is_free_between_the_roots_of_equation_4() -> None:
-    assert np.degrees(d_knotter.Needle().free_range()) == pytest.approx(FIGURES["L_roots"], abs=1e-9)
+    assert np.degrees(Needle().free_range()) == pytest.approx(FIGURES["L_roots"], abs=1e-9)
 
 
 def test_needle_has_its_largest_clearance() -> None:
-    needle = d_knotter.Needle()
+    needle = Needle()
     value, angle = FIGURES["L_max"]
     assert needle.clearance(needle.best()) == pytest.approx(value, abs=1e-8)
     assert np.degrees(needle.best()) == pytest.approx(angle, abs=1e-5)
@@ -64,20 +65,20 @@ def test_needle_has_its_largest_clearance() -> None:
 
 @pytest.mark.parametrize("degrees", FIGURES["L"])
 def test_needle_clearance(degrees: str) -> None:
-    assert d_knotter.Needle().clearance(np.radians(float(degrees))) == pytest.approx(FIGURES["L"][degrees], abs=1e-10)
+    assert Needle().clearance(np.radians(float(degrees))) == pytest.approx(FIGURES["L"][degrees], abs=1e-10)
 
 
 @pytest.mark.parametrize("degrees", FIGURES["d5"])
 def test_length_of_equation_5(degrees: str) -> None:
-    assert d_knotter.Needle().lay(np.radians(float(degrees))) == pytest.approx(FIGURES["d5"][degrees], abs=1e-10)
+    assert Needle().lay(np.radians(float(degrees))) == pytest.approx(FIGURES["d5"][degrees], abs=1e-10)
 
 
 def test_angle_for_the_published_length() -> None:
-    assert np.degrees(d_knotter.Needle().angles_for_lay(54.0)) == pytest.approx([FIGURES["alpha2_for_54"]], abs=1e-9)
+    assert np.degrees(Needle().angles_for_lay(54.0)) == pytest.approx([FIGURES["alpha2_for_54"]], abs=1e-9)
 
 
 def test_published_whole_numbers_are_the_exact_ones_cut_off() -> None:
-    needle = d_knotter.Needle()
+    needle = Needle()
     assert needle.smallest_whole_degree() == FIGURES["paper"]["alpha2_limit"]
     assert int(needle.lay(np.radians(8.0))) == FIGURES["paper"]["d5"]
 
@@ -224,7 +225,7 @@ def test_length_at_which_the_wrap_closes() -> None:
 @pytest.mark.parametrize("seed", range(40))
 def test_needle_range_is_where_a_dense_scan_finds_it(seed: int) -> None:
     random = np.random.default_rng(seed)
-    needle = d_knotter.Needle(*random.uniform(-60, 60, 2), *random.uniform(0.1, 30, 2), 142.0, 30.0, 0.2)
+    needle = Needle(*random.uniform(-60, 60, 2), *random.uniform(0.1, 30, 2), 142.0, 30.0, 0.2)
     angles = np.linspace(-np.pi / 2, np.pi / 2, 200_001)[1:-1]
     values = needle.clearance(angles)
     found = needle.free_range()
@@ -240,21 +241,19 @@ def test_needle_range_is_where_a_dense_scan_finds_it(seed: int) -> None:
 
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e9])
 def test_needle_does_not_know_the_unit_of_length(scale: float) -> None:
-    lengths = {name: getattr(d_knotter.Needle(), name) * scale for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")}
-    assert d_knotter.Needle(**lengths).free_range() == pytest.approx(d_knotter.Needle().free_range(), rel=1e-13)
-    assert d_knotter.Needle(**lengths).angles_for_lay(54.0 * scale) == pytest.approx(
-        d_knotter.Needle().angles_for_lay(54.0), rel=1e-12
-    )
+    lengths = {name: getattr(Needle(), name) * scale for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")}
+    assert Needle(**lengths).free_range() == pytest.approx(Needle().free_range(), rel=1e-13)
+    assert Needle(**lengths).angles_for_lay(54.0 * scale) == pytest.approx(Needle().angles_for_lay(54.0), rel=1e-12)
 
 
 def test_a_needle_thinner_than_doubles_tell_is_free_up_to_the_pole() -> None:
-    low, high = d_knotter.Needle(S1x=1e9, S1y=-1e9, r0=1e-9, D0=1e-9).free_range()
+    low, high = Needle(S1x=1e9, S1y=-1e9, r0=1e-9, D0=1e-9).free_range()
     assert low == pytest.approx(-np.pi / 2, abs=1e-12)
     assert high == pytest.approx(np.pi / 4, abs=1e-12)
 
 
 def test_angles_for_a_length_meet_where_the_length_is_largest() -> None:
-    needle = d_knotter.Needle(S1x=150.0, S1y=10.0, d6=50.0)
+    needle = Needle(S1x=150.0, S1y=10.0, d6=50.0)
     top = np.hypot(150.0, 60.0) + 30.0 * np.sin(needle.beta0)
     low, high = needle.angles_for_lay(top - 1e-9)
     assert needle.lay(low) == pytest.approx(top - 1e-9, abs=1e-12)

@@ -106,8 +106,8 @@ def test_rate_bound_holds(kind: str, seed: int) -> None:
     assert steepest <= law.rate_bound(low, high) * (1 + 1e-9) + 1e-9
 
 
-def test_dwell_rests_turns_and_rests() -> None:
-    law = Table.dwell(0.4, 0.0, 1.0, 2.0)
+def test_table_of_two_rows_rests_turns_and_rests() -> None:
+    law = Table((1.0, 2.0), (0.4, 0.0))
     assert law.value(np.array([0.0, 1.0, 1.5, 2.0, 9.0])) == pytest.approx([0.4, 0.4, 0.2, 0.0, 0.0], abs=1e-15)
 
 

@@ -12,9 +12,10 @@ from scipy.optimize import brentq
 from synthesis.errors import FieldError
 from synthesis.knotter import d_knotter
 from synthesis.knotter.conditions import Clearance, Scalar
-from synthesis.knotter.entry import Found, SegmentHitsTriangle, _windows
+from synthesis.knotter.entry import Found, SegmentHitsTriangle, inside_windows
 from synthesis.knotter.events import Events
 from synthesis.knotter.mechanism import Chain, Linear, Mechanism, Shift, Table, Turn
+from synthesis.knotter.needle import Needle
 from synthesis.knotter.study import solve, study
 
 I, J, K = np.eye(3)  # noqa: E741
@@ -192,7 +193,7 @@ def test_an_event_of_no_width_does_not_split_a_window() -> None:
         return np.array([1.0, -1.0, 1.0, 1.0, 1.0])[:, None] * np.ones_like(driver)
 
     touch = Events(np.array([0, 0, 0]), np.array([2, 2, 3]), np.array([0.5, 0.5, 0.7]))
-    item, start, end, opened_by = _windows(always_inside, touch, np.array([0.0, 1.0]), 1, np.array([True]))
+    item, start, end, opened_by = inside_windows(always_inside, touch, np.array([0.0, 1.0]), 1, np.array([True]))
     assert (list(item), list(start), list(end), list(opened_by)) == ([0], [0.0], [1.0], [-1])
 
 
@@ -276,7 +277,7 @@ def test_limits_are_found_on_both_sides() -> None:
 
 def test_scalar_condition_finds_the_needles_limit_and_length() -> None:
     """The general solver on a number: eq 4 over alpha2, and eq 5 over d5."""
-    needle = d_knotter.Needle()
+    needle = Needle()
     machine = d_knotter.mechanism()
     free = Scalar("needle", lambda size: needle.clearance(size["alpha2"]))
     limits, _ = solve(machine, free, "alpha2", (-1.5, 1.5))
