@@ -10,30 +10,10 @@ from hypothesis import strategies as st
 from synthesis.errors import FieldError
 from synthesis.knotter.d_knotter import mechanism
 from synthesis.knotter.mechanism import Chain, Linear, Mechanism, Shift, Table, Turn
+from tests.oracles.knotter import disc_to_bill
 
 KNOTS = (-1.0, 0.5, 0.7, 2.0, 6.5)
 ANGLES = (0.3, 0.3, -1.0, 2.0, 2.5)
-
-
-def matrix(axis: str, angle: float) -> np.ndarray:
-    """Eqs 1 to 3, as printed."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array(
-        {
-            "i": [[1, 0, 0], [0, c, -s], [0, s, c]],
-            "j": [[c, 0, s], [0, 1, 0], [-s, 0, c]],
-            "k": [[c, -s, 0], [s, c, 0], [0, 0, 1]],
-        }[axis]
-    )
-
-
-def naive_disc_to_bill(r, alpha, size, sense, beta):
-    """Eq 9, typed out."""
-    i, j, k = np.eye(3)
-    r = matrix("j", sense["beta"] * beta) @ r - size["D"] * j
-    r = matrix("i", -sense["alpha"] * size["alpha1"]) @ r - size["d1"] * k + size["d5"] * i
-    r = matrix("j", size["alpha2"]) @ matrix("i", -sense["alpha"] * size["alpha3"]) @ r + size["d6"] * k
-    return matrix("k", alpha) @ r
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -45,7 +25,7 @@ def test_chain_is_equation_9(seed: int) -> None:
     law, alpha, r = Linear(*random.uniform(-2, 2, 2)), random.uniform(-7, 7), random.uniform(-50, 50, 3)
     machine = mechanism(size, sense, {"beta": law})
     found = machine.carry(tuple(r), "u3", "u4", np.float64(alpha))
-    expected = naive_disc_to_bill(r, alpha, size, sense, law.lead + law.ratio * alpha)
+    expected = disc_to_bill(r, np.float64(alpha), size, sense, law.value(alpha))
     assert np.array(found) == pytest.approx(expected, abs=1e-11)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 from synthesis.errors import FieldError
@@ -16,131 +15,88 @@ from synthesis.knotter.entry import Found, SegmentHitsTriangle, inside_windows
 from synthesis.knotter.events import Events
 from synthesis.knotter.mechanism import Chain, Linear, Mechanism, Shift, Table, Turn
 from synthesis.knotter.needle import Needle
+from synthesis.knotter.segment_triangle import segment_triangle_distance
 from synthesis.knotter.study import solve, study
-
-I, J, K = np.eye(3)  # noqa: E741
-
-
-def rotated(axis: str, angle: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Eqs 1 to 3 as matrices, one per angle."""
-    c, s = np.cos(angle), np.sin(angle)
-    one, zero = np.ones_like(c), np.zeros_like(c)
-    rows = {
-        "i": [[one, zero, zero], [zero, c, -s], [zero, s, c]],
-        "j": [[c, zero, s], [zero, one, zero], [-s, zero, c]],
-        "k": [[c, -s, zero], [s, c, zero], [zero, zero, one]],
-    }[axis]
-    return np.einsum("ij...,...j->...i", np.array(rows), vector)
+from tests.oracles.knotter import Twin
 
 
-class Twin:
-    """One knotter at random, its equations typed out, its inverses typed out."""
-
-    def __init__(self, seed: int) -> None:
-        random = np.random.default_rng(seed)
-        names = ("alpha1", "alpha2", "alpha3", "d1", "D", "d5", "d6", "d9", "d10")
-        low = (-0.5, -0.5, -0.5, 40, -100, 20, 80, -30, -30)
-        high = (0.8, 0.5, 0.8, 250, 100, 120, 200, 30, 30)
-        self.size = dict(zip(names, map(float, random.uniform(low, high))))
-        self.sense = {name: int(random.choice([-1, 1])) for name in ("alpha", "beta")}
-        spread = random.choice([0.0, 10.0, 40.0])
-        self.points = {name: tuple(at + random.normal(size=3) * spread) for name, at in d_knotter.POINTS.items()}
-        if random.random() < 0.6:
-            self.points |= {name: tuple(random.normal(size=3) * 50) for name in ("S3", "S5")}
-        knots = np.concatenate([[-1.0], np.sort(random.uniform(-1, 8, 6)), [8.0]])
-        angles = random.uniform(-3, 3, 8)
-        kind = ("lead", "linear", "pchip")[seed % 3]
-        if kind == "lead":
-            lead, ratio = random.uniform(-3, 3, 2)
-            self.beta, beta = (lambda alpha: lead + ratio * alpha), Linear(float(lead), float(ratio))
-        else:
-            beta = Table(tuple(knots), tuple(angles), kind, "error")
-            straight = kind == "linear"
-            self.beta = (
-                (lambda alpha: np.interp(alpha, knots, angles)) if straight else PchipInterpolator(knots, angles)
-            )
-        rows = np.array([random.uniform(4, 4.8), random.uniform(5, 6)]), random.uniform(-1, 1, 2)
-        self.alpha4 = lambda alpha: np.interp(alpha, *rows)
-        laws = {"beta": beta, "alpha4": Table(*map(tuple, rows))}
-        self.machine = d_knotter.mechanism(self.size, self.sense, laws, self.points)
-
-    def corners(self, name: str, alpha: np.ndarray) -> list[np.ndarray]:
-        size, e = self.size, self.sense["alpha"]
-        at = {name: np.broadcast_to(point, (*np.shape(alpha), 3)) for name, point in self.points.items()}
-        same = np.ones_like(alpha)
-        r = rotated("j", self.sense["beta"] * self.beta(alpha), at["S0"]) - size["D"] * J
-        r = rotated("i", -e * size["alpha1"] * same, r) - size["d1"] * K + size["d5"] * I
-        r = rotated("j", size["alpha2"] * same, rotated("i", -e * size["alpha3"] * same, r)) + size["d6"] * K
-        disc = rotated("k", alpha, r)
-        if name == "wrap":
-            return [disc, at["S1"], at["S3"], at["S4"], at["S5"]]
-        hook = [
-            rotated("j", -self.alpha4(alpha), x + size["d9"] * I + size["d10"] * K)
-            for x in (disc, at["S7"], at["S9"])
-        ]
-        return [hook[0], hook[1], 0 * disc, at["S8"], hook[2]]
-
-    def shares(self, name: str, alpha: np.ndarray) -> np.ndarray:
-        """Positive numbers inside: 1 - u - v, u, v of the triangle, t and 1 - t of the segment; last axis."""
-        p, q, a, b, c = self.corners(name, alpha)
-        system = np.stack([b - a, c - a, p - q], axis=-1)
-        u, v, t = np.moveaxis(np.linalg.solve(system, (p - a)[..., None])[..., 0], -1, 0)
-        return np.stack([v, 1 - u - v, u, t, 1 - t], axis=-1)  # the edges ab, bc, ca, then the ends p, q
-
-    def hook_depth(self, alpha: np.ndarray, locked: bool) -> np.ndarray:
-        size, e, same = self.size, self.sense["alpha"], np.ones_like(alpha)
-        fourth = self.alpha4(d_knotter.CLEARANCE_AT * same if locked else alpha)
-        r = (
-            rotated("j", fourth, np.broadcast_to(self.points["S10"], (*np.shape(alpha), 3)))
-            - size["d9"] * I
-            - size["d10"] * K
-        )
-        r = rotated("j", -size["alpha2"] * same, rotated("k", -alpha, r) - size["d6"] * K)
-        r = rotated("i", e * size["alpha3"] * same, r) + size["d1"] * K - size["d5"] * I
-        return rotated("i", e * size["alpha1"] * same, r) + size["D"] * J
+def made(twin: Twin) -> Mechanism:
+    """The product's mechanism of a random knotter."""
+    laws = {
+        "beta": Linear(twin.lead, twin.ratio) if twin.kind == "lead" else Table(*twin.rows, twin.kind, "error"),
+        "alpha4": Table(*twin.hook),
+    }
+    return d_knotter.mechanism(twin.size, twin.sense, laws, twin.points)
 
 
 WINDOWS = {"wrap": d_knotter.WRAP_WINDOW, "bite": d_knotter.BITE_WINDOW}
 
 
-@pytest.mark.parametrize("name", ["wrap", "bite"])
-@pytest.mark.parametrize("seed", range(60))
-def test_entry_is_where_the_naive_twin_finds_it(seed: int, name: str) -> None:
-    twin = Twin(seed)
+def scanned(twin: Twin, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The driver of a fine scan, whether the rope is inside, and where that begins."""
     alpha = np.linspace(*WINDOWS[name], 6001)
     inside = np.all(twin.shares(name, alpha) > 0, axis=-1)
-    condition = getattr(d_knotter, name)()
-    found = condition.evaluate(twin.machine, 1)
-    starts = np.flatnonzero(inside & ~np.append(False, inside[:-1]))
-    assert found.windows[0] >= len(starts)
-    if found.windows[0] == 0:
+    return alpha, inside, np.flatnonzero(inside & ~np.append(False, inside[:-1]))
+
+
+def case(seed: int, name: str) -> str:
+    """What a fine scan sees; the product sees as many windows."""
+    _, _, starts = scanned(Twin(seed), name)
+    assert getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1).windows[0] == len(starts), seed
+    return "never" if not len(starts) else "starts inside" if starts[0] == 0 else "enters"
+
+
+@pytest.fixture(scope="module")
+def cases() -> dict[tuple[str, str], list[int]]:
+    """The seeds of each condition by what happens."""
+    found = {}
+    for name in WINDOWS:
+        for seed in range(60):
+            found.setdefault((name, case(seed, name)), []).append(seed)
+    return found
+
+
+@pytest.mark.parametrize("name", WINDOWS)
+def test_entry_is_where_the_naive_twin_finds_it(name: str, cases) -> None:
+    assert len(cases[name, "enters"]) >= 5
+    for seed in cases[name, "enters"]:
+        twin, condition = Twin(seed), getattr(d_knotter, name)()
+        found = condition.evaluate(made(twin), 1)
+        alpha, inside, starts = scanned(twin, name)
+        low, high = alpha[starts[0] - 1], alpha[starts[0]]
+        # The share that becomes positive last is the one that opens the window.
+        roots = {
+            share: brentq(
+                lambda at, share=share, twin=twin: twin.shares(name, np.float64(at))[share],
+                low,
+                high,
+                xtol=1e-15,
+                rtol=1e-15,
+            )
+            for share in np.flatnonzero(twin.shares(name, low) <= 0)
+        }
+        opened, enter = max(roots.items(), key=lambda row: row[1])
+        assert np.degrees(found.enter[0] - enter) == pytest.approx(0.0, abs=1e-9)
+        assert found.opened_by[0] == (2, 3, 4, 0, 1)[opened]
+        assert found.holds[0] == (opened == condition.enter)
+        p, q, *_ = twin.corners(name, np.float64(enter))
+        t = twin.shares(name, np.float64(enter))[3]
+        assert found.point[0] == pytest.approx(p + t * (q - p), abs=1e-9)
+        # It leaves in the step after the last one inside, or stays until the range ends.
+        last = starts[0] + np.argmin(np.append(inside[starts[0] :], False)) - 1
+        assert alpha[last] - 1e-12 <= found.leave[0] <= alpha[min(last + 1, len(alpha) - 1)] + 1e-12
+
+
+@pytest.mark.parametrize("name", WINDOWS)
+def test_rope_that_never_enters_or_is_inside_from_the_start(name: str, cases) -> None:
+    assert cases[name, "never"]
+    for seed in cases[name, "never"]:
+        found = getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1)
         assert found.found[0] == Found.NEVER and not found.holds[0] and found.margin[0] <= 0
-        return
-    if found.windows[0] > len(starts):  # narrower than the scan's step: confirm that it is real
-        assert found.leave[0] - found.enter[0] < alpha[1] - alpha[0]
-        assert np.all(twin.shares(name, 0.5 * (found.enter + found.leave))[0] > 0)
-        return
-    if starts[0] == 0:
-        assert found.found[0] == Found.INSIDE_AT_START and found.enter[0] == alpha[0]
-        return
-    low, high = alpha[starts[0] - 1], alpha[starts[0]]
-    # The share that becomes positive last is the one that opens the window.
-    roots = {
-        share: brentq(
-            lambda at, share=share: twin.shares(name, np.float64(at))[share], low, high, xtol=1e-15, rtol=1e-15
-        )
-        for share in np.flatnonzero(twin.shares(name, low) <= 0)
-    }
-    opened, enter = max(roots.items(), key=lambda row: row[1])
-    assert np.degrees(found.enter[0] - enter) == pytest.approx(0.0, abs=1e-9)
-    assert found.opened_by[0] == (2, 3, 4, 0, 1)[opened]
-    assert found.holds[0] == (opened == condition.enter)
-    p, q, *_ = twin.corners(name, np.float64(enter))
-    t = twin.shares(name, np.float64(enter))[3]
-    assert found.point[0] == pytest.approx(p + t * (q - p), abs=1e-9)
-    stops = np.flatnonzero(~inside[starts[0] :])
-    if len(stops):
-        assert alpha[starts[0] + stops[0] - 1] - 1e-12 <= found.leave[0] <= alpha[starts[0] + stops[0]] + 1e-12
+    assert cases[name, "starts inside"]
+    for seed in cases[name, "starts inside"]:
+        found = getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1)
+        assert found.found[0] == Found.INSIDE_AT_START and found.enter[0] == WINDOWS[name][0]
 
 
 @pytest.mark.parametrize("locked", [True, False])
@@ -149,7 +105,7 @@ def test_entry_is_where_the_naive_twin_finds_it(seed: int, name: str) -> None:
 def test_worst_clearance_is_no_better_than_a_fine_scan(seed: int, radius: float, locked: bool) -> None:
     twin = Twin(seed)
     condition = d_knotter.clearance(radius=radius, hook_locked=locked)
-    found = condition.evaluate(twin.machine, 1)
+    found = condition.evaluate(made(twin), 1)
     alpha = np.linspace(*condition.over, 40_001)
 
     def depth(at: np.ndarray) -> np.ndarray:
@@ -217,9 +173,9 @@ def test_the_unit_of_length_changes_no_angle(seed: int, power: int) -> None:
     twin, scale = Twin(seed), 2.0**power
     size = {name: value if name.startswith("alpha") else value * scale for name, value in twin.size.items()}
     points = {name: tuple(scale * x for x in point) for name, point in twin.points.items()}
-    scaled = d_knotter.mechanism(size, twin.sense, twin.machine.laws, points)
+    scaled = d_knotter.mechanism(size, twin.sense, made(twin).laws, points)
     for condition in d_knotter.conditions():
-        one, other = condition.evaluate(twin.machine, 1), condition.evaluate(scaled, 1)
+        one, other = condition.evaluate(made(twin), 1), condition.evaluate(scaled, 1)
         assert one.holds[0] == other.holds[0]
         assert other.margin[0] == pytest.approx(scale * one.margin[0], rel=1e-9, abs=1e-9 * scale)
         if condition.name != "clearance":
@@ -241,17 +197,15 @@ def test_margins_meet_at_zero_on_both_sides_of_each_limit() -> None:
             assert np.abs(found.margin).max() < 1e-3
 
 
-def test_closest_approach_is_the_distance_of_a_dense_scan() -> None:
-    from synthesis.knotter.segment_triangle import segment_triangle_distance
-
-    for seed in range(30):
-        twin = Twin(seed)
-        condition = d_knotter.wrap()
-        found = condition.evaluate(twin.machine, 1)
-        if found.found[0] == Found.NEVER:
-            alpha = np.linspace(*condition.window, 20_001)
-            dense = segment_triangle_distance(*condition.positions(twin.machine, alpha)).min()
-            assert dense - 5e-3 <= -found.margin[0] <= dense + 1e-9
+def test_closest_approach_is_the_distance_of_a_dense_scan(cases) -> None:
+    condition = d_knotter.wrap()
+    assert len(cases["wrap", "never"]) >= 10
+    for seed in cases["wrap", "never"][:20]:
+        machine = made(Twin(seed))
+        found = condition.evaluate(machine, 1)
+        alpha = np.linspace(*condition.window, 20_001)
+        dense = segment_triangle_distance(*condition.positions(machine, alpha)).min()
+        assert dense - 5e-3 <= -found.margin[0] <= dense + 1e-9
 
 
 def test_condition_number_is_the_shift_of_the_event() -> None:
