@@ -1,37 +1,28 @@
 """How build, start, memory and request grow with the atlas: ``python -m benchmarks.growth [--perimeters 100 200 ...]``.
 
-Every atlas is built, served and asked by processes of their own, as users run them; the requests are the same for all.
-Writes ``benchmarks/results/growth.json``, and with `scaling` the tables of ``docs/scaling.md`` and ``docs/img/growth.svg``.
-The largest perimeter has seven million types and takes many GB of memory; nothing else should run.
+Every atlas is built, served and asked by processes of their own, as users run them; the requests are the same for all. The
+largest perimeter has seven million types and takes 17 GB of memory; nothing else should run.
 """
 
 from __future__ import annotations
 
 import argparse
+import bisect
 import json
-import os
+import math
 import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from tqdm import tqdm
 
-from benchmarks import scaling
-from benchmarks.service import (
-    ROOT,
-    environment,
-    machine,
-    match_bodies,
-    quantile,
-    running,
-    serve_command,
-    uvicorn_command,
-)
-from synthesis.fourbar.dimension_types import MAX_PERIMETER
+from benchmarks import report
+from benchmarks.product import MAX_PERIMETER, Settings, TypeRule, count_types
+from benchmarks.report import Times, duration, significant, size
+from benchmarks.service import build, environment, match_bodies, quantile, running, serve_command, uvicorn_command
 
 PERIMETERS = (100, 200, 400, 800, 1600)
 SAMPLES = {400: 256, 800: 128, MAX_PERIMETER: 64}
@@ -39,60 +30,39 @@ SAMPLES = {400: 256, 800: 128, MAX_PERIMETER: 64}
 over; more of them would only take memory, 4 bytes a sample and type, several times over while a file is written or read."""
 WARM_UP = 5
 NO_LIMIT = 10**12
-
-
-def build(perimeter: int, out: Path) -> dict[str, Any]:
-    """Build an atlas in a process of its own: seconds, bytes of the file, peak memory of the largest of its processes."""
-    samples = next(samples for largest, samples in SAMPLES.items() if perimeter <= largest)
-    words = ["--perimeter", perimeter, "--order", "increasing", "--samples", samples, "--out", out, "--json"]
-    begin = time.perf_counter()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "data_build", *map(str, words)], cwd=ROOT, stdout=subprocess.PIPE, env=environment()
-    )
-    built = process.stdout.read()
-    _, status, usage = os.wait4(process.pid, 0)  # the memory of this child alone, not of the largest so far
-    process.returncode = os.waitstatus_to_exitcode(status)
-    process.stdout.close()
-    if process.returncode:
-        raise RuntimeError(f"the build of perimeter {perimeter} failed with exit code {process.returncode}")
-    return {
-        "perimeter": perimeter,
-        "samples": samples,
-        "types": json.loads(built)["types"],
-        "build_s": time.perf_counter() - begin,
-        "build_peak_bytes": usage.ru_maxrss * 1024,
-        "file_bytes": out.stat().st_size,
-    }
+LARGE = 200
+"""Perimeter from which on what every process costs at any size is small beside what grows."""
+BILLION = 10**9
+HOST_BYTES = 48e9
+"""Memory for the atlas on a host of 64 GB; the rest is for requests, the file while it is read, and the system."""
+TOP, ROW_BYTES = 10, 40
+"""Rows of a reply between hosts, and bytes of one: error, number, start, branch, offset, each of 8."""
 
 
 def serve(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
     """Start the service on an atlas and send it requests one after the other on one connection."""
-    with running(
-        serve_command, atlas=atlas, atlas_max_bytes=NO_LIMIT, atlas_max_types=NO_LIMIT, prepare_positions=False
-    ) as service:
-        if service.ready.status != 200:
-            raise RuntimeError(f"the service is not ready: {service.ready.body.decode()}")
+    settings = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT, "prepare_positions": False}
+    with running(serve_command, atlas=atlas, **settings) as service:
+        service.need_ready()
         row: dict[str, Any] = {"ready_s": service.ready_seconds}
         row |= {"resident_bytes": service.memory("VmRSS"), "peak_bytes": service.memory("VmHWM")}
         row["scan_bytes"] = service.ask("GET", "/v1/atlas").json()["scan_bytes"]
         for body in bodies[:WARM_UP]:
             service.ask("POST", "/v1/match", body)
-        seconds, replies = [], []
+        times, replies = Times(), []
         for body in bodies:
-            begin = time.perf_counter()
-            answer = service.ask("POST", "/v1/match", body)
-            seconds.append(time.perf_counter() - begin)
+            answer = times.run(service.ask, "POST", "/v1/match", body)
             if answer.status != 200:
                 raise RuntimeError(f"/v1/match answered {answer.status}: {answer.body.decode()}")
             replies.append(answer.json())
         row["peak_bytes_asked"] = service.memory("VmHWM")
     return row | {
-        "median_ms": 1000 * quantile(seconds, 0.5),
-        "p99_ms": 1000 * quantile(seconds, 0.99),
+        "median_ms": 1000 * quantile(times.wall, 0.5),
+        "p99_ms": 1000 * quantile(times.wall, 0.99),
         "windows": replies[0]["report"]["windows"],
         "evaluated": quantile([reply["report"]["evaluated"] for reply in replies], 0.5),
         "similarity_deg": quantile([reply["matches"][0]["similarity"] for reply in replies], 0.5),
-        "ms": [round(1000 * value, 2) for value in seconds],
+        "ms": [round(1000 * value, 2) for value in times.wall],
     }
 
 
@@ -104,33 +74,211 @@ def refusal(atlas: Path) -> dict[str, Any]:
         row |= {"livez": service.ask("GET", "/livez").status, "reply": service.ready.json()}
     if row["status"] != 200:
         ended = subprocess.run(
-            serve_command(0), cwd=ROOT, env=environment(**settings), capture_output=True, check=False
+            serve_command(0), cwd=report.ROOT, env=environment(**settings), capture_output=True, check=False
         )
         row |= {"exit_code": ended.returncode}
     return row
 
 
+# -- document ---------------------------------------------------------------------------------------------------------
+
+
+class Exponents(NamedTuple):
+    """e in quantity ~ types^e: over all perimeters, and over those from `LARGE` on; NaN for fewer than two."""
+
+    overall: float
+    large: float
+
+    @property
+    def best(self) -> float:
+        """The one that says more of larger atlases."""
+        return self.large if math.isfinite(self.large) else self.overall
+
+
+QUANTITIES = {
+    "build_s": "build, seconds",
+    "build_peak_bytes": "build, memory of the largest process",
+    "file_bytes": "file",
+    "ready_s": "start until /readyz, seconds",
+    "resident_bytes": "resident memory when ready",
+    "peak_bytes_asked": "peak memory after all requests",
+    "scan_bytes": "prepared scan",
+    "median_ms": "request, median",
+    "p99_ms": "request, 99th percentile",
+    "evaluated": "windows evaluated exactly, median",
+    "similarity_deg": "error of the best row, median",
+}
+
+
+def slope(types: Sequence[float], values: Sequence[float | None]) -> float:
+    """Slope of the least-squares line of log values against log types. Law: 3 types^e has the slope e."""
+    if len(types) < 2 or None in values:
+        return math.nan
+    return float(np.polyfit(np.log(types), np.log(np.array(values, dtype=float)), 1)[0])
+
+
+def exponents(rows: Sequence[dict[str, Any]]) -> dict[str, Exponents]:
+    """How each of `QUANTITIES` grows with the number of types."""
+
+    def of(some: Sequence[dict[str, Any]], name: str) -> float:
+        return slope([row["types"] for row in some], [row[name] for row in some])
+
+    large = [row for row in rows if row["perimeter"] >= LARGE]
+    return {name: Exponents(of(rows, name), of(large, name)) for name in QUANTITIES}
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The tables of growth and the arithmetic of a billion types in docs/scaling.md."""
+    rows = results["rows"]
+    built = {
+        "perimeter": "{perimeter:,}",
+        "types": "{types:,}",
+        "samples": "{samples}",
+        "build, s": lambda row: significant(row["build_s"]),
+        "its memory": lambda row: size(row["build_peak_bytes"]),
+        "file": lambda row: size(row["file_bytes"]),
+        "file, bytes a type": lambda row: significant(row["file_bytes"] / row["types"]),
+    }
+    served = {
+        "perimeter": "{perimeter:,}",
+        "ready, s": lambda row: significant(row["ready_s"]),
+        "resident": lambda row: size(row["resident_bytes"]),
+        "peak": lambda row: size(row["peak_bytes"]),
+        "scan, bytes a type": lambda row: significant(row["scan_bytes"] / row["types"]),
+        "request, median ms": lambda row: significant(row["median_ms"]),
+        "99 %, ms": lambda row: significant(row["p99_ms"]),
+        "windows evaluated": "{evaluated:,.0f} of {windows:,}",
+        "best row, degrees": lambda row: significant(row["similarity_deg"], 2),
+    }
+    grown = [
+        [QUANTITIES[name], *(f"{value:.2f}" if math.isfinite(value) else "-" for value in found)]
+        for name, found in exponents(rows).items()
+    ]
+    percentile = "; their 99th percentile is the largest of them" if results["requests"] < 100 else ""
+    cores = results["made"]["machine"]["cores"]
+    return {
+        "build": report.table(rows, built, 0),
+        "served": report.table(rows, served, 0),
+        "requests": f"{results['requests']} requests to each atlas, {cores} cores{percentile}.",
+        "exponents": report.lines(["quantity ~ types^e", "e, all perimeters", f"e, from {LARGE} on"], grown),
+        "refusal": refusal_text(results["refusal"]),
+        "billion": billion(rows, cores),
+    }
+
+
+def refusal_text(refusal: dict[str, Any]) -> str:
+    """What a service says to the largest atlas under its default limit."""
+    limit = Settings.model_fields["atlas_max_types"].default
+    if refusal["status"] == 200:
+        return f"The largest of these atlases has {refusal['types']:,} types and is within the default limit of {limit:,}."
+    return (
+        f"Under the default `atlas_max_types` of {limit:,} the atlas of {refusal['types']:,} types is refused after "
+        f"{significant(refusal['seconds'])} s: `/readyz` answers {refusal['status']} with "
+        f'"{refusal["reply"]["detail"]}", `/livez` {refusal["livez"]}; `linkage-atlas serve` ends with exit code '
+        f"{refusal['exit_code']}."
+    )
+
+
+def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
+    """The arithmetic of 10^9 types, from the largest atlas that was measured."""
+    largest = rows[-1]
+    types = largest["types"]
+    perimeter = bisect.bisect_left(range(MAX_PERIMETER), BILLION, key=lambda p: count_types(TypeRule(max(p, 4))))
+    total = count_types(TypeRule(perimeter))
+    file = largest["file_bytes"] / types
+    memory = (largest["peak_bytes_asked"] or largest["scan_bytes"]) / types
+    shards = math.ceil(total * memory / HOST_BYTES)
+    share = total / shards
+    found = exponents(rows)
+    growing, nearer = found["median_ms"].best, found["similarity_deg"].best
+    rate = types / largest["build_s"]
+    median = largest["median_ms"] / 1000 * (share / types) ** growing
+    tail = largest["p99_ms"] / largest["median_ms"]
+    error = largest["similarity_deg"]
+    start = largest["ready_s"] / types
+    rows = [
+        ["perimeter", "the first with 10^9 types", f"{perimeter:,}"],
+        ["types", f"P^3 / {perimeter**3 / total:.1f}", f"{total:,}"],
+        ["files", f"{significant(file)} bytes a type", size(total * file)],
+        ["memory", f"{significant(memory)} bytes a type at most, while starting or asked", size(total * memory)],
+        ["shards", f"{size(HOST_BYTES)} of a host's 64 GB", f"{shards:,}"],
+        ["types of a shard", "types / shards", f"{share:,.0f}"],
+        ["build, one host", f"{rate:,.0f} types a second on {cores} cores", duration(total / rate)],
+        ["build, all hosts", "one host's / shards", duration(total / rate / shards)],
+        ["start", f"{significant(1e6 * start)} s a million types", duration(start * share)],
+        [
+            "request, a shard",
+            f"{significant(largest['median_ms'])} ms x (types / {types:,})^{growing:.2f}",
+            duration(median),
+        ],
+        [
+            "request, the slowest",
+            f"a shard's median x {tail:.2f}, the largest over the median",
+            duration(median * tail),
+        ],
+        [
+            "error of the best row, median",
+            f"{significant(error, 2)} degrees x (types / {types:,})^{nearer:.2f}",
+            f"{significant(error * (total / types) ** nearer, 2)} degrees",
+        ],
+        ["replies to merge", f"shards x {TOP} rows x {ROW_BYTES} bytes", size(shards * TOP * ROW_BYTES)],
+        [
+            "work if no shard knew the others' limit",
+            f"shards^(1 - {growing:.2f}), of one atlas's",
+            f"{significant(shards ** (1 - growing), 2)} times",
+        ],
+    ]
+    head = f"From perimeter {largest['perimeter']:,}, {largest['samples']} samples:\n\n"
+    return head + report.lines(["what", "how", "how much"], rows, 2)
+
+
+PANELS = {
+    "seconds": {"build_s": ("build", 1), "ready_s": ("start until ready", 1)},
+    "request, ms": {"p99_ms": ("99th percentile", 1), "median_ms": ("median", 1)},
+    "memory and file, MB": {
+        "build_peak_bytes": ("build, largest process", 1e-6),
+        "resident_bytes": ("service, resident", 1e-6),
+        "file_bytes": ("file", 1e-6),
+    },
+}
+
+
+def draw(results: dict[str, Any]) -> None:
+    """Seconds, milliseconds and bytes against types, each with its exponent."""
+    rows = results["rows"]
+    found = exponents(rows)
+    with report.figure("growth.svg", 1, len(PANELS), size=(11.5, 3.9)) as (_, grid):
+        for axes, (unit, curves) in zip(grid, PANELS.items()):
+            for (name, (label, factor)), marker in zip(curves.items(), "so^"):
+                known = [(row["types"], row[name] * factor) for row in rows if row[name] is not None]
+                if known:
+                    text = f"{label}: types^{found[name].best:.2f}"
+                    axes.plot(*zip(*known), marker=marker, markersize=5, label=text)
+            axes.set(xscale="log", yscale="log", xlabel="types", title=unit)
+            axes.minorticks_off()
+            axes.legend(loc="upper left")
+            low, high = axes.get_ylim()
+            axes.set_ylim(low, high * (high / low) ** 0.35)  # room for the legend
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure every perimeter, write the numbers, the page and the picture."""
+    """Measure every perimeter; what has been measured is published whatever comes."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--perimeters", type=int, nargs="+", default=list(PERIMETERS))
     parser.add_argument("--requests", type=int, default=40, help="requests to each atlas (%(default)s)")
     options = parser.parse_args(arguments)
     bodies = match_bodies(options.requests)
-    result: dict[str, Any] = {"machine": machine(), "requests": options.requests, "rows": []}
+    results: dict[str, Any] = {"requests": options.requests, "rows": []}
     for perimeter in tqdm(sorted(options.perimeters), disable=None, unit="atlas"):
+        samples = next(samples for largest, samples in SAMPLES.items() if perimeter <= largest)
         with tempfile.TemporaryDirectory() as folder:
             atlas = Path(folder) / "atlas.h5"
-            row = build(perimeter, atlas) | serve(atlas, bodies)
-            result["rows"].append(row)
-            result["refusal"] = {"types": row["types"], **refusal(atlas)}
-        shown = {name: round(value, 2) for name, value in row.items() if isinstance(value, int | float)}
-        print(json.dumps(shown), flush=True)
-        # after each perimeter: what has been measured is kept whatever comes
-        scaling.GROWTH.write_text(json.dumps(result, indent=1) + "\n")
-    scaling.write()
-    for name, exponents in scaling.exponents(result["rows"]).items():
-        print(f"{name:<20} types^{exponents.overall:.2f}, from 200 {exponents.large:.2f}")
+            row = {"perimeter": perimeter, "samples": samples}
+            row |= build(atlas, perimeter=perimeter, order="increasing", samples=samples) | serve(atlas, bodies)
+            results["rows"].append(row)
+            results["refusal"] = {"types": row["types"], **refusal(atlas)}
+        print(json.dumps({name: value for name, value in row.items() if name != "ms"}), flush=True)
+        report.publish("growth", results)
     return 0
 
 

@@ -1,6 +1,7 @@
 """Searches that spare no effort, to hold the software's answers against: many random seeds, each refined to convergence.
 
-They share the local refinement with the software, but none of its atlas, screening, thinning or stopping.
+They share the local refinement with the software, but none of its atlas, screening, thinning or stopping. Targets and limits
+are those of a crank that turns counter-clockwise.
 """
 
 from __future__ import annotations
@@ -8,30 +9,33 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from synthesis.fourbar.charts import AnyChart, Chart, FullCrankChart
-from synthesis.fourbar.kinematics import TURN, family
-from synthesis.fourbar.limits import Limits
-from synthesis.search.refine import LimitedProblem, Problem, refine
-from synthesis.search.search import mirrored
-from synthesis.target import Target
+from benchmarks.product import (
+    TURN,
+    AnyChart,
+    Chart,
+    FullCrankChart,
+    LimitedProblem,
+    Limits,
+    Problem,
+    Target,
+    family,
+    refine,
+)
 
+BRANCHES = (1.0, -1.0)
 SHEETS = {"crank_rocker": -1, "double_crank": 1}
+FAMILIES = {-1: ["crank_rocker"], 1: ["double_crank"], 0: ["crank_rocker", "double_crank"]}
 
 
 def random_seeds(random: Generator, chart: Chart, sheet: int, count: int) -> np.ndarray:
     """Unknowns (count, 4): lengths uniform on the simplex among those of the family, starts uniform over the turn."""
-    parts: list[np.ndarray] = []
-    held = 0
-    while held < count:
-        lengths = random.dirichlet(np.ones(4), size=4 * count)
+    lengths = np.empty((0, 4))
+    while len(lengths) < count:
+        more = random.dirichlet(np.ones(4), size=4 * count)
         if not isinstance(chart, AnyChart):
-            names = family(lengths)
-            keep = {-1: ["crank_rocker"], 1: ["double_crank"], 0: ["crank_rocker", "double_crank"]}[sheet]
-            lengths = lengths[np.isin(names.astype(str), keep)]
-        parts.append(lengths)
-        held += len(lengths)
-    lengths = np.concatenate(parts)[:count]
-    return np.column_stack([chart.unknowns(lengths), random.uniform(0, TURN, count)])
+            more = more[np.isin(family(more).astype(str), FAMILIES[sheet])]
+        lengths = np.concatenate([lengths, more])
+    return np.column_stack([chart.unknowns(lengths[:count]), random.uniform(0, TURN, count)])
 
 
 def heavy_objective(
@@ -46,23 +50,19 @@ def heavy_objective(
         Seeds refined for each branch, the better part of ``draws`` random ones.
     draws, seed, iterations : int
     """
-    canonical = mirrored(target) if target.span < 0 else target
-    random = np.random.default_rng(seed)
-    chart = FullCrankChart()
-    problem = Problem(canonical, chart)
-    ends, branches, costs = [], [], []
-    for branch in (1.0, -1.0):
+    random, chart = np.random.default_rng(seed), FullCrankChart()
+    problem = Problem(target, chart)
+    ends = []
+    for branch in BRANCHES:
         unknowns = np.concatenate([random_seeds(random, chart, sheet, draws // 2) for sheet in (-1, 1)])
         side = np.full(len(unknowns), branch)
-        cost = problem.evaluate(unknowns, side, derivatives=False).cost
-        best = np.argsort(cost, kind="stable")
+        best = np.argsort(problem.evaluate(unknowns, side, derivatives=False).cost, kind="stable")
         # two thirds the best of all, one third at random: neither one valley nor hopeless seeds alone
         chosen = np.concatenate([best[: 2 * starts // 3], random.choice(best[2 * starts // 3 : 3000], starts // 3)])
-        done = refine(problem, unknowns[chosen], side[: len(chosen)], iterations)
-        ends.append(done.unknowns)
-        branches.append(done.branch)
-        costs.append(done.cost)
-    unknowns, branch, cost = (np.concatenate(parts) for parts in (ends, branches, costs))
+        ends.append(refine(problem, unknowns[chosen], side[: len(chosen)], iterations))
+    unknowns, branch, cost = (
+        np.concatenate([getattr(end, k) for end in ends]) for k in ("unknowns", "branch", "cost")
+    )
     best = np.argsort(cost, kind="stable")[:40]
     return float(np.sqrt(refine(problem, unknowns[best], branch[best], 2000).cost.min()))
 
@@ -74,17 +74,6 @@ def heavy_within(
 
     Feasibility is looked for first at random, then by refinement of the penalty alone from the seeds that violate least.
     """
-    clockwise = target.span < 0
-    canonical = mirrored(target) if clockwise else target
-    box = limits.pivot_box
-    if clockwise and box is not None:
-        limits = Limits(
-            limits.family,
-            limits.transmission_angle_min,
-            (box[0], -box[3], box[2], -box[1]),
-            limits.link_min,
-            limits.link_max,
-        )
     random = np.random.default_rng(seed)
     sheet = SHEETS.get(limits.family, 0)
     charts: list[Chart] = [FullCrankChart()] + ([AnyChart()] if limits.family == "any" else [])
@@ -92,24 +81,19 @@ def heavy_within(
     for chart in charts:
         sheets = (-1, 1) if sheet == 0 and not isinstance(chart, AnyChart) else (sheet,)
         unknowns = np.concatenate([random_seeds(random, chart, part, draws // len(sheets)) for part in sheets])
-        for branch in (1.0, -1.0):
+        for branch in BRANCHES:
             side = np.full(len(unknowns), branch)
-            problems = [LimitedProblem(canonical, chart, sheet, limits, weight) for weight in (0.3, 10.0, 1e3, 1e5)]
-            free = LimitedProblem(canonical, chart, sheet, limits, 0.0)
-            cost = Problem(canonical, chart, sheet).evaluate(unknowns, side, derivatives=False).cost
-            lifted = free.lift(unknowns, side)
-            slacks = np.nan_to_num(free.slacks(lifted), nan=-1e3, neginf=-1e3)
+            free = LimitedProblem(target, chart, sheet, limits, 0.0)
+            cost = Problem(target, chart, sheet).evaluate(unknowns, side, derivatives=False).cost
+            seeds = free.lift(unknowns, side)
+            slacks = np.nan_to_num(free.slacks(seeds), nan=-1e3, neginf=-1e3)
             violation = np.where(np.isfinite(cost), np.sum(np.minimum(slacks, 0.0) ** 2, axis=1), np.inf)
             least = min(least, cost[violation == 0].min(initial=np.inf))
-            chosen = np.unique(
-                np.concatenate([np.argsort(violation)[: starts // 2], np.argsort(cost)[: starts // 2]])
-            )
+            chosen = np.union1d(np.argsort(violation)[: starts // 2], np.argsort(cost)[: starts // 2])
             chosen = chosen[np.isfinite(cost[chosen])]
-            seeds, side = lifted[chosen], side[chosen]
-            for problem in problems:
-                done = refine(problem, seeds, side, 60)
-                seeds = done.unknowns
+            seeds, side = seeds[chosen], side[chosen]
+            for weight in (0.3, 10.0, 1e3, 1e5):
+                seeds = refine(LimitedProblem(target, chart, sheet, limits, weight), seeds, side, 60).unknowns
                 cost = free.evaluate(seeds, side).cost
-                inside = np.all(free.slacks(seeds) >= 0, axis=1)
-                least = min(least, cost[inside].min(initial=np.inf))
+                least = min(least, cost[np.all(free.slacks(seeds) >= 0, axis=1)].min(initial=np.inf))
     return float(np.sqrt(least)) if np.isfinite(least) else None

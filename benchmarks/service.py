@@ -1,7 +1,7 @@
-"""The real service as processes of its own: started as the documents say, asked over HTTP, measured from outside.
+"""The real build and the real service as processes of their own: started as the documents say, measured from outside.
 
-`growth` and `throughput` measure with it. The clients of `drive` run in a process of their own, so that they do not share the
-interpreter with what measures; they speak just enough HTTP/1.1 to be cheap beside a service on the same cores.
+The clients of `drive` run in a process of their own, so that they do not share the interpreter with what measures; they speak
+just enough HTTP/1.1 to be cheap beside a service on the same cores.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import itertools
 import json
 import multiprocessing
 import os
-import platform
+import re
 import socket
 import subprocess
 import sys
@@ -21,20 +21,25 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.classes import SAMPLES, base_order, generator, make_case
-from synthesis.fourbar.kinematics import TURN, coupler_angle
+from benchmarks.product import TURN, coupler_angle
+from benchmarks.report import ROOT
+from tests.oracles.classes import SAMPLES, base_order, generator, make_case
 
-ROOT = Path(__file__).parents[1]
 START_SECONDS = 1800.0
 """Longest wait for a service's first answer."""
 BEAT_SECONDS = 0.05
 _JSON = {"Content-Type": "application/json"}
+
+
+def quantile(values: Sequence[float], share: float) -> float:
+    """The smallest value that at least this share of all does not exceed; of fewer than 100 values, 0.99 gives the largest."""
+    return float(np.quantile(values, share, method="inverted_cdf"))
 
 
 # -- requests ---------------------------------------------------------------------------------------------------------
@@ -62,6 +67,33 @@ def synthesize_bodies(count: int) -> list[bytes]:
     return [json.dumps(make_case("plain", seed).request).encode() for seed in range(count)]
 
 
+# -- the build --------------------------------------------------------------------------------------------------------
+
+
+def build(out: Path, **options: Any) -> dict[str, Any]:
+    """Build an atlas by the command in a process of its own: seconds, memory of the largest of its processes, bytes, types."""
+    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    begin = time.perf_counter()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "data_build", *words, "--out", str(out), "--json"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        env=environment(),
+    )
+    with process.stdout:
+        built = process.stdout.read()
+    _, status, usage = os.wait4(process.pid, 0)  # the memory of this child alone, not of the largest so far
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise RuntimeError(f"the build {' '.join(words)} failed with exit code {process.returncode}")
+    return {
+        "types": json.loads(built)["types"],
+        "build_s": time.perf_counter() - begin,
+        "build_peak_bytes": usage.ru_maxrss * 1024,
+        "file_bytes": out.stat().st_size,
+    }
+
+
 # -- the service ------------------------------------------------------------------------------------------------------
 
 
@@ -69,7 +101,6 @@ class Answer(NamedTuple):
     """One reply."""
 
     status: int
-    retry_after: float | None
     body: bytes
 
     def json(self) -> Any:
@@ -83,61 +114,50 @@ class Service:
     process: subprocess.Popen[bytes]
     port: int
     log: Path
+    connection: http.client.HTTPConnection
+    """Kept; a request after it was closed opens it again."""
     ready_seconds: float = np.nan
     """From the start of the process to its first answer at /readyz."""
     ready: Answer | None = None
-    _connection: http.client.HTTPConnection | None = field(default=None, repr=False)
 
     def ask(self, method: str, path: str, body: bytes | None = None) -> Answer:
-        """The reply to one request on a connection that is kept."""
-        if self._connection is None:
-            self._connection = http.client.HTTPConnection("127.0.0.1", self.port)
-        self._connection.request(method, path, body, _JSON if body else {})
-        reply = self._connection.getresponse()
-        after = reply.headers.get("Retry-After")
-        return Answer(reply.status, float(after) if after else None, reply.read())
+        """The reply to one request on the kept connection."""
+        self.connection.request(method, path, body, _JSON if body else {})
+        reply = self.connection.getresponse()
+        return Answer(reply.status, reply.read())
 
-    def disconnect(self) -> None:
-        """Close the kept connection; the next request opens another."""
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
+    def need_ready(self) -> None:
+        """RuntimeError where the first answer said that the service is not ready."""
+        if self.ready.status != 200:
+            raise RuntimeError(f"the service is not ready: {self.ready.body.decode()}")
 
     def processes(self) -> list[int]:
         """The numbers of the service's processes, its own first; only that one without /proc."""
         own = self.process.pid
-        try:
-            return [own, *map(int, Path(f"/proc/{own}/task/{own}/children").read_text().split())]
-        except OSError:
-            return [own]
+        return [own, *map(int, _proc(own, f"task/{own}/children").split())]
 
     def memory(self, key: str) -> int | None:
         """Bytes of all its processes: resident (``VmRSS``) or at most so far (``VmHWM``); None without /proc.
 
         What processes share is counted in each.
         """
-        found = [_status_bytes(process, key) for process in self.processes()]
-        return None if None in found else sum(found)
+        texts = [_proc(process, "status") for process in self.processes()]
+        if not all(texts):
+            return None
+        return sum(1024 * int(re.search(rf"^{key}:\s*(\d+)", text, re.MULTILINE)[1]) for text in texts)
 
     def cpu_seconds(self) -> dict[int, float]:
         """Processor time of each of its processes until now; empty without /proc."""
-        return {process: seconds for process in self.processes() if (seconds := _cpu_seconds(process)) is not None}
+        found = {process: _proc(process, "stat").rpartition(")")[2].split() for process in self.processes()}
+        tick = os.sysconf("SC_CLK_TCK")
+        return {process: (int(words[11]) + int(words[12])) / tick for process, words in found.items() if words}
 
 
-def _status_bytes(process: int, key: str) -> int | None:
+def _proc(process: int, name: str) -> str:
     try:
-        lines = Path(f"/proc/{process}/status").read_text().splitlines()
+        return Path(f"/proc/{process}/{name}").read_text()
     except OSError:
-        return None
-    return next((1024 * int(line.split()[1]) for line in lines if line.startswith(f"{key}:")), None)
-
-
-def _cpu_seconds(process: int) -> float | None:
-    try:
-        values = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return None
-    return (int(values[11]) + int(values[12])) / os.sysconf("SC_CLK_TCK")
+        return ""
 
 
 def serve_command(port: int) -> list[str]:
@@ -156,13 +176,6 @@ def environment(**settings: Any) -> dict[str, str]:
     inherited = {name: value for name, value in os.environ.items() if not name.startswith("LINKAGE_ATLAS_")}
     given = {f"LINKAGE_ATLAS_{name.upper()}": str(value) for name, value in settings.items()}
     return {**inherited, "OMP_NUM_THREADS": "1", **given}
-
-
-def free_port() -> int:
-    """A port that nothing listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @contextmanager
@@ -185,19 +198,22 @@ def running(command: Callable[[int], list[str]], workers: int = 1, **settings: A
     """
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
-        port = free_port()
-        begin = time.perf_counter()
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))  # a port that nothing listens on
+            port = probe.getsockname()[1]
+        begin, options = (
+            time.perf_counter(),
+            {"cwd": ROOT, "env": environment(**settings), "stderr": subprocess.STDOUT},
+        )
         with log.open("wb") as file:
-            process = subprocess.Popen(
-                command(port), cwd=ROOT, env=environment(**settings), stdout=file, stderr=subprocess.STDOUT
-            )
-        service = Service(process, port, log)
+            process = subprocess.Popen(command(port), stdout=file, **options)
+        service = Service(process, port, log, http.client.HTTPConnection("127.0.0.1", port))
         try:
             service.ready = _first_answer(service, begin, workers)
             service.ready_seconds = time.perf_counter() - begin
             yield service
         finally:
-            service.disconnect()
+            service.connection.close()
             process.terminate()
             try:
                 process.wait(60)
@@ -216,7 +232,7 @@ def _first_answer(service: Service, begin: float, workers: int) -> Answer:
             try:
                 return service.ask("GET", "/readyz")
             except OSError:
-                service.disconnect()
+                service.connection.close()
         time.sleep(0.01)
     raise RuntimeError(f"the service did not answer:\n{service.log.read_text()[-2000:]}")
 
@@ -236,53 +252,42 @@ class Load(NamedTuple):
     """Processor seconds of all clients together."""
 
 
-class _Connection:
-    """One kept connection."""
-
-    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self.reader, self.writer = reader, writer
-
-    @classmethod
-    async def open(cls, port: int) -> _Connection:
-        return cls(*await asyncio.open_connection("127.0.0.1", port))
-
-    async def ask(self, path: str, body: bytes | None) -> tuple[int, float | None]:
-        """Status and Retry-After of one reply, read whole; GET without a body, POST with one."""
-        head = f"{'GET' if body is None else 'POST'} {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
-        if body is not None:
-            head += f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n"
-        self.writer.write(head.encode() + b"\r\n" + (body or b""))
-        first, *lines = (await self.reader.readuntil(b"\r\n\r\n")).decode("latin-1").split("\r\n")
-        fields = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
-        await self.reader.readexactly(int(fields["content-length"]))
-        after = fields.get("retry-after")
-        return int(first.split()[1]), float(after) if after else None
+async def _ask(connection: Any, path: str, body: bytes | None) -> tuple[int, float | None]:
+    """Status and Retry-After of one reply, read whole; GET without a body, POST with one."""
+    reader, writer = connection
+    head = f"{'GET' if body is None else 'POST'} {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    if body is not None:
+        head += f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n"
+    writer.write(head.encode() + b"\r\n" + (body or b""))
+    first, *lines = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1").split("\r\n")
+    fields = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
+    await reader.readexactly(int(fields["content-length"]))
+    after = fields.get("retry-after")
+    return int(first.split()[1]), float(after) if after else None
 
 
 async def _clients(
     ports: Sequence[int], path: str, bodies: Sequence[bytes | None], clients: int, seconds: float, patient: bool
 ) -> Load:
-    connections = [await _Connection.open(ports[number % len(ports)]) for number in range(clients)]
+    opened = [await asyncio.open_connection("127.0.0.1", ports[number % len(ports)]) for number in range(clients)]
     seen: list[tuple[int, float, float | None]] = []
     cpu, begin = time.process_time(), time.perf_counter()
     end = begin + seconds
 
-    async def client(number: int, connection: _Connection) -> None:
-        turn = number
+    async def client(turn: int, connection: Any) -> None:
         while time.perf_counter() < end:
             sent = time.perf_counter()
-            status, after = await connection.ask(path, bodies[turn % len(bodies)])
+            status, after = await _ask(connection, path, bodies[turn % len(bodies)])
             seen.append((status, time.perf_counter() - sent, after))
             turn += clients
             if patient and status == 503:
                 await asyncio.sleep(min(after or 0.0, max(end - time.perf_counter(), 0.0)))
 
-    await asyncio.gather(*(client(number, connection) for number, connection in enumerate(connections)))
+    await asyncio.gather(*(client(number, connection) for number, connection in enumerate(opened)))
     elapsed, used = time.perf_counter() - begin, time.process_time() - cpu
-    for connection in connections:
-        connection.writer.close()
-    status, taken, after = (list(column) for column in zip(*seen))
-    return Load(status, taken, after, elapsed, used)
+    for _, writer in opened:
+        writer.close()
+    return Load(*map(list, zip(*seen)), elapsed, used)
 
 
 def _run_clients(*arguments: Any) -> Load:
@@ -291,24 +296,19 @@ def _run_clients(*arguments: Any) -> Load:
 
 async def _beats(ports: Sequence[int], over: Callable[[], bool]) -> list[float]:
     seconds: list[float] = []
-    pending: set[asyncio.Task[None]] = set()
 
     async def beat(due: float, port: int) -> None:
-        connection = await _Connection.open(port)
-        await connection.ask("/livez", None)
+        connection = await asyncio.open_connection("127.0.0.1", port)
+        await _ask(connection, "/livez", None)
         seconds.append(time.perf_counter() - due)  # from when it was due: a late start is waiting too
-        connection.writer.close()
+        connection[1].close()
 
     due = time.perf_counter()
-    for port in itertools.cycle(ports):
-        if over():
-            break
-        task = asyncio.create_task(beat(due, port))
-        pending.add(task)
-        task.add_done_callback(pending.discard)
-        due += BEAT_SECONDS
-        await asyncio.sleep(max(due - time.perf_counter(), 0))
-    await asyncio.gather(*pending)
+    async with asyncio.TaskGroup() as group:
+        for port in itertools.takewhile(lambda _: not over(), itertools.cycle(ports)):
+            group.create_task(beat(due, port))
+            due += BEAT_SECONDS
+            await asyncio.sleep(max(due - time.perf_counter(), 0))
     return seconds
 
 
@@ -347,16 +347,3 @@ def drive(
         future = pool.submit(_run_clients, ports, path, bodies, clients, seconds, patient)
         beats = asyncio.run(_beats(ports, future.done))
         return future.result(), beats
-
-
-# -- numbers ----------------------------------------------------------------------------------------------------------
-
-
-def quantile(values: Sequence[float], share: float) -> float:
-    """The smallest value that at least this share of all does not exceed; of fewer than 100 values, 0.99 gives the largest."""
-    return float(np.quantile(values, share, method="inverted_cdf"))
-
-
-def machine() -> dict[str, Any]:
-    """What the figures depend on most."""
-    return {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()}

@@ -3,15 +3,12 @@
 Three arrangements, all settings at their defaults: one service as the container runs it; two of them, as
 ``docker compose up --scale atlas=2`` runs them, their clients dealt out evenly; and one of two workers that share a socket, as
 docs/http.md says for a machine without containers. Clients keep their connections and ask again as soon as they are answered.
-Writes ``benchmarks/results/throughput.json``, and with `scaling` the tables of ``docs/scaling.md``.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -19,14 +16,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks import scaling
+from benchmarks import report
+from benchmarks.report import percent, significant, size
 from benchmarks.service import (
-    ROOT,
     Load,
     Service,
+    build,
     drive,
-    environment,
-    machine,
     match_bodies,
     quantile,
     running,
@@ -67,25 +63,19 @@ def summarise(load: Load, beats: Sequence[float]) -> dict[str, Any]:
     return row
 
 
-def measure(
-    services: Sequence[Service],
-    path: str,
-    bodies: Sequence[bytes | None],
-    clients: int,
-    seconds: float,
-    patient: bool = False,
-) -> dict[str, Any]:
+def measure(services: Sequence[Service], path: str, *load: Any, clients: int, **options: Any) -> dict[str, Any]:
     """One run of clients: `summarise`, the processor time of all services per second, and the busiest process's share of it."""
 
     def spent() -> dict[int, float]:
         return {process: seconds for service in services for process, seconds in service.cpu_seconds().items()}
 
     before = spent()
-    load, beats = drive([service.port for service in services], path, bodies, clients, seconds, patient)
+    found, beats = drive([service.port for service in services], path, *load, clients=clients, **options)
     used = [seconds - before.get(process, 0.0) for process, seconds in spent().items()]
-    row = {"path": path, "clients": clients} | summarise(load, beats)
+    row = {"path": path, "clients": clients} | summarise(found, beats)
     if used:  # none without /proc
-        row |= {"service_cores": sum(used) / load.elapsed, "busiest_share": max(used) / max(sum(used), 1e-9)}
+        row |= {"service_cores": sum(used) / found.elapsed, "busiest_share": max(used) / max(sum(used), 1e-9)}
+    print(json.dumps(row), flush=True)
     return row
 
 
@@ -94,60 +84,111 @@ def run(
     workers: int,
     times: int,
     atlas: Path,
-    bodies: dict[str, list[bytes]],
+    bodies: dict[str, list],
     seconds: float,
 ) -> dict[str, Any]:
     """One arrangement: requests to each route from few and many clients, then from too many."""
-    rows: list[dict[str, Any]] = []
-
-    def measured(*arguments: Any, **options: Any) -> dict[str, Any]:
-        rows.append(measure(services, *arguments, **options))
-        print(json.dumps(rows[-1]), flush=True)
-        return rows[-1]
-
     with ExitStack() as stack:
         services = [stack.enter_context(running(command, workers, atlas=atlas.resolve())) for _ in range(times)]
         for service in services:
-            if service.ready.status != 200:
-                raise RuntimeError(f"the service is not ready: {service.ready.body.decode()}")
+            service.need_ready()
         for path, some in bodies.items():  # what the first requests prepare is not to be measured
             drive([service.port for service in services], path, some, 4, seconds / 5)
-        livez = measured("/livez", [None], 8, seconds / 5)
-        loads = [measured(path, some, clients, seconds) for path, some in bodies.items() for clients in CLIENTS]
-        overload = [
-            {"patient": patient} | measured(path, some, OVERLOAD_CLIENTS, seconds, patient=patient)
+        row: dict[str, Any] = {"livez": measure(services, "/livez", [None], clients=8, seconds=seconds / 5)}
+        row["loads"] = [
+            measure(services, path, some, clients=clients, seconds=seconds)
+            for path, some in bodies.items()
+            for clients in CLIENTS
+        ]
+        row["overload"] = [
+            {"patient": patient}
+            | measure(services, path, some, clients=OVERLOAD_CLIENTS, seconds=seconds, patient=patient)
             for path, some in bodies.items()
             for patient in (True, False)
         ]
         peak = [service.memory("VmHWM") for service in services]
+    return {"peak_bytes": None if None in peak else sum(peak), **row}
+
+
+# -- document ---------------------------------------------------------------------------------------------------------
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The tables of requests and of too many requests in docs/scaling.md."""
+    services = results["services"]
+
+    def rows(kind: str) -> list[dict[str, Any]]:
+        every = [{"service": one["service"], **load} for one in services for load in one[kind]]
+        return sorted(every, key=lambda row: row["path"])  # stable: the order of services stays
+
+    first = {"route": "{path}", "service": "{service}"}
+    rate = {"answered / s": lambda row: significant(row["per_second"])}
+    slowest = {"99 %, ms": lambda row: significant(row.get("p99_ms"))}
+    refused = {"503": lambda row: percent(row["share_503"])}
+    load = {
+        **first,
+        "clients": "{clients}",
+        **rate,
+        "median, ms": lambda row: significant(row.get("p50_ms")),
+        **slowest,
+        **refused,
+        "its cores": lambda row: significant(row.get("service_cores"), 2),
+        "clients' cores": lambda row: significant(row["client_cores"], 2),
+    }
+    overload = {
+        **first,
+        "after a 503": lambda row: "wait" if row["patient"] else "ask again",
+        **rate,
+        **slowest,
+        **refused,
+        "with Retry-After": lambda row: (
+            f"{row['with_retry_after']:,} of {row['replies'] - row['served'] - row['others']:,}"
+        ),
+        "others": "{others:,}",
+        "/livez 99 %, ms": lambda row: significant(row.get("livez_p99_ms")),
+    }
+    clients = {
+        "service": "{service}",
+        "/livez / s": lambda row: significant(row["livez"]["per_second"]),
+        "median, ms": lambda row: significant(row["livez"]["p50_ms"], 2),
+        "peak memory": lambda row: size(row["peak_bytes"]),
+    }
     return {
-        "peak_bytes": None if None in peak else sum(peak),
-        "livez": livez,
-        "loads": loads,
-        "overload": overload,
+        "loads": report.table(rows("loads"), load, 2),
+        "ratios": ratios_text(services),
+        "clients": report.table(services, clients),
+        "overload": report.table(rows("overload"), overload, 3),
     }
 
 
+def ratios_text(services: Sequence[dict[str, Any]]) -> str:
+    """How much more two services answer than one, with the most clients."""
+    rates = {
+        row["service"]: {load["path"]: load["per_second"] for load in row["loads"]} for row in services
+    }  # the last load of a route is that of the most clients
+    one, two = (rates[name] for name in ("one service", "two services"))
+    most = max(load["clients"] for load in services[0]["loads"])
+    ratios = " and ".join(f"{significant(two[path] / one[path], 2)} times the requests to {path}" for path in one)
+    return f"With {most} clients two services answer {ratios} that one does."
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, write the numbers and the page."""
+    """Measure and publish."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--atlas", type=Path, help="the default atlas; built anew if not given")
     parser.add_argument("--seconds", type=float, default=10.0, help="of each run (%(default)s)")
     options = parser.parse_args(arguments)
     bodies = {"/v1/match": match_bodies(BODIES), "/v1/synthesize": synthesize_bodies(BODIES)}
-    result: dict[str, Any] = {"machine": machine(), "seconds": options.seconds, "services": []}
+    results: dict[str, Any] = {"seconds": options.seconds, "services": []}
     with tempfile.TemporaryDirectory() as folder:
         atlas = options.atlas
         if atlas is None:
             atlas = Path(folder) / "atlas.h5"
-            command = [sys.executable, "-m", "data_build", "--out", str(atlas)]
-            subprocess.run(command, check=True, capture_output=True, cwd=ROOT, env=environment())
-        for name, (command, workers, times) in ARRANGEMENTS.items():
-            result["services"].append(
-                {"service": name} | run(command, workers, times, atlas, bodies, options.seconds)
-            )
-    scaling.THROUGHPUT.write_text(json.dumps(result, indent=1) + "\n")
-    scaling.write()
+            build(atlas)
+        for name, arrangement in ARRANGEMENTS.items():
+            row = run(*arrangement, atlas, bodies, options.seconds)
+            results["services"].append({"service": name} | row)
+    report.publish("throughput", results)
     return 0
 
 

@@ -144,11 +144,8 @@ def test_vendored_files_are_those_that_are_named(folder) -> None:
     assert {p.name for p in folder.iterdir()} - set(named) <= {"README.md", "uPlot.LICENSE", "axe-core.LICENSE"}
 
 
-def test_examples_are_made_by_their_script_and_can_be_answered(client) -> None:
-    from benchmarks.page_examples import text
-
+def test_examples_can_be_answered(client) -> None:
     stored = json.loads((STATIC / "examples.json").read_text())
-    assert stored == json.loads(text())
     assert len(stored) == 5
     for example in stored:
         reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": 500})

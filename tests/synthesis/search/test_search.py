@@ -14,14 +14,13 @@ import pytest
 from app.motion import SynthesizeRequest, answer_synthesize
 from app.resources import ServiceResources
 from app.settings import Settings
-from benchmarks.acceptance import REACHED, broken_limits, compare, limited_case, target_of
-from benchmarks.classes import EXACT, UNREACHABLE, Case, make_case
-from benchmarks.recompute import recompute
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import SAME, Solution, Status, determinations, distinct, sensitivities
 from synthesis.search.search import DEFAULT_TOLERANCE, Levels, StoppedBy, search
 from synthesis.target import Target
+from tests.oracles.classes import EXACT, UNREACHABLE, Case, limited_case, make_case
+from tests.oracles.recompute import REACHED, broken_limits, compare, recompute
 
 LINKS = ("crank", "coupler", "rocker", "ground")
 
@@ -39,6 +38,12 @@ def levels(resources) -> Levels:
 def ask(request: dict[str, Any], resources: ServiceResources) -> dict[str, Any]:
     reply = answer_synthesize(SynthesizeRequest.model_validate(request), resources)
     return json.loads(reply.model_dump_json())
+
+
+def target_of(request: dict[str, Any]) -> Target:
+    """A request as the numerics see it."""
+    model = SynthesizeRequest.model_validate(request)
+    return model.target(model.rotation, model.position, model.length_scale)
 
 
 def without_times(reply: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""The errors of a reply, recomputed from its JSON numbers alone by other means than the software's own.
+"""The errors of a reply and the limits it breaks, recomputed from its JSON numbers by other means than the software's own.
 
 Nothing of the software is imported. The loop is closed by intersecting two circles, in mpmath at `DIGITS` digits, where the
 software uses half-angle formulas in double precision; so agreement of both is no tautology, also near change points.
@@ -6,12 +6,18 @@ software uses half-angle formulas in double precision; so agreement of both is n
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from typing import Any, NamedTuple
 
+import numpy as np
 from mpmath import mp, mpf
 
 DIGITS = 50
+REACHED = 1e-9
+"""An objective below this is an exact answer."""
+LINKS = ("crank", "coupler", "rocker", "ground")
 
 
 class Angles(NamedTuple):
@@ -33,13 +39,13 @@ class Recomputed(NamedTuple):
     objective: float
 
 
-def close_by_circles(links: Sequence[float], branch: int, crank: Sequence[Any]) -> Angles | None:
+def close_by_circles(links: Sequence[Any], branch: int, crank: Sequence[Any]) -> Angles | None:
     """The loop by intersection of the circles about D (coupler) and B (rocker).
 
     Parameters
     ----------
-    links : sequence of 4 floats
-        Crank, coupler, rocker, ground.
+    links : sequence of 4 numbers
+        Crank, coupler, rocker, ground, taken as they are: floats or more digits.
     branch : +1 or -1
         +1: C lies to the left of D->B.
     crank : sequence
@@ -51,7 +57,7 @@ def close_by_circles(links: Sequence[float], branch: int, crank: Sequence[Any]) 
         None where the circles do not meet at some sample. Law: ``L1 e^{i t1} + L2 e^{i t2} - L4`` has the length L3.
     """
     with mp.workdps(DIGITS):
-        l1, l2, l3, l4 = (mpf(float(value)) for value in links)
+        l1, l2, l3, l4 = (mpf(value) for value in links)
         theta2, direction = [], []
         for t in crank:
             cosine, sine = mp.cos_sin(mpf(t))
@@ -89,7 +95,7 @@ def recompute(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Recomp
     """Errors of a solution of a reply against the request; None where it does not close at every sample."""
     with mp.workdps(DIGITS):
         unit = _unit(request)
-        links = [solution["links"][name] for name in ("crank", "coupler", "rocker", "ground")]
+        links = [solution["links"][name] for name in LINKS]
         start = mpf(float(solution["start_angle"])) * unit
         crank = [start + t for t in requested_crank(request)]
         closed = close_by_circles(links, solution["branch"], crank)
@@ -121,6 +127,74 @@ def recompute(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Recomp
             square += (position_rms / _length_scale(request)) ** 2
         errors = (rotation_rms, rotation_max, position_rms, position_max)
         return Recomputed(*(None if value is None else float(value) for value in errors), float(mp.sqrt(square)))
+
+
+class Compared(NamedTuple):
+    """A solution's recomputed J, and how far its reported errors are from the recomputed ones, in the objective's measure."""
+
+    objective: float
+    gap: float
+    size: float
+    """Largest length or distance in the solution over the length scale: the gap cannot be below its rounding."""
+
+
+def compare(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Compared:
+    """Reported against recomputed errors of one solution of a request in degrees."""
+    mine = recompute(request, solution)
+    if mine is None:
+        return Compared(np.inf, np.inf, 1.0)
+    reported, unit, size = solution["errors"], np.pi / 180, 1.0
+    gaps = [abs(reported["objective"] - mine.objective)]
+    if mine.rotation_rms is not None:
+        gaps += [abs(reported[name] * unit - getattr(mine, name)) for name in ("rotation_rms", "rotation_max")]
+    if mine.position_rms is not None:
+        with mp.workdps(DIGITS):
+            scale = float(_length_scale(request))
+        gaps += [abs(reported[name] - getattr(mine, name)) / scale for name in ("position_rms", "position_max")]
+        mount = solution["mount"]
+        lengths = [*solution["links"].values(), mount["coupler_point"]["radius"]]
+        points = [mount["pivot_a"], mount["pivot_b"], request["position"][0]]
+        size = max(1.0, max(lengths) / scale, *(math.hypot(*point) / scale for point in points))
+    return Compared(mine.objective, max(gaps), size)
+
+
+def broken_limits(request: Mapping[str, Any], solution: Mapping[str, Any]) -> list[str]:
+    """Names of the limits that a solution breaks."""
+    limits, broken = request["limits"], []
+    links = np.array([solution["links"][name] for name in LINKS])
+    l1, l2, l3, l4 = links
+    if "link_min" in limits and links.min() < limits["link_min"]:
+        broken.append("link_min")
+    if "link_max" in limits and links.max() > limits["link_max"]:
+        broken.append("link_max")
+    if "pivot_box" in limits:
+        xmin, ymin, xmax, ymax = limits["pivot_box"]
+        for x, y in (solution["mount"]["pivot_a"], solution["mount"]["pivot_b"]):
+            if not (xmin <= x <= xmax and ymin <= y <= ymax):
+                broken.append("pivot_box")
+    # Grashof: shortest + longest < the other two, in exact arithmetic; the family is named by the shortest link
+    shortest, *middle, longest = sorted(Fraction(float(value)) for value in links)
+    grashof = shortest + longest < sum(middle)
+    crank_rocker, double_crank = grashof and l1 == links.min(), grashof and l4 == links.min()
+    allowed = {
+        "full_crank": crank_rocker or double_crank,
+        "crank_rocker": crank_rocker,
+        "double_crank": double_crank,
+        "any": True,
+    }
+    if not allowed[limits["family"]]:
+        broken.append("family")
+    crank = np.array([float(t) for t in requested_crank(request)])
+    fine = np.radians(solution["start_angle"]) + np.linspace(crank[0], crank[-1], 4001)
+    square = l1**2 + l4**2 - 2 * l1 * l4 * np.cos(fine)
+    cosine = (l2**2 + l3**2 - square) / (2 * l2 * l3)
+    if np.abs(cosine).max() > 1 + 1e-9:
+        broken.append("closure")
+    elif "transmission_angle_min" in limits:
+        least = np.degrees(np.arccos(np.minimum(np.abs(cosine), 1.0)).min())
+        if least < limits["transmission_angle_min"] - 1e-9:
+            broken.append("transmission_angle_min")
+    return broken
 
 
 def _unit(request: Mapping[str, Any]) -> Any:

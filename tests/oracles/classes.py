@@ -1,4 +1,4 @@
-"""The classes of requests that the refinement is measured on: random, seeded, made by independent arithmetic.
+"""The classes of requests that the search is tested and measured on: random, seeded, made by independent arithmetic.
 
 A case is a request as a user would send it, and the linkage that it was made from. Lengths are uniform on the simplex
 L1 + L2 + L3 + L4 = 1 (by rejection), N = 32, the body point and the pose are random. The motion is computed as in
@@ -16,7 +16,7 @@ import numpy as np
 from mpmath import mp, mpf
 from numpy.random import Generator
 
-from benchmarks.recompute import DIGITS, close_by_circles
+from tests.oracles.recompute import DIGITS, LINKS, close_by_circles
 
 SAMPLES = 32
 
@@ -95,13 +95,13 @@ def tiny_crank(random: Generator) -> np.ndarray:
             return lengths
 
 
-def change_point(random: Generator) -> np.ndarray:
-    """Crank-rockers and double-cranks, evenly, whose Grashof excess is 1e-8 .. 1e-1 of the perimeter, evenly in its logarithm."""
+def change_point(random: Generator, low: float = -8, high: float = -1) -> np.ndarray:
+    """Crank-rockers and double-cranks, evenly; the Grashof excess is 10^low .. 10^high of the perimeter, its logarithm even."""
     while True:
         lengths = simplex(random, is_crank_rocker)
         longest = int(np.argmax(lengths))
         others = np.delete(lengths, [0, longest])
-        excess = 10.0 ** random.uniform(-8, -1)
+        excess = 10.0 ** random.uniform(low, high)
         lengths[longest] = others.sum() - lengths[0] - excess
         if lengths[longest] <= others.max() or lengths[0] >= others.min() or not is_crank_rocker(lengths):
             continue
@@ -161,7 +161,7 @@ def make_case(kind: str, seed: int, samples: int = SAMPLES) -> Case:
     crank = _crank_degrees(random, draw, samples)
     pivot = random.uniform(-1, 1, 2) * draw.scale
     truth = {
-        "links": dict(zip(("crank", "coupler", "rocker", "ground"), lengths.tolist())),
+        "links": dict(zip(LINKS, lengths.tolist())),
         "branch": int(random.choice([-1, 1])),
         "start_angle": random.uniform(0, 360),
         "body_offset": random.uniform(-180, 180),
@@ -190,6 +190,32 @@ def make_case(kind: str, seed: int, samples: int = SAMPLES) -> Case:
     if not draw.rotation:
         truth["body_offset"] = None
     return Case(kind, seed, request, truth)
+
+
+def limited_case(seed: int) -> Case:
+    """A request with random limits, of which the linkage it was made from keeps some."""
+    random = generator("limits", seed)
+    kind = str(
+        random.choice(["plain", "any order", "double-crank", "clockwise", "position only", "rotation only", "noise"])
+    )
+    case = make_case(kind, 100_000 + seed)
+    truth, request = case.truth, dict(case.request)
+    limits: dict[str, Any] = {"family": str(random.choice(["full_crank", "crank_rocker", "double_crank", "any"]))}
+    chosen = random.random(4) < 0.5
+    if chosen[0] or not chosen.any():
+        limits["transmission_angle_min"] = random.uniform(5, 55)
+    links = np.array(list(truth["links"].values()))
+    if truth["mount"] is None:
+        links = links / links[3]
+    if chosen[1]:
+        limits["link_min"] = float(links.min() * random.uniform(0.3, 1.5))
+    if chosen[2]:
+        limits["link_max"] = float(links.max() * random.uniform(0.7, 3.0))
+    if chosen[3] and truth["mount"] is not None:
+        pivot = np.array(truth["mount"]["pivot_a"]) + random.uniform(-0.3, 0.3, 2)
+        half = random.uniform(0.1, 1.0, 2)
+        limits["pivot_box"] = [*(pivot - half).tolist(), *(pivot + half).tolist()]
+    return Case(kind, seed, request | {"limits": limits}, truth)
 
 
 def _extent(position: np.ndarray) -> float:

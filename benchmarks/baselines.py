@@ -7,25 +7,31 @@ flat index and stumpy's distance profiles.
 from __future__ import annotations
 
 import importlib.util
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.classes import generator
-from synthesis.atlas.file import Atlas
-from synthesis.atlas.scan import STARTS
-from synthesis.fourbar.charts import FullCrankChart
-from synthesis.fourbar.kinematics import TURN, close_loop, coupler_angle
-from synthesis.fourbar.pose import objective
-from synthesis.search.refine import Problem
-from synthesis.target import Target
+from benchmarks.product import (
+    DEFAULT_TOLERANCE,
+    STARTS,
+    TURN,
+    Atlas,
+    FullCrankChart,
+    Problem,
+    Target,
+    close_loop,
+    coupler_angle,
+    objective,
+)
+from benchmarks.report import Times, repeat
+from tests.oracles.classes import generator
 
 EVOLUTION_GENERATIONS = (5, 20, 80, 320, 1280)
 _EVOLUTION_BOUNDS = [(-6.0, 6.0), (-12.0, 3.0), (-6.0, 6.0), (0.0, TURN)]
 _EVOLUTION_POPULATION = 10
+_EVOLUTION_SPREAD = 1e-8
 POSE_SUBSETS = (1, 3, 9)
 POSE_SECONDS = 3.0
 """No further subset is begun after this much time of the processor."""
@@ -38,7 +44,7 @@ MASS_TYPES = 2000
 
 
 def missing() -> dict[str, str]:
-    """Opponents that cannot take part, and why."""
+    """Baselines to a linkage that cannot take part, and why."""
     reasons = {"scipy": "differential evolution", "pylinkage": "motion generation"}
     return {
         name: f"{what} skipped: {name} is not installed"
@@ -48,14 +54,17 @@ def missing() -> dict[str, str]:
 
 
 def evolve(target: Target, generations: int, seed: int) -> float:
-    """Least J by differential evolution, one run a branch, over the same four unknowns with everything linear projected out.
+    """Least J by differential evolution over the same four unknowns as the search, with everything linear projected out.
 
-    scipy's own polishing (L-BFGS-B) follows, as is its default. The crank must turn counter-clockwise.
+    One run a branch. A run ends after so many generations, or where the best J is below the search's own tolerance, or where
+    the population has drawn together: its costs deviate by less than 1e-8 of their mean, or by less than the square of the
+    tolerance. scipy's own polishing (L-BFGS-B) follows. Within the tolerance no second branch is tried. The crank must turn
+    counter-clockwise.
     """
     from scipy.optimize import differential_evolution
 
     problem = Problem(target, FullCrankChart())
-    best = np.inf
+    best, goal = np.inf, DEFAULT_TOLERANCE**2
     for branch in (1.0, -1.0):
 
         def cost(unknowns: np.ndarray, branch: float = branch) -> np.ndarray:
@@ -69,13 +78,16 @@ def evolve(target: Target, generations: int, seed: int) -> float:
             _EVOLUTION_BOUNDS,
             maxiter=generations,
             popsize=_EVOLUTION_POPULATION,
-            tol=0,
-            atol=0,
+            tol=_EVOLUTION_SPREAD,
+            atol=goal,
             rng=seed,
             updating="deferred",
             vectorized=True,
+            callback=lambda intermediate_result: intermediate_result.fun <= goal,
         )
         best = min(best, float(done.fun))
+        if best <= goal:
+            break
     return float(np.sqrt(max(best, 0.0)))
 
 
@@ -105,24 +117,16 @@ def generate_motion(target: Target, seed: int) -> Iterator[tuple[int, float, flo
     from pylinkage.synthesis import Pose, motion_generation
 
     timed = untimed = np.inf
-    spent = 0.0
-    for number, chosen_poses in enumerate(pose_subsets(target.samples, seed), 1):
-        for chosen in chosen_poses:
+    times, subsets = Times(), pose_subsets(target.samples, seed)
+    for number in range(1, max(POSE_SUBSETS) + 1):
+        for chosen in next(subsets) if sum(times.processor) <= POSE_SECONDS else ():
             poses = [Pose(p.real, p.imag, r) for p, r in zip(target.position[chosen], target.rotation[chosen])]
-            begin = time.process_time()
-            found = motion_generation(poses, max_solutions=50, require_grashof=False).raw_solutions
-            spent += time.process_time() - begin
-            for answer in found:
+            found = times.run(motion_generation, poses, max_solutions=50, require_grashof=False)
+            for answer in found.raw_solutions:
                 crank_at, free = _judge(target, int(chosen[0]), answer)
                 timed, untimed = min(timed, crank_at), min(untimed, free)
         if number in POSE_SUBSETS:
-            yield number, spent, float(timed), float(untimed)
-        if number == max(POSE_SUBSETS):
-            return
-        if spent > POSE_SECONDS:
-            for later in (subsets for subsets in POSE_SUBSETS if subsets > number):
-                yield later, spent, float(timed), float(untimed)
-            return
+            yield number, sum(times.processor), float(timed), float(untimed)
 
 
 def _judge(target: Target, first: int, answer: Any) -> tuple[float, float]:
@@ -237,24 +241,21 @@ def flat_index(atlas: Atlas, targets: Sequence[Target], top: int, cores: int) ->
     if every > 1:
         print(f"flat index: memory holds every {every}th start; times are scaled up")
     faiss.omp_set_num_threads(cores)
-    begin = time.perf_counter()
     index = faiss.IndexFlatL2(crank.size)
-    index.codes.resize(whole // every)  # reserves: growing by doubling would need twice the memory
-    index.codes.clear()
-    for first in range(0, len(atlas), _INDEXED_AT_ONCE):
-        rows = np.arange(first, min(first + _INDEXED_AT_ONCE, len(atlas)))
-        index.add(window_table(atlas, rows, crank, every))
-    built = time.perf_counter()
+
+    def fill() -> None:
+        index.codes.resize(whole // every)  # reserves: growing by doubling would need twice the memory
+        index.codes.clear()
+        for first in range(0, len(atlas), _INDEXED_AT_ONCE):
+            rows = np.arange(first, min(first + _INDEXED_AT_ONCE, len(atlas)))
+            index.add(window_table(atlas, rows, crank, every))
+
+    built = repeat(fill, 1, warm_up=0).median.wall
     queries = np.array([target.rotation - target.rotation.mean() for target in targets], dtype=np.float32)
     index.search(queries[:1], top)  # the first one wakes its threads
-    single, places = [], []
-    for query in queries:
-        start = time.perf_counter()
-        places.append(index.search(query[None], top)[1][0])
-        single.append((time.perf_counter() - start) * every)
-    start = time.perf_counter()
-    places_in_batch = index.search(queries, top)[1]
-    batch = (time.perf_counter() - start) * every / len(queries)
+    single, batch = Times(), Times()
+    places = [single.run(index.search, query[None], top)[1][0] for query in queries]
+    places_in_batch = batch.run(index.search, queries, top)[1]
 
     def windows(places: np.ndarray) -> list[set[tuple[int, int, int]]]:
         row, rest = np.divmod(places, 2 * STARTS // every)
@@ -267,9 +268,9 @@ def flat_index(atlas: Atlas, targets: Sequence[Target], top: int, cores: int) ->
         "windows": index.ntotal,
         "every_nth_start": every,
         "bytes": whole // every,
-        "build_s": built - begin,
-        "single_s": single,
-        "batch_s_each": batch,
+        "build_s": built,
+        "single_s": [every * seconds for seconds in single.wall],
+        "batch_s_each": every * batch.median.wall / len(queries),
         "found": windows(np.array(places)),
         "found_in_batch": windows(places_in_batch),
     }
@@ -305,9 +306,8 @@ def stumpy_mass(atlas: Atlas, requests: Sequence[np.ndarray], cores: int) -> dic
             stumpy.mass(request, curve, M_T=means, Σ_T=deviations, T_subseq_isconstant=constant)
 
     profiles(requests[0], 1)  # the first one compiles
-    seconds = []
+    times = Times()
     for request in requests:
-        begin = time.perf_counter()
-        profiles(request)
-        seconds.append((time.perf_counter() - begin) * len(atlas) / len(rows) / cores)
+        times.run(profiles, request)
+    seconds = [one * len(atlas) / len(rows) / cores for one in times.wall]
     return {"version": stumpy.__version__, "curves": len(curves), "seconds": seconds}

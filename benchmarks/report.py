@@ -1,0 +1,427 @@
+"""Time, tables, figures and the places in the documents that measured numbers fill; shared by all benchmarks.
+
+**A benchmark** is a module ``benchmarks/NAME.py``. Run as ``python -m benchmarks.NAME`` it measures and ends with
+``publish(NAME, results)``: `save` writes ``benchmarks/results/NAME.json``, stamped with machine, commit and command, and
+`render` writes the documents. It has
+
+    def blocks(results) -> dict[str, str]   # the text of each of its markers, by name
+    def draw(results) -> None               # optional: its pictures, with `figure`
+
+which take what the JSON file holds and measure nothing.
+
+**A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md or docs/*.md. Where a line ends
+after the first, what stands between is a block of lines (a table); else it is a few words of the line. Every block stands
+in at least one place. The block ``made`` (machine, commit, command in words) is there without being written.
+
+**Again without measuring**: ``python -m benchmarks.report [NAME ...]`` draws the pictures and writes all markers from the
+committed JSON files. ``tests/benchmarks/test_report.py`` compares the documents with them.
+
+In short::
+
+    times = repeat(work, runs=9)                         # Times: times.median.wall, times.least.processor (seconds)
+    result = times.run(work, argument)                   # one more run, and its result
+    ours, theirs = paired([ours, theirs], rounds=9)      # one after the other, in alternating order
+    ratio(theirs, ours)["median"]                        # of the pairs: min, median, p99, max
+    table(rows, {"span": "{span}", "ms": lambda row: significant(1e3 * row["s"])})
+    with figure("name.png", 1, 2) as (drawing, (left, right)):
+        left.plot(x, y, color=BLUE)
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import math
+import os
+import platform
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+IMAGES = ROOT / "docs" / "img"
+
+# -- time -------------------------------------------------------------------------------------------------------------
+
+
+class Seconds(NamedTuple):
+    """Time on the clock, and of the processor in this process (all its threads), which other work does not stretch."""
+
+    wall: float
+    processor: float
+
+
+@dataclass
+class Times:
+    """Seconds of several runs of one thing."""
+
+    wall: list[float] = field(default_factory=list)
+    processor: list[float] = field(default_factory=list)
+
+    def run(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        """The result of one more run, whose time is kept."""
+        wall, processor = time.perf_counter(), time.process_time()
+        result = function(*arguments, **options)
+        self.processor.append(time.process_time() - processor)
+        self.wall.append(time.perf_counter() - wall)
+        return result
+
+    def percentile(self, percent: float) -> Seconds:
+        """Percentile of each clock, interpolated."""
+        return Seconds(*(float(np.percentile(some, percent)) for some in (self.wall, self.processor)))
+
+    @property
+    def least(self) -> Seconds:
+        return self.percentile(0)
+
+    @property
+    def median(self) -> Seconds:
+        return self.percentile(50)
+
+    def summary(self) -> dict[str, float]:
+        """Median and 99th percentile of both clocks in milliseconds, as the result files hold them."""
+        return {
+            f"{name}{clock}_ms": 1000 * getattr(self.percentile(percent), which)
+            for clock, which in (("", "wall"), ("_processor", "processor"))
+            for name, percent in (("median", 50), ("p99", 99))
+        }
+
+
+def repeat(function: Callable[[], Any], runs: int = 5, warm_up: int = 1) -> Times:
+    """Times of several runs, after some that are not counted."""
+    times = Times()
+    for _ in range(warm_up):
+        function()
+    for _ in range(runs):
+        times.run(function)
+    return times
+
+
+def paired(functions: Sequence[Callable[[], Any]], rounds: int = 5, warm_up: int = 1) -> list[Times]:
+    """Times of things to compare: all in each round, every other round in reverse, so that a drift meets all alike."""
+    times = [repeat(function, 0, warm_up) for function in functions]
+    for number in range(rounds):
+        for one, function in list(zip(times, functions))[:: -1 if number % 2 else 1]:
+            one.run(function)
+    return times
+
+
+def spread(values: Sequence[float]) -> dict[str, float]:
+    """Least, median, 99th percentile and largest, to five digits."""
+    quantiles = np.quantile(values, [0, 0.5, 0.99, 1])
+    return {name: float(f"{value:.5g}") for name, value in zip(("min", "median", "p99", "max"), quantiles)}
+
+
+def ratio(times: Times, to: Times, clock: str = "processor") -> dict[str, float]:
+    """`spread` of the ratios of `paired` runs."""
+    return spread([a / b for a, b in zip(getattr(times, clock), getattr(to, clock))])
+
+
+# -- words ------------------------------------------------------------------------------------------------------------
+
+
+def lines(head: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1) -> str:
+    """A Markdown table of given cells; the columns behind the first ones are numbers, set to the right."""
+    rule = ["---"] * text_columns + ["--:"] * (len(head) - text_columns)
+    return "\n".join("| " + " | ".join(row) + " |" for row in (head, rule, *rows))
+
+
+def table(
+    rows: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, str | Callable[[Any], str]],
+    text_columns: int = 1,
+) -> str:
+    """A Markdown table of mappings.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+    columns : mapping of str to str or callable
+        What makes a cell, by the head of its column: a format such as ``"{design[l2]:.3f}"`` or a function of the row.
+    text_columns : int
+        How many columns stand to the left as text; the others are numbers.
+    """
+    cells = [
+        [cell.format_map(row) if isinstance(cell, str) else cell(row) for cell in columns.values()] for row in rows
+    ]
+    return lines(list(columns), cells, text_columns)
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """A number to so many digits, without powers of ten: 0.0123, 1.23, 12,300; a dash for what was not measured."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    places = digits - 1 - math.floor(math.log10(abs(value)))
+    return f"{round(value, places):,.{max(places, 0)}f}"
+
+
+def finite(value: float) -> float | None:
+    """A number as a result file holds it: None where it is infinite or none."""
+    return float(value) if math.isfinite(value) else None
+
+
+def power(value: float | None) -> str:
+    """A number to two digits with its power of ten."""
+    return "no answer" if value is None or not math.isfinite(value) else f"{value:.1e}"
+
+
+def size(value: float | None) -> str:
+    """Bytes as kB, MB, GB or TB."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    units = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
+    unit, name = next((u, n) for u, n in units if value >= u or n == "kB")
+    return f"{significant(value / unit)} {name}"
+
+
+def duration(seconds: float) -> str:
+    """Seconds as ms, s, minutes or hours."""
+    for unit, name, least in ((3600, "hours", 2), (60, "minutes", 2), (1, "s", 1)):
+        if seconds >= unit * least:
+            return f"{significant(seconds / unit)} {name}"
+    return f"{significant(1000 * seconds)} ms"
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A share in percent."""
+    return f"{significant(100 * share, digits)} %"
+
+
+# -- figures ----------------------------------------------------------------------------------------------------------
+
+INK, GREY, SOFT, PAPER = "#1f2933", "#9aa5b1", "#e4e7eb", "#ffffff"
+GREEN, BLUE, ORANGE, RED, PURPLE, BROWN = "#0b6e4f", "#2563a8", "#d97706", "#b83232", "#a23b72", "#7a4a00"
+STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10,
+    "axes.prop_cycle": f"cycler('color', {[BLUE, GREEN, ORANGE, RED, PURPLE, BROWN]})",
+    "axes.edgecolor": GREY,
+    "axes.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 11,
+    "grid.color": SOFT,
+    "grid.linewidth": 0.7,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "lines.linewidth": 1.8,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "savefig.dpi": 150,
+    "svg.hashsalt": "linkage-atlas",
+}
+
+
+@contextmanager
+def figure(
+    name: str, rows: int = 1, columns: int = 1, size: tuple[float, float] = (11, 4.6), **options: Any
+) -> Iterator[tuple[Any, Any]]:
+    """A figure of the documents in the common style, saved as ``docs/img/NAME`` where the block ends without an error.
+
+    Law: the same drawing gives the same bytes.
+
+    Yields
+    ------
+    drawing : matplotlib Figure
+        With constrained layout.
+    panels : ndarray of Axes, shape (rows * columns,)
+    """
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    with mpl.rc_context(STYLE):
+        made = {"figsize": size, "layout": "constrained", "squeeze": False, **options}
+        drawing, panels = plt.subplots(rows, columns, **made)
+        try:
+            yield drawing, panels.ravel()
+            IMAGES.mkdir(parents=True, exist_ok=True)
+            drawing.savefig(IMAGES / name, metadata={"Date": None} if name.endswith(".svg") else {"Software": None})
+        finally:
+            plt.close(drawing)
+
+
+def note(axes: Any, text: str, at: tuple[float, float], offset: tuple[float, float] = (0, 0), **style: Any) -> None:
+    """Words at a place of the axes, moved by an offset in points."""
+    axes.annotate(text, at, offset, textcoords="offset points", **style)
+
+
+def bare(axes: Any, **limits: Any) -> None:
+    """Axes for the drawing of a mechanism: equal scales, nothing of the frame."""
+    axes.set(aspect="equal", **limits)
+    axes.set_axis_off()
+
+
+# -- results ----------------------------------------------------------------------------------------------------------
+
+
+def machine() -> dict[str, Any]:
+    """What times depend on: processor, cores, memory, Python and numpy."""
+    try:
+        text = Path("/proc/cpuinfo").read_text()
+    except OSError:
+        text = ""
+    model = re.search(r"^model name\s*:\s*(.*)$", text, re.MULTILINE)
+    return {
+        "processor": model[1] if model else platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "memory_bytes": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }
+
+
+def commit() -> str:
+    """The commit of the source tree, with "+changes" where its code differs; "unknown" outside of a repository."""
+
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        # what a benchmark itself writes is no change of the code
+        changed = git("status", "--porcelain", "--", ".", ":!docs", ":!README.md", ":!benchmarks/results")
+        return git("rev-parse", "HEAD") + ("+changes" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def command() -> str:
+    """How this process was started, without the folders of absolute paths."""
+    words = [Path(word).name if word.startswith("/") else word for word in sys.orig_argv[1:]]
+    threads = os.environ.get("OMP_NUM_THREADS")
+    return (f"OMP_NUM_THREADS={threads} " if threads else "") + shlex.join(["python", *words])
+
+
+def stamp() -> dict[str, Any]:
+    """What tells where numbers come from: machine, commit, command."""
+    return {"machine": machine(), "commit": commit(), "command": command()}
+
+
+def save(results: Mapping[str, Any], name: str) -> None:
+    """Write ``benchmarks/results/NAME.json``: the results, and under ``made`` the `stamp` if they have none."""
+
+    def plain(value: Any) -> Any:
+        return value.tolist()  # numpy's numbers and arrays
+
+    text = json.dumps({"made": stamp(), **results}, indent=1, allow_nan=False, default=plain, ensure_ascii=False)
+    # innermost lists in one line each
+    text = re.sub(
+        r"\[\n([^\[\]{}]*?)\n\s*\]", lambda found: "[" + re.sub(r"\s*\n\s*", " ", found[1].strip()) + "]", text
+    )
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    (RESULTS / f"{name}.json").write_text(text + "\n")
+
+
+def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
+    """In words where numbers come from: each machine, commit and command once."""
+
+    def on(machine: Mapping[str, Any]) -> str:
+        found = [machine["processor"], f"{machine['cores']} cores" if "cores" in machine else ""]
+        found += [size(machine["memory_bytes"])] if "memory_bytes" in machine else []
+        found += [f"{name} {machine[name.lower()]}" for name in ("Python", "numpy") if name.lower() in machine]
+        return ", ".join(filter(None, found))
+
+    machines = dict.fromkeys(on(one["machine"]) for one in stamps)
+    commits = [re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", one["commit"]) for one in stamps]
+    runs = dict.fromkeys(f"`{one['command']}` at commit {found}" for one, found in zip(stamps, commits))
+    return f"Measured by {', '.join(runs)}; machine: {'; '.join(machines)}."
+
+
+def stored(name: str) -> bool:
+    """Whether there is a result of this name."""
+    return (RESULTS / f"{name}.json").exists()
+
+
+def load(name: str) -> Any:
+    """What `save` wrote."""
+    return json.loads((RESULTS / f"{name}.json").read_text())
+
+
+# -- documents --------------------------------------------------------------------------------------------------------
+
+MARKER = re.compile(r"<!-- (\w+)\.(\w+) -->(\n?)(.*?)\n?<!-- /\1\.\2 -->", re.DOTALL)
+
+
+def documents() -> list[Path]:
+    """README.md and the pages of docs/."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def fill(text: str, parts: Mapping[str, Mapping[str, str]]) -> str:
+    """A document whose markers hold the given blocks, by result and name; markers of other results stay as they are.
+
+    Raises
+    ------
+    ValueError
+        A marker has no block of its name, or no end.
+    """
+
+    def filled(found: re.Match[str]) -> str:
+        name, block, line_end, _ = found.groups()
+        if name not in parts:
+            return found[0]
+        if block not in parts[name]:
+            raise ValueError(f"no block {name}.{block}: benchmarks/{name}.py has {', '.join(parts[name])}")
+        return f"<!-- {name}.{block} -->{line_end}{parts[name][block]}{line_end}<!-- /{name}.{block} -->"
+
+    single = re.search(r"<!-- /?(\w+\.\w+) -->", MARKER.sub("", text))
+    if single:
+        raise ValueError(f"the marker {single[1]} stands alone")
+    return MARKER.sub(filled, text)
+
+
+def parts(name: str) -> dict[str, str]:
+    """The text of every block of a result."""
+    results = load(name)
+    module = importlib.import_module(f"benchmarks.{name}")
+    return {"made": made_text([results["made"]]), **module.blocks(results)}
+
+
+def render(names: Sequence[str] | None = None, pictures: bool = True) -> None:
+    """Draw the pictures and fill the markers of some results, or of all, from their files."""
+    names = sorted(path.stem for path in RESULTS.glob("*.json")) if names is None else names
+    for name in names:
+        module = importlib.import_module(f"benchmarks.{name}")
+        if pictures and hasattr(module, "draw"):
+            module.draw(load(name))
+    found = {name: parts(name) for name in names}
+    for path in documents():
+        path.write_text(fill(path.read_text(), found))
+
+
+def publish(name: str, results: Mapping[str, Any]) -> None:
+    """`save` and `render`: what a benchmark ends with."""
+    save(results, name)
+    render([name])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Render from the committed results."""
+    parser = argparse.ArgumentParser(
+        description="Draws the pictures and fills the documents' markers from the results."
+    )
+    parser.add_argument("names", nargs="*", help="results, without .json; all if none is named")
+    render(parser.parse_args(arguments).names or None)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
