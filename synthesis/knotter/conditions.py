@@ -120,7 +120,7 @@ class Clearance:
             mechanism = mechanism.locked(self.locked, self.at)
         return in_chunks(self._evaluate, mechanism, items, self.frames(mechanism), self.over, self.name)
 
-    def depth(self, mechanism: Mechanism, driver: Floats | float) -> Floats:
+    def depth(self, mechanism: Mechanism, driver: Floats | float) -> Any:
         """How far the point is past the plane or inside the solid; negative outside."""
         depth, off_axis = self._coordinates(mechanism, driver)
         if np.isinf(self.radius):

@@ -255,7 +255,7 @@ class SegmentHitsTriangle:
         """The smallest distance of segment and triangle over the range, and its driver angle, for some items."""
         mechanism = mechanism.item(rows[:, None])
 
-        def distance(driver: Floats) -> Floats:
+        def distance(driver: Floats) -> Any:
             return segment_triangle_distance(*self.positions(mechanism, driver))
 
         grid = np.append(np.linspace(ends[:-1], ends[1:], APPROACH_NODES)[:-1].T.ravel(), ends[-1])

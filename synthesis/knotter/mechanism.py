@@ -270,7 +270,7 @@ class Mechanism:
         bound: Floats | float = 16 * EPSILON * turned * reach
         return bound
 
-    def _length(self, by: str | float) -> Floats | float:
+    def _length(self, by: str | float) -> Any:
         if isinstance(by, str):
             return -self.parameters[by[1:]] if by.startswith("-") else self.parameters[by]
         return by

@@ -170,7 +170,7 @@ def _classify_exactly(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> 
     return Crossing.CROSSES if s_p * s_q and all(edges) else Crossing.TOUCHES
 
 
-def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> Floats:
+def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> Any:
     """The distance of segments pq and ab; either may be a point.
 
     Notes
@@ -189,7 +189,7 @@ def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> Floats:
     return norm(subtract(along(p, d1, s), along(a, d2, t)))
 
 
-def segment_triangle_distance(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Floats:
+def segment_triangle_distance(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Any:
     """The distance of segment pq and triangle abc; zero where they meet.
 
     Notes

@@ -119,11 +119,7 @@ def solve(
         left = np.take_along_axis(inner, first, 1)[:, 0]
         right = np.take_along_axis(inner, first + 1, 1)[:, 0]
     limits = []
-    for low, high, above in zip(left, right, rises):
-        value = float(high if above else low)
-        limits.append(
-            Limit(
-                value, bool(above), condition.evaluate(mechanism.with_parameters(**{parameter: np.array([value])}), 1)
-            )
-        )
+    for value, above in zip(np.where(rises, right, left).tolist(), rises.tolist()):
+        at_limit = mechanism.with_parameters(**{parameter: np.array([value])})
+        limits.append(Limit(value, above, condition.evaluate(at_limit, 1)))
     return limits, bool(holds[0])
