@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks import growth, report
 
-TO_COME = {"chain", "knotter", "lift"}
+TO_COME = {"chain", "lift"}
 """Results whose benchmarks do not use `report` yet."""
 NAMES = sorted({path.stem for path in report.RESULTS.glob("*.json")} - TO_COME)
 
