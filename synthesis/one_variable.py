@@ -6,6 +6,7 @@ Every solver works on arrays and treats each member by itself: a batch gives to 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np

@@ -100,7 +100,7 @@ class Table:
         knots, angles = np.array(self.driver), np.array(self.angle)
         if self.kind == "linear" or len(knots) == 2:
             return np.stack([np.diff(angles) / np.diff(knots), angles[:-1]])
-        from scipy.interpolate import PchipInterpolator  # type: ignore[import-untyped]
+        from scipy.interpolate import PchipInterpolator
 
         return PchipInterpolator(knots, angles).c
 
