@@ -320,7 +320,7 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
     """In words where numbers come from: each machine, commit and command once."""
 
     words = {"processor": str, "cores": "{} cores".format, "memory_bytes": size}
-    words |= {name: f"{name} {{}}".format for name in ("python", "numpy")}
+    words |= {"python": "Python {}".format, "numpy": "numpy {}".format}
     machines = dict.fromkeys(
         ", ".join(say(one["machine"][name]) for name, say in words.items() if name in one["machine"])
         for one in stamps
