@@ -175,7 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     resources = prepared_service()
     answer(make_case("plain", 0).request, resources, Times())
     stamp = report.stamp()
-    measured = report.load("acceptance")["parts"] if report.stored("acceptance") else {}
+    measured = report.load("acceptance")["parts"] if (report.RESULTS / "acceptance.json").exists() else {}
     for part in options.classes:
         cases = min(options.cases, FEWER.get(part, options.cases))
         found = measure_limits(cases, resources) if part == LIMITS else measure_class(part, cases, resources)
