@@ -185,7 +185,7 @@ def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeR
     from synthesis.lift.published import published_for
 
     task = _task(request.cylinder, request)
-    optimum = optimize(task, clock_of(resources))
+    optimum = optimize(task, resources.work())
     published = published_for(task, optimum)
     beside = None
     if published:
@@ -216,7 +216,7 @@ def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
             raise FieldError("/objective/n", message, constraint="batch_steps", amount=steps - MAX_BATCH_STEPS)
     tasks = [_task(cylinder, request) for cylinder in request.cylinders]
     rows = []
-    for cylinder, task, found in zip(request.cylinders, tasks, optimize_batch(tasks, clock_of(resources))):
+    for cylinder, task, found in zip(request.cylinders, tasks, optimize_batch(tasks, resources.work())):
         if isinstance(found, FieldError):
             reason = {name: found.details.get(name) for name in ("constraint", "amount")}
             row = {"status": "infeasible", "detail": found.message, **reason}
@@ -302,9 +302,3 @@ QUERIES = (
         },
     ),
 )
-
-
-def clock_of(resources: Resources) -> Any:
-    """Seconds of a watch over this request."""
-    work = resources.work()
-    return lambda: work.elapsed

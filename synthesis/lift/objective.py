@@ -10,7 +10,6 @@ Numbers in parentheses are the equations of the source named in `synthesis.lift.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -32,6 +31,7 @@ from synthesis.lift.pose import (
     triangle_angle,
 )
 from synthesis.one_variable import EPSILON, Floats, bisect
+from synthesis.work import Work
 
 Kind = Literal["discrete", "continuous", "normalized"]
 
@@ -146,12 +146,12 @@ def driven_speed(pose: Pose, cylinder: Cylinder) -> Any:
 class Evaluator:
     """The objective of a task for batches of designs; counts what it evaluates.
 
-    ``checkpoint`` is called before each block of designs: what it raises ends a long evaluation.
+    ``work`` is asked before each block of designs whether the answer is still wanted.
     """
 
-    def __init__(self, task: Task, checkpoint: Callable[[], object] = lambda: None) -> None:
+    def __init__(self, task: Task, work: Work | None = None) -> None:
         self.task = task
-        self.checkpoint = checkpoint
+        self.work = work or Work()
         self.evaluations = 0
         objective = task.objective
         if objective.kind == "discrete":
@@ -176,7 +176,7 @@ class Evaluator:
         return by_blocks(self._moments, max(1, BLOCK // self._weights.size), *design.as_tuple(), gamma)
 
     def _moments(self, *fields: Floats) -> Floats:
-        self.checkpoint()
+        self.work.check()
         self.evaluations += fields[0].size
         task = self.task
         *lengths, gamma = (field[:, None] for field in fields)

@@ -10,7 +10,7 @@ explained in `synthesis.lift.objective`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from synthesis.lift.motion import travel_time
 from synthesis.lift.objective import OPEN_END, Evaluator, Task, design_from_angle, driven_speed, equation_residuals
 from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_turn
 from synthesis.one_variable import Floats, closer_looks
+from synthesis.work import Work
 
 ARM_NODES = 48
 """Values of l2 in each of the even and the geometric grid of the global search."""
@@ -60,12 +61,12 @@ class Optimum:
     evaluations: int
 
 
-def optimize(task: Task, checkpoint: Callable[[], object] = lambda: None) -> Optimum:
+def optimize(task: Task, work: Work | None = None) -> Optimum:
     """The global optimum of a task; deterministic, no random start.
 
     Global: the best gamma for each of about a hundred values of l2 (even and geometric grid). Local: the best few
-    valleys are narrowed around their best l2, each value again with its best gamma. ``checkpoint`` is called all the
-    time; what it raises ends the search.
+    valleys are narrowed around their best l2, each value again with its best gamma. ``work`` is asked
+    between steps whether the answer is still wanted.
 
     Raises
     ------
@@ -78,12 +79,10 @@ def optimize(task: Task, checkpoint: Callable[[], object] = lambda: None) -> Opt
     """
     check_task(task)
     unit = _unit_task(task)
-    return _answer(_optimize_at_unit_speed(unit, checkpoint), unit, task)
+    return _answer(_optimize_at_unit_speed(unit, work or Work()), unit, task)
 
 
-def optimize_batch(
-    tasks: Sequence[Task], checkpoint: Callable[[], object] = lambda: None
-) -> list[Optimum | FieldError]:
+def optimize_batch(tasks: Sequence[Task], work: Work | None = None) -> list[Optimum | FieldError]:
     """The optima of many tasks, each or the error that says why there is none.
 
     Tasks that differ only in the time scale (same a / v^2) share one search.
@@ -100,7 +99,7 @@ def optimize_batch(
         unit = _unit_task(task)
         if unit not in known:
             try:
-                known[unit] = _optimize_at_unit_speed(unit, checkpoint)
+                known[unit] = _optimize_at_unit_speed(unit, work or Work())
             except FieldError as error:
                 known[unit] = error
         found = known[unit]
@@ -137,10 +136,10 @@ def _answer(found: Optimum, unit: Task, task: Task) -> Optimum:
     )
 
 
-def _optimize_at_unit_speed(task: Task, checkpoint: Callable[[], object]) -> Optimum:
-    checkpoint()  # one without an admissible design evaluates nothing
+def _optimize_at_unit_speed(task: Task, work: Work) -> Optimum:
+    work.check()  # one without an admissible design evaluates nothing
     drive = task.cylinder
-    evaluator = Evaluator(task, checkpoint)
+    evaluator = Evaluator(task, work)
     low, high = arm_range(task)
     span = high - low
     if not span > 0:
