@@ -1,9 +1,10 @@
 # First stage: the environment and the atlas. Second stage: both, and nothing that builds.
 FROM python:3.12-slim AS build
 WORKDIR /src
-COPY pyproject.toml constraints.txt README.md LICENSE linkage_atlas.py ./
+COPY pyproject.toml constraints.txt README.md LICENSE ./
 COPY synthesis synthesis
 COPY data_build data_build
+COPY linkage_atlas linkage_atlas
 COPY app app
 RUN python -m venv /opt/linkage-atlas \
  && /opt/linkage-atlas/bin/pip install --no-cache-dir --disable-pip-version-check -c constraints.txt .

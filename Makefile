@@ -12,6 +12,7 @@ PORT ?= 8000
 
 help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
+	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
 	@echo "make test       style and the default tests (about five minutes)"
 	@echo "make fault      the slow destructive tests: kills, bit flips"
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
@@ -44,9 +45,7 @@ run: $(READY) $(ATLAS)
 	@echo
 	@$(BIN)/linkage-atlas serve --atlas $(ATLAS) --host $(HOST) --port $(PORT)
 
-test: $(READY)
-	$(BIN)/python -m ruff check .
-	$(BIN)/python -m ruff format --check .
+test: lint
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 fault: $(READY)
@@ -55,6 +54,8 @@ fault: $(READY)
 lint: $(READY)
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
+	$(BIN)/python -m mypy
+	$(BIN)/oxlint app/static
 
 bench: $(READY) $(ATLAS)
 	@echo "Needs 17 GB of memory (the flat index and seven million types), 3 GB of disk for temporary files, the packages of the"

@@ -7,31 +7,26 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from app.queries import all_queries
 from app.query import Query
+from app.registry import all_queries
 from app.resources import ServiceResources
 from app.settings import Settings
-from synthesis.errors import AtlasError, AtlasFault, FieldError
+from linkage_atlas import BATCH_COMMANDS, AtlasError, AtlasFault, FieldError, __version__, run_batch
 
 EXIT_OK, EXIT_USAGE, EXIT_DAMAGED, EXIT_INTERRUPTED = 0, 2, 3, 130
 
 
-def main(argv: Sequence[str], others: Mapping[str, str], version: str) -> int:
-    """Run one query command; returns the exit code (0 ok, 2 bad request, 3 damaged data, 130 interrupted).
-
-    Parameters
-    ----------
-    argv : sequence of str
-    others : mapping
-        Commands that another floor runs, with their help: listed here so that the user finds them.
-    version : str
-    """
-    parser = _parser(others, version)
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code (0 ok, 1 failed, 2 bad request, 3 damaged data, 130 interrupted)."""
+    argv = sys.argv[1:] if argv is None else argv
+    if argv and argv[0] in BATCH_COMMANDS:
+        return run_batch(argv)
+    parser = _parser()
     if not argv:
         parser.print_help(sys.stderr)
         return EXIT_USAGE
@@ -61,11 +56,11 @@ def main(argv: Sequence[str], others: Mapping[str, str], version: str) -> int:
         return EXIT_USAGE
 
 
-def _parser(others: Mapping[str, str], version: str) -> argparse.ArgumentParser:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="linkage-atlas", description="Finds planar linkages for a required motion.")
-    parser.add_argument("--version", action="version", version=f"%(prog)s {version}")
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for name, text in others.items():
+    for name, text in BATCH_COMMANDS.items():
         commands.add_parser(name, help=text)
     groups: dict[str, argparse._SubParsersAction] = {}
     for query in all_queries():

@@ -10,14 +10,14 @@ from typing import Annotated, Any, Literal
 from fastapi import FastAPI, Request, Response
 from fastapi import Path as PathParameter
 
-import linkage_atlas
-from app import export, page, problems
-from app.queries import all_queries, worked_example
+import linkage_atlas as la
+from app import page, problems
+from app.fourbar import export
 from app.query import Export, Query, ReplyModel
+from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile
-from synthesis.fourbar.kinematics import family
 
 
 def create_app(settings: Settings | None = None, resources: ServiceResources | None = None) -> FastAPI:
@@ -31,7 +31,7 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
         resources.prepare()
         stopping = threading.Event()
         behind = threading.Thread(target=resources.prepare_positions, args=[stopping])
-        behind.start()  # the service is ready without it
+        behind.start()  # the service is ready meanwhile
         try:
             yield
         finally:
@@ -40,7 +40,7 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
 
     app = FastAPI(
         title="linkage-atlas",
-        version=linkage_atlas.__version__,
+        version=la.__version__,
         summary="Finds planar linkages for a required motion.",
         lifespan=lifespan,
         redirect_slashes=False,
@@ -96,28 +96,17 @@ class AtlasTypeReply(ReplyModel):
 def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
     @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_problems(503))
     def atlas() -> AtlasReply:
-        return AtlasReply(**resources.atlas.describe())
+        return AtlasReply(**resources.describe_atlas())
 
     answers = _problems(404, 422, 503)
 
     @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=answers)
     def dimension_type(number: Annotated[int, PathParameter(ge=1, le=2**53)]) -> AtlasTypeReply:
         """Lengths, family and the Haar average and details of the coupler rotation over the whole turn."""
-        stored = resources.atlas.atlas
-        if number > len(stored):
-            raise problems.NotFound(f"there is no type {number}: the atlas has types 1 to {len(stored)}")
-        row = number - 1
-        return AtlasTypeReply(
-            number=number,
-            lengths=stored.lengths[row].tolist(),
-            family=str(family(stored.lengths[row])),
-            samples=stored.rule.samples,
-            winding=int(stored.winding[row]),
-            normalisation="mean",
-            unit="rad",
-            average=float(stored.average[row]),
-            details=stored.details[row].tolist(),
-        )
+        try:
+            return AtlasTypeReply(**resources.atlas.details_of(number))
+        except la.FieldError as error:
+            raise problems.NotFound(error.message) from None
 
 
 def _add_health_routes(app: FastAPI, resources: ServiceResources) -> None:

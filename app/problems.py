@@ -19,7 +19,7 @@ from starlette.exceptions import HTTPException
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 from starlette.types import Receive, Scope, Send
 
-from synthesis.errors import AtlasError, FieldError
+from linkage_atlas import AtlasError, Cancelled, FieldError
 
 MAX_ERRORS = 20
 """Errors listed in one reply; a request of a thousand wrong numbers needs no thousand lines."""
@@ -52,10 +52,6 @@ SCHEMA: dict[str, Any] = {
 
 class Overloaded(Exception):
     """More requests wait than the service lets wait."""
-
-
-class ClientGone(Exception):
-    """Nobody waits for this answer any more."""
 
 
 class NotFound(Exception):
@@ -150,8 +146,8 @@ def install(app: FastAPI) -> None:
     async def _overloaded(_: Request, __: Overloaded) -> Response:
         return problem(503, "too many requests are waiting", headers={"Retry-After": "1"})
 
-    @app.exception_handler(ClientGone)
-    async def _gone(_: Request, __: ClientGone) -> Response:
+    @app.exception_handler(Cancelled)
+    async def _gone(_: Request, __: Cancelled) -> Response:
         return Response(status_code=499)  # nobody reads it; the number is the one that proxies log
 
     @app.exception_handler(HTTPException)

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict
 
+from linkage_atlas import Atlas, Work
+
 Number = Annotated[float, Strict(), AllowInfNan(False)]
 """A finite JSON number; no strings, no booleans, no NaN or infinity."""
 PositiveNumber = Annotated[Number, Field(gt=0)]
@@ -50,19 +52,16 @@ class ReplyModel(BaseModel):
 
 
 class Resources(Protocol):
-    """What an answer may ask for beyond its request; each is made or loaded when it is first asked for."""
+    """What an answer may ask for beyond its request."""
 
     max_budget_ms: float
 
     @property
-    def atlas(self) -> Any: ...
+    def atlas(self) -> Atlas:
+        """The atlas; loaded when it is first asked for."""
 
-    @property
-    def levels(self) -> Any: ...
-
-    def clock(self) -> float:
-        """Seconds of a monotonic clock. Raises where nobody waits for the answer any more: long work asks for the time."""
-        ...
+    def work(self, budget: float | None = None) -> Work:
+        """What watches over an answer's time, in seconds, and over whether anybody still waits for it."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ class Query:
     request, reply : type
         The models of the two bodies.
     answer : callable
-        ``answer(request, resources) -> reply``; raises `synthesis.errors.FieldError` on input that has no answer.
+        ``answer(request, resources) -> reply``; raises `linkage_atlas.FieldError` on input that has no answer.
     table : callable
         ``table(reply) -> str``, the reply as text for a terminal.
     examples : mapping

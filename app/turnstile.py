@@ -1,4 +1,4 @@
-"""Who computes when: a few requests at a time, a few more wait, the rest are refused, and nothing is computed for nobody."""
+"""Who computes when: a few requests at a time, a few more wait, the rest are refused; a client that leaves ends its work."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from fastapi import Request
 
 from app import problems
 from app.query import Resources
+from linkage_atlas import Cancelled, Work
 
 
 class Turnstile:
@@ -28,8 +29,8 @@ class Turnstile:
     ) -> Any:
         """``function(body, resources)`` on a worker thread; the body of ``request`` must have been read.
 
-        Raises `problems.Overloaded` when too many wait already, and `problems.ClientGone` once nobody waits for the
-        answer: instead of the function, or out of it the next time that it asks the clock.
+        Raises `problems.Overloaded` when too many wait already, and `linkage_atlas.Cancelled` once the client has gone:
+        instead of the function, or out of it the next time that it looks at its work.
         """
         # Counted here and not asked of the limiter, which a request joins only after it has let others run: of many that
         # come at once each would see an empty queue.
@@ -54,7 +55,7 @@ class Turnstile:
             finally:
                 watch.cancel()
                 gone.set()  # also where the server gives the request up: the thread then ends soon
-        raise problems.ClientGone
+        raise Cancelled
 
 
 async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScope) -> None:
@@ -65,7 +66,7 @@ async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScop
 
 
 class _Attended:
-    """Resources of one request, whose clock ends the work once the client has gone: every long search asks for the time."""
+    """Resources of one request, whose work is cancelled once the client has gone."""
 
     def __init__(self, resources: Resources, gone: threading.Event) -> None:
         self._resources = resources
@@ -74,7 +75,6 @@ class _Attended:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._resources, name)
 
-    def clock(self) -> float:
-        if self._gone.is_set():
-            raise problems.ClientGone
-        return self._resources.clock()
+    def work(self, budget: float | None = None) -> Work:
+        """A watch that also asks whether the client is still there."""
+        return Work(budget, self._gone.is_set)

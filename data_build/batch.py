@@ -22,8 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
-from synthesis.atlas.file import Atlas, AtlasRule, encode_atlas, generator_versions
+from synthesis.atlas.file import encode_atlas, generator_versions
 from synthesis.atlas.rows import AtlasRows, compute_rows, concatenate
+from synthesis.atlas.table import Atlas, AtlasRule
 from synthesis.fourbar.dimension_types import enumerate_types
 
 SHARD_TYPES = 4096
@@ -188,7 +189,7 @@ def build_atlas(
             raise
         rows = [_rows(payloads.pop(shard)) for shard in range(shards)]
         table = concatenate(rows) if rows else compute_rows(lengths, rule.samples)
-        atlas = Atlas(rule, lengths.astype("<u2"), generator=generator_versions(), **table._asdict())
+        atlas = Atlas(rule=rule, lengths=lengths.astype("<u2"), generator=generator_versions(), **table._asdict())
         replace_file(out, encode_atlas(atlas), durable=True)
         shutil.rmtree(folder)
     return atlas

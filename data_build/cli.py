@@ -16,7 +16,8 @@ from tqdm import tqdm
 
 from data_build.batch import BuildLocked, build_atlas
 from data_build.executors import dask_executor, local_executor
-from synthesis.atlas.file import Atlas, AtlasRule, load_atlas
+from synthesis.atlas.file import load_atlas
+from synthesis.atlas.table import Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from synthesis.errors import FieldError
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
+TURN = 2 * np.pi
 MIN_SAMPLES, MAX_SAMPLES = 3, 1024
 MIN_SPAN = np.deg2rad(0.1)
 """Smallest crank span: below it a curve has no shape that double precision could tell from a line."""
@@ -22,6 +25,56 @@ MAX_ROTATION = 1e6
 """Largest rotation in radians: beyond it double precision keeps fewer than ten digits behind the point."""
 MIN_LENGTH, MAX_LENGTH = 1e-50, 1e50
 """Lengths and coordinates lie between: squares, and quotients of squares, neither over- nor underflow."""
+
+
+class Interval(NamedTuple):
+    """A part of the crank's turn in radians, between two crank angles in either order; arrays are one interval each."""
+
+    first: Any
+    last: Any
+
+    def after(self, start: Any) -> Interval:
+        """The interval moved so that what was crank angle 0 is ``start``."""
+        return Interval(start + self.first, start + self.last)
+
+
+class Mean:
+    """The mean over the samples of a motion, weighted where the request weighs its samples.
+
+    Parameters
+    ----------
+    samples : int
+    weights : ndarray, shape (N,), optional
+        At least 0, at least one above; a sample of weight 0 is missing. Default: all alike.
+    """
+
+    def __init__(self, samples: int, weights: Floats | None = None) -> None:
+        self.samples = samples
+        self.weights = None if weights is None else weights / weights.sum()
+        self.total: float = samples if self.weights is None else 1.0
+        # the square root of a sample's part of the mean: squares of rows times it add up to a mean square
+        self.root: Any = 1 / np.sqrt(samples) if self.weights is None else np.sqrt(self.weights)
+
+    def __call__(self, values: NDArray[Any]) -> Any:
+        """The mean over the last axis."""
+        return values.mean(axis=-1) if self.weights is None else values @ self.weights
+
+    def weighted(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values (..., N) such that their sum over ``total`` is the mean."""
+        return values if self.weights is None else values * self.weights
+
+    def product(self, values: NDArray[Any], column: NDArray[Any]) -> Any:
+        """The mean of rows (..., N) times a column (N,)."""
+        return values @ self.weighted(column) / self.total
+
+    def spread(self, values: NDArray[Any]) -> Any:
+        """Root mean square of values less their mean, over the last axis."""
+        rest = values - np.expand_dims(self(values), -1)
+        return np.sqrt(self(np.abs(rest) ** 2))
+
+    def given(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values (..., N) with zeros where a sample is missing."""
+        return values if self.weights is None else np.where(self.weights > 0, values, 0.0)
 
 
 @dataclass(frozen=True)
@@ -38,26 +91,74 @@ class Target:
         A point of the body, x + i y.
     length_scale : float
         l of the objective; 1 without positions.
+    rotation_weights, position_weights : ndarray, shape (N,), or None
+        Weight of each sample, 0 for one that is missing; None: all alike.
     """
 
     crank: Floats
     rotation: Floats | None
-    position: NDArray[np.complex128] | None
+    position: Complexes | None
     length_scale: float = 1.0
+    rotation_weights: Floats | None = None
+    position_weights: Floats | None = None
 
     @property
     def samples(self) -> int:
+        """How many samples there are."""
         return self.crank.size
+
+    @cached_property
+    def rotation_mean(self) -> Mean:
+        """The mean over the samples by which rotations are compared."""
+        return Mean(self.samples, self.rotation_weights)
+
+    @cached_property
+    def position_mean(self) -> Mean:
+        """The mean over the samples by which positions are compared."""
+        return Mean(self.samples, self.position_weights)
 
     @cached_property
     def extent(self) -> float:
         """Largest distance of a position from the mean position."""
-        return float(np.max(np.abs(self.position - self.position.mean())))
+        mean = self.position_mean
+        assert self.position is not None
+        return float(np.max(mean.given(np.abs(self.position - mean(self.position)))))
 
     @property
-    def span(self) -> float:
-        """Crank angle from the first to the last sample, signed."""
-        return float(self.crank[-1])
+    def interval(self) -> Interval:
+        """The crank angles that the motion uses, from the first sample."""
+        return Interval(0.0, float(self.crank[-1]))
+
+    @property
+    def clockwise(self) -> bool:
+        """Whether the crank turns clockwise."""
+        return bool(self.crank[-1] < 0)
+
+    def mirrored(self) -> Target:
+        """The target in a mirror (the x axis): the crank turns the other way, and so does the body."""
+        return replace(
+            self,
+            crank=-self.crank,
+            rotation=None if self.rotation is None else -self.rotation,
+            position=None if self.position is None else np.conj(self.position),
+        )
+
+    def thinned(self, most: int) -> Target:
+        """The target at about ``most`` samples at most, both ends kept; evenly among those that count for each part."""
+        if self.samples <= most:
+            return self
+        kept = [np.array([0, self.samples - 1])]
+        for values, weights in ((self.rotation, self.rotation_weights), (self.position, self.position_weights)):
+            if values is not None:
+                given = np.arange(self.samples) if weights is None else np.flatnonzero(weights)
+                kept.append(given[np.round(np.linspace(0, given.size - 1, min(most, given.size))).astype(int)])
+        keep = np.unique(np.concatenate(kept))
+        columns: dict[str, Any] = {name: getattr(self, name) for name in _COLUMNS}
+        columns = {name: None if values is None else values[keep] for name, values in columns.items()}
+        return replace(self, **columns)
+
+
+_COLUMNS = ("crank", "rotation", "position", "rotation_weights", "position_weights")
 
 
 def make_target(
@@ -66,6 +167,8 @@ def make_target(
     crank_span: float | None = None,
     crank_angle: Floats | None = None,
     length_scale: float | None = None,
+    rotation_weights: Floats | None = None,
+    position_weights: Floats | None = None,
 ) -> Target:
     """A checked `Target`.
 
@@ -79,6 +182,12 @@ def make_target(
         In place of ``crank_span``: angles from any zero; what counts is the increment from the first.
     length_scale : float, optional
         Default: the largest distance of a position from the mean position.
+    rotation_weights, position_weights : ndarray, shape (N,), optional
+        At least 0 and somewhere above it; a sample of weight 0 is missing, whatever its value. Default: all alike.
+
+    Returns
+    -------
+    Target
 
     Raises
     ------
@@ -88,7 +197,9 @@ def make_target(
     named = {"rotation": rotation, "position": position, "crank_angle": crank_angle}
     if position is not None:
         named["position"] = np.asarray(position, dtype=complex)
-    given = {name: np.asarray(values) for name, values in named.items() if values is not None}
+    given: dict[str, NDArray[Any]] = {
+        name: np.asarray(values) for name, values in named.items() if values is not None
+    }
     if rotation is None and position is None:
         raise FieldError("", "give `rotation`, `position` or both")
     for name, values in given.items():
@@ -101,10 +212,15 @@ def make_target(
         raise FieldError(f"/{list(sizes)[-1]}", f"wanted the same number of samples everywhere, but {counted}")
     if rotation is not None and np.any(large := np.abs(given["rotation"]) > MAX_ROTATION):
         raise FieldError(f"/rotation/{int(np.argmax(large))}", f"wanted at most {MAX_ROTATION:g} radians either way")
-    crank = _crank(crank_span, given.get("crank_angle"), next(iter(given.values())).size)
+    samples = next(iter(given.values())).size
+    crank = _crank(crank_span, given.get("crank_angle"), samples)
+    weights = [
+        _weights("rotation", given, rotation_weights),
+        _weights("position", given, position_weights),
+    ]
     scale = 1.0
     if position is not None:
-        scale = _length_scale(given["position"], length_scale)
+        scale = _length_scale(given["position"], Mean(samples, weights[1]), length_scale)
     elif length_scale is not None:
         raise FieldError("/length_scale", "weighs positions, but there are none")
     return Target(
@@ -112,13 +228,31 @@ def make_target(
         given["rotation"].astype(float) if rotation is not None else None,
         given["position"].astype(complex) if position is not None else None,
         scale,
+        *weights,
     )
+
+
+def _weights(name: str, given: dict[str, Any], weights: Floats | None) -> Floats | None:
+    """Checked weights of a part of the motion; None where all are alike."""
+    if weights is None:
+        return None
+    if name not in given:
+        raise FieldError(f"/weights/{name}", f"weighs `{name}`, but there is none")
+    values = np.asarray(weights, dtype=float)
+    if values.shape != given[name].shape:
+        raise FieldError(f"/weights/{name}", f"wanted {given[name].size} weights, found {values.size}")
+    if np.any(bad := ~((values >= 0) & np.isfinite(values))):
+        raise FieldError(f"/weights/{name}/{int(np.argmax(bad))}", "wanted a finite weight of at least 0")
+    if not np.any(values > 0):
+        raise FieldError(f"/weights/{name}", "wanted at least one weight above 0")
+    return None if np.all(values == values[0]) else values
 
 
 def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -> Floats:
     if (crank_span is None) == (crank_angle is None):
         raise FieldError("/crank_span", "give either `crank_span` or `crank_angle`")
     if crank_angle is None:
+        assert crank_span is not None
         if not np.isfinite(crank_span):
             raise FieldError("/crank_span", "wanted a finite number")
         field, crank = "/crank_span", np.linspace(0.0, float(crank_span), samples)
@@ -138,12 +272,13 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
     return crank
 
 
-def _length_scale(position: NDArray[np.complex128], length_scale: float | None) -> float:
+def _length_scale(position: Complexes, mean: Mean, length_scale: float | None) -> float:
+    position = mean.given(position)
     largest = float(max(np.max(np.abs(position.real)), np.max(np.abs(position.imag))))
     for field, length in (("/position", largest or None), ("/length_scale", length_scale)):
         if length is not None and not MIN_LENGTH <= length <= MAX_LENGTH:
             raise FieldError(field, f"wanted lengths between {MIN_LENGTH:g} and {MAX_LENGTH:g}")
-    spread = float(np.max(np.abs(position - position.mean())))
+    spread = float(np.max(mean.given(np.abs(position - mean(position)))))
     if spread <= 64 * np.finfo(float).eps * largest:
         raise FieldError("/position", "all positions are the same point: a motion without extent fixes no linkage")
     return float(length_scale) if length_scale is not None else spread

@@ -177,7 +177,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     from synthesis.knotter import machine as knotter
     from synthesis.knotter.study import study
 
-    start = resources.clock()
+    work = resources.work()
     angles = _Angles(request.angle_unit)
     given = _given(request.grid)
     grid = {
@@ -219,7 +219,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
         pairs=rows,
         feasible=feasible,
         **_provenance(request, set(given)),
-        report=Report(pairs=pairs, elapsed_ms=1e3 * (resources.clock() - start)),
+        report=Report(pairs=pairs, elapsed_ms=1e3 * work.elapsed),
     )
 
 

@@ -1,15 +1,18 @@
-// The canvas: poses that are dragged and turned, the pivot box, and the chosen linkage over them.
+// The canvas of the motion editor: draggable poses, the pivot box, and the selected linkage drawn over them.
 
 import { LinkageShape, View, make, pathData, put, roundStep, text } from "./drawing.js";
 
-const ARM = 30;
+const ARM = 30; // pixels from the selected pose to the handle that turns it
 const HELP = {
-  move: "Drag a pose, or its ring to turn it. Keys: arrows move, [ and ] turn, Page Up and Down choose, Delete removes.",
-  add: "Click where the next pose shall be.",
-  box: "Drag a box in which both fixed pivots must lie; its corners move it.",
+  move: "Drag a pose, or the end of its arm to turn it. Keys: arrows move, [ and ] turn, Page Up and Down select, Delete removes.",
+  add: "Click the place of the next pose.",
+  box: "Drag a box that must contain both fixed pivots; drag its corners to change it.",
 };
 
-/** What the canvas does to the motion goes through `edit(change, kind)` and `settle()`; `choose(k)` selects a pose. */
+/**
+ * Changes the motion only through `actions`: `edit(change, kind)`, `settle()` at the end of a drag, `choose(k)`, `add(at)`,
+ * `remove(k)`. `stale` says that the linkage belongs to an earlier motion; it is drawn dimmed.
+ */
 export class Board {
   constructor(svg, help, actions) {
     Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, stale: false });
@@ -39,7 +42,7 @@ export class Board {
     const wider = width !== this.view.width;
     Object.assign(this.view, { width, height });
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    // a height that follows the table beside it must not move what is being drawn
+    // a change of height alone, as when the table beside the canvas grows, must not move the drawing
     if (wider && this.fitted && this.motion) this.fit();
     else this.draw();
   }
@@ -50,19 +53,20 @@ export class Board {
     this.help.textContent = HELP[mode];
   }
 
-  /** The motion that is shown, and the pose that is chosen. */
+  /** Draws a motion with the pose of index `chosen` selected. */
   show(motion, chosen) {
     this.motion = motion;
     this.chosen = Math.max(0, Math.min(chosen, motion.poses.length - 1));
     this.draw();
   }
 
-  /** The linkage that is shown: null, or {linkage, used, turn, errors}. */
+  /** Draws the curves and errors of a linkage, {used, turn, errors}; null removes them. */
   showLinkage(found) {
     this.linkage = found;
     this.draw();
   }
 
+  /** Draws the linkage itself at joints of `Linkage.at`; null where it does not close. */
   showJoints(joints) {
     this.joints = joints;
     this.shape.show(this.linkage ? joints : null, this.view);
@@ -187,7 +191,7 @@ export class Board {
       put(parts.turnHit, { cx: ax, cy: ay, visibility: chosen && turning ? "inherit" : "hidden" });
       const named = chosen || k === 0 || k === last;
       parts.label.textContent = named ? String(k + 1) : "";
-      // beside the arm, on the side away from it
+      // on the side of the pose that its arm does not point to
       put(parts.label, { x: -11 * Math.cos(turn + 0.6), y: 11 * Math.sin(turn + 0.6) + 4 });
     });
   }
@@ -210,7 +214,7 @@ export class Board {
     return [event.clientX - frame.left - this.svg.clientLeft, event.clientY - frame.top - this.svg.clientTop];
   }
 
-  /** World coordinates of a pointer, rounded to what a pixel can say. */
+  /** World coordinates of a pixel, rounded to the power of ten below a pixel's size. */
   place(px, py) {
     const unit = 10 ** Math.floor(Math.log10(1 / this.view.scale));
     return this.view.world(px, py).map((value) => Number((Math.round(value / unit) * unit).toPrecision(12)));
@@ -241,7 +245,7 @@ export class Board {
         if (turning) {
           const [x, y] = this.view.at([moved.x, moved.y]);
           const angle = (Math.atan2(y - qy, qx - x) * 180) / Math.PI;
-          // the nearest of the same angle's turns: a rotation is continuous
+          // whole turns are kept: of the equal directions the one nearest to the present angle
           moved.angle = Number((angle + 360 * Math.round((moved.angle - angle) / 360)).toFixed(1));
         } else {
           const to = this.place(qx, qy);
@@ -276,6 +280,7 @@ export class Board {
     }, "box"));
   }
 
+  /** Calls `move(px, py)` while the pointer is held, then `actions.settle`. */
   follow(event, move) {
     event.preventDefault();
     const { pointerId } = event;

@@ -1,6 +1,6 @@
-// Curves, drawn by the vendored uPlot in the page's colours.
+// Line charts over a shared abscissa, drawn by the vendored uPlot in the page's colours.
 
-/* global uPlot */
+import { text } from "./drawing.js";
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
@@ -12,13 +12,13 @@ function axis(more = {}) {
 }
 
 const degrees = (u, values) => values.map((value) => `${Number(value.toFixed(6))}°`);
-const brief = (value) => (value === 0 ? "0" : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3 ? value.toExponential(0).replace("+", "") : String(Number(value.toPrecision(4))));
+const brief = (value) => (value === 0 ? "0" : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3 ? Number(value.toPrecision(2)).toExponential().replace("+", "") : String(Number(value.toPrecision(4))));
 
 const decades = (u, splits) => splits.map((value) => (Math.abs(Math.log10(value) % 1) < 1e-9 ? value : null));
 
 /**
- * A chart in `host`. `series` are {values, colour, points, width, dash}; `x` are shared abscissas.
- * Returned: the uPlot, with `mark(x)` that moves its upright line.
+ * A chart that fills `host`. `x` holds the abscissas, `series` are {values, colour, points, steps, size, width, dash};
+ * null values are gaps. Returns the uPlot with a method `mark(x)`, which moves the vertical line.
  */
 export function chart(host, { x, series, height = 130, degreesX = true, degreesY = false, logY = false, range = null, splits = null, xName = "" }) {
   host.replaceChildren();
@@ -59,7 +59,19 @@ export function chart(host, { x, series, height = 130, degreesX = true, degreesY
   return plot;
 }
 
-/** Calls `draw` again when the page changes between light and dark or an element of width zero gets one. */
+/** A chart below a heading, added to `host`. Screen readers get the heading and the range of the first series. */
+export function titledChart(host, title, options) {
+  const block = document.createElement("div"), box = document.createElement("div");
+  const values = options.series[0].values.filter((value) => value !== null);
+  box.className = "chart";
+  box.setAttribute("role", "img");
+  box.setAttribute("aria-label", `${title}: from ${text(Math.min(...values), 4)} to ${text(Math.max(...values), 4)}`);
+  block.append(Object.assign(document.createElement("h3"), { className: "note", textContent: title }), box);
+  host.append(block);
+  return chart(box, options);
+}
+
+/** Calls `draw` when the page changes between light and dark, and when the width of `host` changes to other than 0. */
 export function redrawOn(host, draw) {
   let width = host.clientWidth;
   new ResizeObserver(() => {

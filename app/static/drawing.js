@@ -1,4 +1,4 @@
-// SVG drawing in world coordinates, y up: views, linkages, curves.
+// SVG drawing in world coordinates (y up): elements, views, paths, linkages; and numbers as text.
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -13,7 +13,7 @@ export function put(element, attributes) {
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
 }
 
-/** World to pixels and back. */
+/** The mapping between world coordinates and pixels: centre `cx`, `cy` and `scale` in pixels per unit. */
 export class View {
   constructor(width, height) {
     Object.assign(this, { width, height, cx: 0, cy: 0, scale: 1 });
@@ -27,7 +27,7 @@ export class View {
 
   world(px, py) { return [(px - this.width / 2) / this.scale + this.cx, (this.height / 2 - py) / this.scale + this.cy]; }
 
-  /** Shows all points, with a border of `pad` pixels. */
+  /** Fits all points into the view with a border of `pad` pixels. */
   fit(points, pad) {
     const good = points.filter((p) => p && Number.isFinite(p[0]) && Number.isFinite(p[1]));
     if (!good.length) good.push([-60, -40], [60, 40]);
@@ -50,7 +50,7 @@ export class View {
 
 const short = (value) => Math.round(value * 100) / 100;
 
-/** Path data through points; a null point lifts the pen. */
+/** Path data of a polyline; a null point interrupts it. */
 export function pathData(points, view) {
   let data = "", pen = "M";
   for (const point of points) {
@@ -67,7 +67,7 @@ export function roundStep(least) {
   return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= least * 0.999999);
 }
 
-/** A number in as few characters as say it. */
+/** A number rounded to `digits` digits, in exponential notation where it is very large or small. */
 export function text(value, digits = 6) {
   if (value === null || value === undefined) return "–";
   if (value === 0) return "0";
@@ -76,7 +76,7 @@ export function text(value, digits = 6) {
   return size >= 1e7 || size < 1e-4 ? rounded.toExponential() : String(rounded);
 }
 
-/** The elements of one linkage; `detail` false leaves the pins small. */
+/** The SVG elements of one linkage; `detail` false makes small pins and leaves the body's direction out. */
 export class LinkageShape {
   constructor(parent, detail = true) {
     this.group = make("g", { "aria-hidden": "true", class: detail ? "large" : "small" }, parent);
@@ -91,7 +91,7 @@ export class LinkageShape {
     this.detail = detail;
   }
 
-  /** Draws the joints of `Linkage.at`; null hides it. */
+  /** Draws the linkage at joints of `Linkage.at`; null hides it. */
   show(joints, view) {
     this.group.setAttribute("visibility", joints ? "visible" : "hidden");
     if (!joints) return;
@@ -112,7 +112,7 @@ export class LinkageShape {
   }
 }
 
-/** A small still picture of a linkage with its path. */
+/** A small picture of a linkage at the first sample where it closes, with the path of its body point. */
 export function thumbnail(linkage, spanRadians, targets, width = 160, height = 112) {
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" });
   const view = new View(width, height);

@@ -1,8 +1,8 @@
-// A form from a request's JSON schema: what is left blank is left out, and the service's default holds.
+// Builds a form from the JSON schema of a request and reads the request back; a blank field is left out of it.
 
 const label = (name) => name.replaceAll("_", " ");
 
-/** A schema without references and without the null of optional values. */
+/** A schema with its references resolved and without the null alternative of optional values. */
 function plain(schema, root) {
   if (schema.$ref) return plain({ ...root.$defs[schema.$ref.split("/").at(-1)], ...Object.fromEntries(Object.entries(schema).filter(([key]) => key !== "$ref")) }, root);
   const kinds = (schema.anyOf ?? []).filter((kind) => kind.type !== "null");
@@ -45,7 +45,7 @@ function reader(name, parse) {
     } catch {
       control.classList.add("invalid");
       control.focus();
-      throw new Error(`${label(name)}: '${entered.slice(0, 40)}' cannot be read.`);
+      throw new Error(`${label(name)}: '${entered.slice(0, 40)}' cannot be read as a value.`);
     }
   };
 }
@@ -99,7 +99,7 @@ export function buildForm(host, schema, example) {
   const readers = entries.map(([name, kind]) => {
     const part = document.createElement("div");
     const read = build(part, name, kind, example[name], schema);
-    // what the example does not use waits behind a fold
+    // optional parameters that the example does not set go into the folded part
     if (example[name] === undefined && !(schema.required ?? []).includes(name)) far.push(part);
     else host.append(part);
     return [name, read];
@@ -115,7 +115,7 @@ export function buildForm(host, schema, example) {
   return () => {
     const values = readers.map(([name, read]) => [name, read()]).filter(([, found]) => found !== undefined);
     const known = Object.fromEntries(values);
-    // an explicit null of the example says something else than leaving out: kept while its control stays blank
+    // null differs from leaving out: a null of the example is sent as long as its field is blank
     for (const [name, value] of Object.entries(example)) if (value === null && !(name in known)) known[name] = null;
     return known;
   };

@@ -1,4 +1,4 @@
-// Kinematics of the planar four-bar in the browser: the same cancellation-free form as synthesis/fourbar/kinematics.py.
+// Kinematics of the planar four-bar: the closed form of synthesis/fourbar/kinematics.py, for drawing in the browser.
 // Lengths L1 crank, L2 coupler, L3 rocker, L4 ground; radians, counter-clockwise from the ground line A->B.
 
 const TURN = 2 * Math.PI;
@@ -8,13 +8,13 @@ function twoSum(a, b) {
   return [total, a - (total - part) + (b - part)];
 }
 
-/** (a + b) - (c + d) to nearly full relative accuracy. */
+/** (a + b) - (c + d) with the rounding errors of both sums taken into account. */
 function pairDifference(a, b, c, d) {
   const [left, leftError] = twoSum(a, b), [right, rightError] = twoSum(c, d);
   return left - right + (leftError - rightError);
 }
 
-/** Lengths over a power of two near the longest; null unless all are finite and positive. */
+/** Lengths divided by a power of two near the longest; null unless all are finite and positive. */
 function scaled(links) {
   if (!links.every((value) => Number.isFinite(value) && value > 0)) return null;
   const exponent = Math.floor(Math.log2(Math.max(...links))) + 1;
@@ -23,7 +23,7 @@ function scaled(links) {
   return links.map((value) => (value * 2 ** -half) * 2 ** -(exponent - half));
 }
 
-export function grashofExcesses([l1, l2, l3, l4]) {
+function grashofExcesses([l1, l2, l3, l4]) {
   return [pairDifference(l2, l4, l1, l3), pairDifference(l3, l4, l1, l2), pairDifference(l2, l3, l1, l4)];
 }
 
@@ -39,9 +39,9 @@ export function family(links) {
   return "triple_rocker";
 }
 
-export const turnsFully = (links) => ["crank_rocker", "double_crank"].includes(family(links));
+const turnsFully = (links) => ["crank_rocker", "double_crank"].includes(family(links));
 
-/** The loop at a crank angle: {coupler, rocker, transmission}, or null where the links do not close. */
+/** Angles of the loop at a crank angle, {coupler, rocker, transmission}; null where the links do not close. */
 export function closeLoop(links, branch, angle) {
   const unit = scaled(links);
   if (!unit || !Number.isFinite(angle)) return null;
@@ -75,14 +75,14 @@ export function closeLoop(links, branch, angle) {
   };
 }
 
-/** An angle curve's whole turns, so that the first sample lies in (-pi, pi]. */
+/** The whole turns to subtract from an angle curve so that its first sample lies in (-pi, pi]. */
 function principalShift(first) {
   return TURN * Math.round((first - Math.atan2(Math.sin(first), Math.cos(first))) / TURN);
 }
 
 /**
- * A solution of the service, ready to be moved. `solution` has angles in degrees.
- * at(travel): joints when the crank has turned by `travel` radians from the first sample; null where it does not close.
+ * The linkage of a solution in the service's reply, whose angles are in degrees.
+ * at(travel): its joints after the crank has turned by `travel` radians from the first sample; null where it does not close.
  */
 export class Linkage {
   constructor(solution) {
@@ -124,7 +124,7 @@ export class Linkage {
     };
   }
 
-  /** Joints at even steps between two travels; nulls where the loop does not close. */
+  /** Joints at steps + 1 even travels from `first` to `last`; nulls where the loop does not close. */
   over(first, last, steps = 180) {
     return Array.from({ length: steps + 1 }, (_, k) => this.at(first + ((last - first) * k) / steps));
   }

@@ -1,4 +1,4 @@
-// The motion that is asked for: poses, crank angles, limits. Plain values, with undo and redo, to and from requests and CSV.
+// The requested motion as plain values: poses, crank angles, limits; its requests, CSV and links; its undo history.
 
 const LIMITS = { family: "full_crank", transmission: 0, box: null, min: null, max: null };
 
@@ -8,19 +8,19 @@ export const emptyMotion = () => ({
 
 const clone = (value) => JSON.parse(JSON.stringify(value));
 
-/** Travel of the crank from the first pose to each pose in degrees, unsigned. */
+/** The crank's travel from the first pose to each pose, in degrees, without sign. */
 export function travels(motion) {
   const last = motion.poses.length - 1;
   if (motion.even || last < 1) return motion.poses.map((_, k) => (last < 1 ? 0 : (motion.span * k) / last));
   return motion.poses.map((pose) => pose.t);
 }
 
-/** Crank angles written into the poses, as the first step to uneven ones. */
+/** Writes the crank angles into the poses, where they can then be changed one by one. */
 export function fixTravels(motion) {
   travels(motion).forEach((t, k) => { motion.poses[k].t = t; });
 }
 
-/** Uneven crank angles moved to begin at 0 and end at the span. */
+/** Shifts and scales uneven crank angles so that they run from 0 to `span`. */
 export function scaleTravels(motion, span) {
   const poses = motion.poses;
   const first = poses[0]?.t ?? 0, now = (poses.at(-1)?.t ?? 0) - first;
@@ -28,7 +28,7 @@ export function scaleTravels(motion, span) {
   motion.span = span;
 }
 
-/** What keeps a motion from being solved, as [sentence, field id]; null if nothing. */
+/** The reason why a motion cannot be solved, as [sentence, field id]; null if there is none. */
 export function fault(motion) {
   const { poses } = motion;
   if (poses.length < 3) return [`A motion needs at least three poses; there ${poses.length === 1 ? "is 1" : `are ${poses.length}`}.`, "add-row"];
@@ -36,10 +36,10 @@ export function fault(motion) {
   if (!(motion.span >= 0.1 && motion.span <= 3600)) return ["The crank must turn by 0.1 to 3600 degrees.", "span"];
   if (!motion.even) {
     const bad = poses.findIndex((pose, k) => k > 0 && !(pose.t > poses[k - 1].t));
-    if (bad > 0) return [`Crank angles must rise: pose ${bad + 1} does not go on from pose ${bad}.`, "poses"];
+    if (bad > 0) return [`Crank angles must increase: that of pose ${bad + 1} is not larger than that of pose ${bad}.`, "poses"];
   }
   const box = motion.limits.box;
-  if (box && !(box[0] <= box[2] && box[1] <= box[3])) return ["The pivot box needs left below right and bottom below top.", "box-0"];
+  if (box && !(box[0] <= box[2] && box[1] <= box[3])) return ["The pivot box needs left less than right and bottom less than top.", "box-0"];
   return null;
 }
 
@@ -65,17 +65,17 @@ export function toRequest(motion) {
 
 const isNumbers = (list) => Array.isArray(list) && list.every(Number.isFinite);
 
-/** The motion that a request asks for. Throws Error for what is no request. */
+/** The motion of a request. Throws Error for anything that is not a request. */
 export function fromRequest(body) {
   const { rotation, position, crank_span, crank_angle, limits = {}, round_to, top, angle_unit, ...extra } = body ?? {};
   const unit = angle_unit === "rad" ? 180 / Math.PI : 1;
   const count = (rotation ?? position)?.length;
   if (!count || (rotation && !isNumbers(rotation)) || (position && !(Array.isArray(position) && position.every((p) => isNumbers(p) && p.length === 2))))
-    throw new Error("This is no request: it has neither a rotation nor positions.");
+    throw new Error("This is not a request: it has neither a rotation nor positions.");
   if (rotation && position && rotation.length !== position.length)
     throw new Error(`There are ${rotation.length} angles and ${position.length} positions.`);
   if (crank_angle && !(isNumbers(crank_angle) && crank_angle.length === count))
-    throw new Error(`Wanted ${count} crank angles.`);
+    throw new Error(`The request has ${count} poses but not ${count} crank angles.`);
   if (!crank_angle && !Number.isFinite(crank_span)) throw new Error("The request has no crank span.");
   const motion = emptyMotion();
   const whole = (crank_angle ? crank_angle.at(-1) - crank_angle[0] : crank_span) * unit;
@@ -104,7 +104,10 @@ export function fromRequest(body) {
 
 const COLUMNS = { crank: "t", crank_angle: "t", theta1: "t", t: "t", x: "x", y: "y", angle: "angle", rotation: "angle", gamma: "angle" };
 
-/** Poses from CSV; columns by their names in the first line or else by their number. Throws Error naming the line. */
+/**
+ * `motion` with the poses of CSV rows. The columns are named in the first line or recognised by their number.
+ * Throws Error with the number of the line.
+ */
 export function fromCsv(text, motion = emptyMotion()) {
   const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.trim(), k + 1]).filter(([line]) => line && !line.startsWith("#"));
   if (!lines.length) throw new Error("There are no rows.");
@@ -116,10 +119,10 @@ export function fromCsv(text, motion = emptyMotion()) {
   let names = head.map((name) => COLUMNS[name]);
   if (head.some((name) => name && Number.isNaN(Number(name.replace(",", "."))) && /^[a-z]/.test(name))) {
     lines.shift();
-    if (!names.some(Boolean)) throw new Error("The first line names no column: wanted crank, x, y, angle.");
+    if (!names.some(Boolean)) throw new Error("The first line names none of the columns crank, x, y, angle.");
   } else {
     names = { 4: ["t", "x", "y", "angle"], 3: ["x", "y", "angle"], 2: ["x", "y"] }[head.length];
-    if (!names) throw new Error("Wanted rows of crank, x, y, angle; or x, y, angle; or x, y.");
+    if (!names) throw new Error("Each row must hold crank, x, y, angle; or x, y, angle; or x, y.");
   }
   const used = [...names.entries()].filter(([, name]) => name);
   const poses = lines.map(([line, at]) => {
@@ -128,17 +131,17 @@ export function fromCsv(text, motion = emptyMotion()) {
     for (const [column, name] of used) {
       const cell = decimalComma ? row[column]?.replace(",", ".") : row[column];
       const value = cell ? Number(cell) : NaN;
-      if (!Number.isFinite(value)) throw new Error(`Line ${at}: '${(row[column] ?? "").slice(0, 20)}' is no number.`);
+      if (!Number.isFinite(value)) throw new Error(`Line ${at}: '${(row[column] ?? "").slice(0, 20)}' is not a number.`);
       pose[name] = value;
     }
     return pose;
   });
-  if (poses.length > 1024) throw new Error(`There are ${poses.length} rows; at most 1024 are taken.`);
+  if (poses.length > 1024) throw new Error(`There are ${poses.length} rows; at most 1024 are allowed.`);
   const has = (name) => names.includes(name);
   const next = { ...clone(motion), poses };
   const place = has("x") && has("y");
   next.wanted = place && has("angle") ? "both" : place ? "position" : "rotation";
-  if (!place && !has("angle")) throw new Error("Wanted x and y, or an angle, or both.");
+  if (!place && !has("angle")) throw new Error("The rows need x and y, or an angle, or both.");
   if (has("t")) {
     const first = poses[0].t, whole = poses.at(-1).t - first;
     next.direction = whole < 0 ? -1 : 1;
@@ -153,7 +156,7 @@ export function fromCsv(text, motion = emptyMotion()) {
   return next;
 }
 
-/** A place for a further pose: on from the last two. */
+/** A further pose: at the place `at`, or by the step between the last two poses beyond the last. */
 export function nextPose(motion, at = null) {
   const last = motion.poses.at(-1), before = motion.poses.at(-2);
   if (!last) return { t: 0, x: at?.[0] ?? 0, y: at?.[1] ?? 0, angle: 0 };
@@ -161,7 +164,7 @@ export function nextPose(motion, at = null) {
   return { t: last.t + (go.t > 0 ? go.t : 10), x: at?.[0] ?? last.x + go.x, y: at?.[1] ?? last.y + go.y, angle: at ? last.angle : last.angle + go.angle };
 }
 
-/** A value with undo and redo. Changes of the same `kind` in a row (a drag, typing in a cell) are one step. */
+/** A value with undo and redo. Consecutive changes of the same `kind` (one drag, typing in one cell) are one step. */
 export class History {
   constructor(value, onChange) {
     this.value = value;
@@ -171,6 +174,7 @@ export class History {
     this.onChange = onChange;
   }
 
+  /** Applies `edit(value)`, which changes the value in place or returns another one. */
   change(edit, kind = null) {
     if (!kind || kind !== this.kind) {
       this.past.push(clone(this.value));
@@ -183,7 +187,7 @@ export class History {
     this.onChange(this.value);
   }
 
-  /** Ends a run of changes of one kind. */
+  /** Ends a step: the next change begins a new one. */
   settle() { this.kind = null; }
 
   #step(from, to) {
@@ -207,21 +211,21 @@ const toBase64 = (bytes) => {
 const fromBase64 = (text) => Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
 const through = async (bytes, stream) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
 
-/** A request as the part of a link behind #. */
+/** A request as the fragment of a link, the part behind #. */
 export async function toFragment(request) {
   const bytes = new TextEncoder().encode(JSON.stringify(request));
   if (typeof CompressionStream === "undefined") return `j=${toBase64(bytes)}`;
   return `z=${toBase64(await through(bytes, new CompressionStream("deflate-raw")))}`;
 }
 
-/** The request in a link; null if there is none. Throws for a damaged one. */
+/** The request in the fragment of a link; null if there is none. Throws Error for a damaged one. */
 export async function fromFragment(fragment) {
   const [, kind, text] = /^#?([zj])=(.+)$/.exec(fragment) ?? [];
   if (!kind) return null;
   try {
     const bytes = fromBase64(text);
     return JSON.parse(new TextDecoder().decode(kind === "z" ? await through(bytes, new DecompressionStream("deflate-raw")) : bytes));
-  } catch {
-    throw new Error("The link is damaged: its motion cannot be read.");
+  } catch (error) {
+    throw new Error("The link is damaged: its motion cannot be read.", { cause: error });
   }
 }

@@ -1,6 +1,6 @@
-// Pictures of the machines' replies, chosen by what the reply holds.
+// Pictures of the machines' replies: the lift in motion, the knotter's verdicts, the service's own drawings.
 
-import { chart } from "./charts.js";
+import { titledChart } from "./charts.js";
 import { View, make, pathData, put, roundStep, text } from "./drawing.js";
 import { ask } from "./service.js";
 
@@ -16,23 +16,12 @@ function slider(host, count, name, show) {
   move();
 }
 
-function curve(host, title, x, y, more = {}) {
-  const head = Object.assign(document.createElement("h3"), { textContent: title });
-  head.className = "note";
-  const box = document.createElement("div");
-  box.className = "chart";
-  box.setAttribute("role", "img");
-  box.setAttribute("aria-label", `${title}: from ${text(Math.min(...y), 4)} to ${text(Math.max(...y), 4)}`);
-  host.append(head, box);
-  return chart(box, { x, series: [{ values: y, colour: "body" }], height: 130, degreesX: false, ...more });
-}
-
-/** A lifting linkage: cylinder O-B, triangle A B C, link D-C, platform on the slide. */
+/** The lift with a slider over time: cylinder O-B, triangle A B C, link D-C, platform on the slide. */
 function lift(host, reply) {
   const { points, time, height, velocity } = reply;
   const svg = make("svg", { role: "img", "aria-label": `The lift, rising time ${text(reply.rise_time, 4)} seconds`, viewBox: "0 0 760 420" }, host);
   const view = new View(760, 420);
-  const wide = Math.max(...points.A.map(([x, y]) => Math.abs(y)), 1) * 0.28;
+  const wide = Math.max(...points.A.map(([, y]) => Math.abs(y)), 1) * 0.28;
   view.fit([[0, 0], points.D, ...points.A, ...points.B, ...points.C, [points.D[0] - wide, 0]], 34);
   const [left, right] = [view.world(0, 0)[0], view.world(760, 0)[0]];
   make("path", { class: "axis", d: pathData([[left, 0], [right, 0]], view) }, svg);
@@ -58,11 +47,12 @@ function lift(host, reply) {
     return `${text(time[k], 4)} s, height ${text(height[k], 5)}, speed ${text(velocity[k], 4)}`;
   };
   slider(host, time.length, "Time", show);
-  plots.push(curve(host, "Height over time, seconds", time, height), curve(host, "Speed over time, seconds", time, velocity));
+  for (const [title, values] of [["Height over time, seconds", height], ["Speed over time, seconds", velocity]])
+    plots.push(titledChart(host, title, { x: time, series: [{ values, colour: "body" }], degreesX: false }));
   show(0);
 }
 
-/** Verdicts of every combination of the first two axes. */
+/** A table of the knotter's verdicts over the first two axes; none for more than 400 cells. */
 function verdicts(host, reply) {
   const [first, second] = reply.axes;
   const value = (pair, axis) => pair[axis] ?? pair.parameters?.[axis];
@@ -72,7 +62,7 @@ function verdicts(host, reply) {
   table.className = "verdicts";
   const caption = table.createCaption();
   caption.className = "note";
-  caption.textContent = `Rows ${first}, columns ${second}; of further parameters the best combination. Lengths are margins, positive if the condition holds.`;
+  caption.textContent = `Rows vary ${first}, columns ${second}. Where further parameters vary, the combination with the largest margin is shown. The numbers are margins; positive if the condition holds.`;
   const head = table.createTHead().insertRow();
   head.append(Object.assign(document.createElement("th"), { scope: "col", textContent: `${first} \\ ${second}` }));
   for (const column of columns) head.append(Object.assign(document.createElement("th"), { scope: "col", textContent: text(column, 5) }));
@@ -101,7 +91,7 @@ function verdicts(host, reply) {
   host.append(scroll);
 }
 
-/** A slot's path over its phase, drawn in the plane at equal scales. */
+/** A path in the plane, at the same scale in x and y, over a grid. */
 function plane(host, title, xy) {
   const svg = make("svg", { role: "img", "aria-label": title, viewBox: "0 0 760 300" }, host);
   const view = new View(760, 300);
@@ -115,7 +105,7 @@ function plane(host, title, xy) {
   make("text", { class: "tick", x: 10, y: 18 }, svg).textContent = `grid ${text(step)}`;
 }
 
-/** The service's own drawing of an answer. */
+/** The drawing that the service exports as SVG. */
 async function drawn(host, path, request) {
   const content = await (await ask(`${path}.svg`, request)).text();
   const root = new DOMParser().parseFromString(content, "image/svg+xml").documentElement;
@@ -128,11 +118,11 @@ async function drawn(host, path, request) {
   host.append(document.importNode(root, true));
 }
 
-/** Draws what can be drawn of a reply; false if there is nothing. */
+/** Draws a reply into `host`, by the fields that it has; false if there is nothing to draw. */
 export async function picture(host, query, request, reply) {
   host.replaceChildren();
   if (reply.points?.A && reply.time) {
-    // few samples make kinked curves: the picture has its own
+    // curves through few samples have kinks: the picture asks for 201 samples
     lift(host, request.times || reply.time.length >= 101 ? reply : await (await ask(query.path, { ...request, samples: 201 })).json());
   } else if (reply.design && reply.motion && request.cylinder) {
     const design = Object.fromEntries(["l2", "l3", "l4", "l5", "b"].map((name) => [name, reply.design[name]]));

@@ -1,18 +1,12 @@
-// A machine's page: its questions as forms, the answer as a picture and as numbers.
+// A machine's page: a form for each of its queries, the reply as a picture and as a table of numbers.
 
+import { text } from "./drawing.js";
 import { buildForm } from "./form.js";
 import { picture } from "./pictures.js";
-import { text } from "./drawing.js";
 import { ask, download } from "./service.js";
-import { startScenes, startTheme } from "./theme.js";
+import { $, say, startScenes, startTheme } from "./shell.js";
 
-const $ = (id) => document.getElementById(id);
 let scene = null, query = null, read = null, answered = null, turn = 0;
-
-function say(sentence, bad = false) {
-  $("status").textContent = sentence;
-  $("status").classList.toggle("bad", bad);
-}
 
 function chooseQuery(path) {
   query = scene.queries.find((one) => one.path === path);
@@ -27,7 +21,7 @@ function chooseExample(name) {
   answer();
 }
 
-/** What the picture needs beside what was asked for, where the request knows it. */
+/** The request with the points that the picture needs, for queries that can include them. */
 function withExtras(request) {
   const include = query.schema.properties?.include;
   if (!include) return request;
@@ -68,7 +62,7 @@ const isNumbers = (value) => Array.isArray(value) && value.every((part) => typeo
 const isFlat = (value) => value && typeof value === "object" && !Array.isArray(value) && Object.values(value).every((part) => part === null || typeof part !== "object");
 const words = (value) => (typeof value === "number" ? text(value, 8) : String(value));
 
-/** Rows [name, text] of a reply; the names of long lists are gathered in `long`. */
+/** Rows [name, text] of a reply; the names of lists too long for a row are added to `long`. */
 function rows(value, long, name = "") {
   if (value === null) return [];
   if (Array.isArray(value)) {
@@ -88,7 +82,7 @@ function showNumbers(reply) {
   const table = document.createElement("table");
   const long = [];
   const found = rows(reply, long);
-  if (long.length) found.push(["lists, taken away with JSON", long.join(", ").replaceAll("_", " ")]);
+  if (long.length) found.push(["lists, in the JSON file", long.join(", ").replaceAll("_", " ")]);
   for (const [name, value] of found) {
     const row = table.insertRow();
     row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: name.replaceAll("_", " ") }));

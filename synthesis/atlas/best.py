@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
+from numpy.typing import NDArray
 
-from synthesis.atlas.scan import Floats, Scan, ScanReport, Windows, window_angles, window_errors
+from synthesis.atlas.scan import Scan
+from synthesis.atlas.windows import Floats, ScanReport, Windows
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.pose import fit_positions
-from synthesis.fourbar.solution import Solution, distinct, make_solutions
+from synthesis.fourbar.solution import Solution
+from synthesis.pose import fit_positions
+from synthesis.ranking import distinct
 from synthesis.target import Target
+from synthesis.work import Work
 
 MAX_LIMITED_WINDOWS = 1 << 18
 """Windows evaluated before a search within limits gives up; the report then says that it is not exhaustive."""
@@ -19,7 +21,7 @@ MAX_LIMITED_SAMPLES = 1 << 22
 
 
 def best_rows(
-    scan: Scan, target: Target, limits: Limits, top: int, expired: Callable[[], bool] = lambda: False
+    scan: Scan, target: Target, limits: Limits, top: int, work: Work | None = None
 ) -> tuple[list[Solution], ScanReport]:
     """The best rows by the joint objective over rotation and position.
 
@@ -29,8 +31,8 @@ def best_rows(
     target : Target
     limits : Limits
     top : int
-    expired : callable
-        True ends the scan with the best found so far.
+    work : Work, optional
+        Once it has expired the scan ends with the best found so far.
 
     Returns
     -------
@@ -40,27 +42,27 @@ def best_rows(
     """
 
     def exact(windows: Windows) -> Floats:
-        error = window_errors(scan.lengths, target, windows)
+        error = scan.errors(target, windows)
         return np.where(_within(scan, target, limits, windows), error, np.inf)
 
-    if not _any_row_of(limits.family, scan):
+    if not scan.mechanism.in_family(limits.family, scan.lengths).any():
         return [], ScanReport(scan.windows, 0, True)
     most = MAX_LIMITED_WINDOWS
     if not limits.only_family:
         most = min(most, MAX_LIMITED_SAMPLES // target.samples)
     wanted = top
     while True:
-        windows, report = scan.best(target, wanted, exact, most, expired)
+        windows, report = scan.best(target, wanted, exact, most, work)
         chosen = windows.take(_first_of_each(target, windows))
-        lengths, start = scan.lengths[chosen.row], np.deg2rad(chosen.start)
-        solutions = distinct(make_solutions(target, lengths, chosen.branch, start, chosen.row.tolist()), top)
+        linkages = scan.mechanism.mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
+        solutions = distinct(scan.mechanism.assess(target, linkages, chosen.row.tolist()), top)
         complete = len(windows.row) < wanted or not report.exhaustive
         if len(solutions) == top or complete:
             return solutions, report
         wanted *= 8
 
 
-def _first_of_each(target: Target, windows: Windows) -> np.ndarray:
+def _first_of_each(target: Target, windows: Windows) -> NDArray[np.intp]:
     """Places of the windows that can be different linkages: without positions a type and branch count once."""
     if target.position is not None:
         return np.arange(len(windows.row))
@@ -68,26 +70,14 @@ def _first_of_each(target: Target, windows: Windows) -> np.ndarray:
     return np.sort(first)
 
 
-def _any_row_of(family: str, scan: Scan) -> bool:
-    longer = scan.lengths[:, 0] > scan.lengths[:, 3]
-    return bool(len(longer)) and {"crank_rocker": not longer.all(), "double_crank": longer.any()}.get(family, True)
-
-
-def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> np.ndarray:
-    lengths = scan.lengths[windows.row]
-    start = np.deg2rad(windows.start)
-    holds = limits.family_holds(target, lengths, start)
+def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> NDArray[np.bool_]:
+    lengths, start = scan.lengths[windows.row], scan.start_angles(windows)
     if limits.only_family:
-        return holds
-    pivot_a = pivot_b = None
+        return limits.family_holds(target, lengths, start)
     if target.position is None:
-        lengths = lengths / lengths[:, 3:]
-    else:
-        angle = window_angles(scan.lengths, target, windows)
-        fit = fit_positions(target, angle)
-        scale = np.abs(fit.crank_vector) / lengths[:, 0]
-        pivot_a = fit.pivot
-        pivot_b = pivot_a + scale * lengths[:, 3] * np.exp(1j * (np.angle(fit.crank_vector) - start))
-        lengths = lengths * np.maximum(scale, np.finfo(float).tiny)[:, None]
-    slacks = limits.slacks(target, lengths, start, pivot_a, pivot_b)
-    return holds & np.all(slacks >= 0, axis=-1)
+        return limits.kept_by(target, lengths / lengths[:, 3:], start, ())
+    fit = fit_positions(target, scan.angles(target, windows))
+    scale = np.abs(fit.crank_vector) / lengths[:, 0]
+    links = lengths * np.maximum(scale, np.finfo(float).tiny)[:, None]
+    pivots = scan.mechanism.pivots(lengths * scale[:, None], fit.pivot, np.angle(fit.crank_vector) - start)
+    return limits.kept_by(target, links, start, pivots)

@@ -28,13 +28,14 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.atlas.series import Bucket, Floats, Ints, gather, start_angles
-from synthesis.fourbar.kinematics import TURN
-from synthesis.target import Target
+from synthesis.atlas.matrices import start_angles
+from synthesis.atlas.series import Bucket, Floats, Ints, gather
+from synthesis.target import TURN, Target
 
 Bounds = NDArray[np.float32]
 Radii = NDArray[np.floating]
@@ -92,7 +93,8 @@ class Arcs:
         self._third = bisect_left(THIRDS, reached)
         self._middle = int(pieces / 2)
         along = target.crank - (low + high) / 2
-        self._taylor = [np.float32(v) for v in (np.std(along), np.std(along**2) / 2, span**3 / 48)]
+        std = target.rotation_mean.spread
+        self._taylor = [np.float32(v) for v in (std(along), std(along**2) / 2, span**3 / 48)]
 
     def radius(self, level: Level, cells: Ints) -> Radii:
         """Radius of some cells of a level for windows by the piece they begin in, (cells, ARCS)."""
@@ -154,7 +156,7 @@ class Cells:
     @property
     def nbytes(self) -> int:
         """Memory of the levels."""
-        arrays = [self.first]
+        arrays: list[NDArray[Any]] = [self.first]
         for level in self.levels:
             arrays += [level.bounds, level.cells.series]
         return sum(array.nbytes for array in arrays)
@@ -208,7 +210,7 @@ def _middle(periodic: Floats) -> Ints:
     return np.einsum("gtk,gtk->gt", difference, difference).argmin(axis=1)
 
 
-def _level(types: Bucket, groups: Ints, bounds: Bounds | None, error: Floats) -> Level:
+def _level(types: Bucket, groups: Ints, bounds: Bounds | None, error: NDArray[np.floating[Any]]) -> Level:
     """Cells of the types or representatives in each of some groups, (groups, members), with their own bounds and errors."""
     chosen, own = [], []
     at_once = max(1, _POINTS_AT_ONCE // (groups.shape[1] * _points(types.harmonics)))

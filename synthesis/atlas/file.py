@@ -1,4 +1,4 @@
-"""The atlas as a value and as the bytes of its file: a checked header of 512 bytes, then an HDF5 image.
+"""The atlas as the bytes of its file: a checked header of 512 bytes, then an HDF5 image.
 
 HDF5 never touches a disk here: the image is built and read in memory. The header lies in what HDF5 calls the user block,
 so any HDF5 reader opens the file. It holds a SHA-256 of everything behind it, which is compared *before* HDF5 parses a byte.
@@ -11,7 +11,6 @@ import io
 import json
 import stat
 import zlib
-from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,18 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas import haar
-from synthesis.errors import AtlasError, AtlasFault, FieldError
+from synthesis.atlas.table import COLUMNS, SCHEMA, Atlas, AtlasRule
+from synthesis.errors import AtlasError, AtlasFault
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types, enumerate_types
 
-SCHEMA = 1
 HEADER_BYTES = 512
 MAGIC = "linkage-atlas"
-MIN_SAMPLES, MAX_SAMPLES = 16, 4096
 CHUNK_BYTES = 1 << 20
 MAX_TYPES = 8_000_000
 """Types that are read unless the caller sets another limit."""
 
-_DATASETS = {"lengths": "<u2", "average": "<f8", "details": "<f4", "winding": "|i1", "curve_error": "<f4"}
 _UNITS = {
     "lengths": "whole numbers L1 crank, L2 coupler, L3 rocker, L4 ground; type number n is row n - 1",
     "average": "radians: Haar average of the periodic part of the coupler angle over one turn of the crank",
@@ -46,78 +43,6 @@ _CURVE = (
     "coupler angle theta2 (measured from the ground line A->B, branch +1: C left of D->B) at crank angles "
     "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1: theta2(x) = -theta2_plus(-x)"
 )
-
-
-@dataclass(frozen=True)
-class AtlasRule:
-    """What an atlas holds: its dimension types and the samples of each curve.
-
-    Parameters
-    ----------
-    types : TypeRule
-    samples : int
-        Samples of a curve over the whole turn; a power of two from 16 to 4,096.
-    """
-
-    types: TypeRule = field(default_factory=TypeRule)
-    samples: int = 256
-
-    def __post_init__(self) -> None:
-        in_range = MIN_SAMPLES <= self.samples <= MAX_SAMPLES
-        if not in_range or self.samples & (self.samples - 1):
-            raise FieldError(
-                "/samples", f"must be a power of two from {MIN_SAMPLES} to {MAX_SAMPLES}, found {self.samples}"
-            )
-
-    def as_json(self) -> dict[str, Any]:
-        """The rule as plain JSON values."""
-        return {
-            "perimeter": self.types.perimeter,
-            "smallest": self.types.smallest,
-            "order": self.types.order.value,
-            "samples": self.samples,
-        }
-
-
-@dataclass(frozen=True)
-class Atlas:
-    """A wavelet atlas in memory, arrays read-only.
-
-    Attributes
-    ----------
-    rule : AtlasRule
-    lengths : ndarray of uint16, shape (T, 4)
-    average : ndarray of float64, shape (T,)
-    details : ndarray of float32, shape (T, samples - 1)
-        In the *mean* normalisation of `haar`.
-    winding : ndarray of int8, shape (T,)
-    curve_error : ndarray of float32, shape (T,)
-    generator : dict
-        Versions of what wrote it.
-    """
-
-    rule: AtlasRule
-    lengths: NDArray[np.uint16]
-    average: NDArray[np.float64]
-    details: NDArray[np.float32]
-    winding: NDArray[np.int8]
-    curve_error: NDArray[np.float32]
-    generator: dict[str, str]
-    schema: int = SCHEMA
-
-    def __len__(self) -> int:
-        return len(self.lengths)
-
-    def curves(self, rows: Any = slice(None)) -> NDArray[np.float64]:
-        """Periodic part of theta2 of some rows, shape (rows, samples): the inverse transform of what is stored."""
-        return haar.curve_from_features(self.average[rows], self.details[rows])
-
-    def content_hash(self) -> str:
-        """SHA-256 over the raw little-endian arrays and the rule: the same for equal content, however it is packed."""
-        digest = hashlib.sha256(json.dumps(self.rule.as_json(), sort_keys=True).encode())
-        for name, dtype in _DATASETS.items():
-            digest.update(np.ascontiguousarray(getattr(self, name), dtype=dtype).data)
-        return digest.hexdigest()
 
 
 def _header(body: bytes | memoryview) -> bytes:
@@ -140,7 +65,7 @@ def encode_atlas(atlas: Atlas) -> bytes:
                 "content_sha256": atlas.content_hash(),
             }
         )
-        for name, dtype in _DATASETS.items():
+        for name, dtype in COLUMNS.items():
             values = np.asarray(getattr(atlas, name), dtype=dtype)
             options: dict[str, Any] = {}
             if values.size:
@@ -183,7 +108,7 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...]) -> NDArray[Any]
     allowed = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
     if dataset.is_virtual or dataset.external or not filters <= allowed:
         _refuse(AtlasFault.SCHEMA, f"{name} uses external or virtual storage or a foreign filter")
-    if dataset.dtype != np.dtype(_DATASETS[name]) or dataset.shape != shape:
+    if dataset.dtype != np.dtype(COLUMNS[name]) or dataset.shape != shape:
         _refuse(AtlasFault.SCHEMA, f"{name} has type {dataset.dtype} and shape {dataset.shape}, wanted {shape}")
     if dataset.chunks and np.prod(dataset.chunks, dtype=float) * dataset.dtype.itemsize > 4 * CHUNK_BYTES:
         _refuse(AtlasFault.SCHEMA, f"{name} has chunks of {dataset.chunks}")
@@ -289,8 +214,8 @@ def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TY
 def _read(file: h5py.File, max_types: int) -> tuple[Atlas, str]:
     if _attribute(file, "schema", int) != SCHEMA:
         _refuse(AtlasFault.SCHEMA, "another schema")
-    if set(file) != set(_DATASETS):
-        _refuse(AtlasFault.SCHEMA, f"it holds {len(set(file))} entries, wanted {', '.join(_DATASETS)}")
+    if set(file) != set(COLUMNS):
+        _refuse(AtlasFault.SCHEMA, f"it holds {len(set(file))} entries, wanted {', '.join(COLUMNS)}")
     try:
         rule_values = json.loads(_attribute(file, "rule", str))
         generator = {str(k): str(v) for k, v in json.loads(_attribute(file, "generator", str)).items()}
@@ -304,7 +229,7 @@ def _read(file: h5py.File, max_types: int) -> tuple[Atlas, str]:
     if types > max_types:
         _refuse(AtlasFault.LIMIT, f"{types} types, at most {max_types}")
     shapes = {"lengths": (types, 4), "details": (types, rule.samples - 1)}
-    arrays = {name: _dataset(file, name, shapes.get(name, (types,))) for name in _DATASETS}
+    arrays: dict[str, Any] = {name: _dataset(file, name, shapes.get(name, (types,))) for name in COLUMNS}
     return Atlas(rule=rule, generator=generator, **arrays), _attribute(file, "content_sha256", str)
 
 

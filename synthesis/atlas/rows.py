@@ -1,14 +1,16 @@
-"""The rows of an atlas: from dimension types to what the file stores of their coupler curves. Pure; any part alone."""
+"""The rows of an atlas: from dimension types to the Haar features of their body's rotation. Parts can be computed apart."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.atlas import haar
-from synthesis.fourbar.kinematics import TURN, coupler_angle
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.mechanism import Mechanism
+from synthesis.target import TURN
 
 BLOCK = 256
 """Linkages worked on at a time: their samples fit a core's cache, which is twice as fast as all at once."""
@@ -18,7 +20,7 @@ Zeller, 1964: 1 / cos(pi n / M) for degree n at M points), and a little for what
 
 
 class AtlasRows(NamedTuple):
-    """Columns of the file for some types; see `atlas_file.Atlas`."""
+    """Columns of the file for some types; see `table.Table`."""
 
     average: NDArray[np.float64]
     details: NDArray[np.float32]
@@ -31,33 +33,36 @@ def concatenate(parts: list[AtlasRows]) -> AtlasRows:
     return AtlasRows(*(np.concatenate(columns) for columns in zip(*parts)))
 
 
-def compute_rows(lengths: ArrayLike, samples: int) -> AtlasRows:
-    """What the atlas stores of each linkage.
+def compute_rows(lengths: ArrayLike, samples: int, mechanism: Mechanism = FOURBAR) -> AtlasRows:
+    """What the atlas stores of each type.
 
     Parameters
     ----------
-    lengths : array_like, shape (T, 4)
-        Linkages whose crank turns fully.
+    lengths : array_like, shape (T, d)
+        Types whose crank turns fully.
     samples : int
         Power of two.
+    mechanism : Mechanism
 
     Returns
     -------
     AtlasRows
         Law: the rows of a part are the part of the rows, bit for bit, if parts begin at multiples of `BLOCK`.
     """
-    lengths = np.asarray(lengths, dtype=float).reshape(-1, 4)
-    blocks = [_compute_block(lengths[k : k + BLOCK], samples) for k in range(0, max(len(lengths), 1), BLOCK)]
+    lengths = np.atleast_2d(np.asarray(lengths, dtype=float))
+    blocks = [
+        _compute_block(mechanism, lengths[k : k + BLOCK], samples) for k in range(0, max(len(lengths), 1), BLOCK)
+    ]
     return concatenate(blocks)
 
 
-def _compute_block(lengths: NDArray[np.float64], samples: int) -> AtlasRows:
+def _compute_block(mechanism: Mechanism, lengths: NDArray[np.float64], samples: int) -> AtlasRows:
     step = TURN / samples
     crank = np.arange(samples) * step
-    winding = (lengths[:, 0] > lengths[:, 3]).astype(np.int8)
+    winding: NDArray[Any] = mechanism.winding(lengths).astype(np.int8)
 
-    def periodic(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        return coupler_angle(lengths, np.ones(len(lengths)), angle) - winding[:, None] * angle
+    def periodic(angle: NDArray[Any]) -> NDArray[np.float64]:
+        return mechanism.body_angle(lengths, np.ones(len(lengths)), angle) - winding[:, None] * angle
 
     curve = periodic(crank)
     average, details = haar.features(curve)

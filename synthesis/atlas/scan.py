@@ -14,7 +14,7 @@ With p^2 as a series of its own, each of the three terms is a row of coefficient
 request alone, so all starts of all types are a few matrix products. Branch -1 is the same linkage mirrored:
 theta2(x, -1) = -theta2(-x, +1), so its windows are those of the target (-g, -t) at the start -s, and share the rows.
 
-Position (design of `mounting`): P is fitted by {1, e^{it}, e^{i theta2}}, so what is left of it is
+Position (design of `pose`): P is fitted by {1, e^{it}, e^{i theta2}}, so what is left of it is
 |p|^2 - |<q, p>|^2 / |q|^2 with p and q the parts of P and of e^{i theta2} that are orthogonal to {1, e^{it}}; the inner
 products are again rows of the series of e^{i theta2} times matrices of the request.
 
@@ -30,28 +30,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, wait
+from operator import methodcaller
 from threading import Event, Lock
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.cells import Arcs, Cells, make_cells
 from synthesis.atlas.descent import Descent
-from synthesis.atlas.file import Atlas
-from synthesis.atlas.series import Bucket, Matrices, Phasors, join, prepare, prepare_phasors
-from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.pose import objective
-from synthesis.target import Target
+from synthesis.atlas.matrices import Matrices
+from synthesis.atlas.series import Bucket, Phasors, join, prepare, prepare_phasors
+from synthesis.atlas.table import Table
+from synthesis.atlas.windows import NO_WINDOWS, TIE, ScanReport, Windows, best_of, each_once, joined
+from synthesis.pose import objective
+from synthesis.target import TURN, Target
+from synthesis.work import Work
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 STARTS = 360
 """Starts of a window: every whole degree."""
-TIE = 1e-12
-"""Errors (radians, or the objective's unit) that agree to this are ties, broken by number, start, branch."""
-
 HARMONICS = (5, 8, 12, 16, 24, 32, 64)
 SERIES_ERROR = 3e-7
 _LARGEST_WAVE = 64
@@ -61,29 +61,17 @@ _COUNT_BELOW = 1 << 17
 """Windows held where a ceiling is known: all below it are wanted, and a second pass would find the same ones first."""
 _PREPARED_AT_ONCE = 512
 _PROBED = 64
-_PATIENCE = 0.1
+_PATIENCE = 0.01
 """Seconds between two looks at whether an answer is still wanted."""
 _EXACT_SAMPLES = 1 << 17
 
 
-class Windows(NamedTuple):
-    """Windows as columns: row of the type (number - 1), start in degrees, branch, and error."""
-
-    row: Ints
-    start: Floats
-    branch: Ints
-    error: Floats
-
-    def take(self, index: NDArray[np.intp]) -> Windows:
-        return Windows(*(column[index] for column in self))
-
-
 class Scan:
-    """An atlas prepared for scanning; made once, read-only afterwards.
+    """A table prepared for scanning; made once, read-only afterwards.
 
     Parameters
     ----------
-    atlas : Atlas
+    table : Table
     starts : int
         Starts over the turn, evenly spaced from 0; 360 is every whole degree.
     series_error : float
@@ -98,34 +86,35 @@ class Scan:
 
     def __init__(
         self,
-        atlas: Atlas,
+        table: Table,
         starts: int = STARTS,
         series_error: float = SERIES_ERROR,
         harmonics: tuple[int, ...] = HARMONICS,
         threads: int = 1,
         cells: bool = True,
     ) -> None:
-        self.lengths = atlas.lengths.astype(float)
+        self.mechanism = table.mechanism
+        self.lengths = table.lengths.astype(float)
         self.starts = starts
         self.threads = threads
-        self._atlas = atlas
+        self._table = table
         self._phasors: list[Phasors] = []
         self._lock = Lock()
         parts = [
-            np.arange(first, min(first + _PREPARED_AT_ONCE, len(atlas)))
-            for first in range(0, len(atlas), _PREPARED_AT_ONCE)
+            np.arange(first, min(first + _PREPARED_AT_ONCE, len(table)))
+            for first in range(0, len(table), _PREPARED_AT_ONCE)
         ]
-        pieces: dict[tuple[int, int], list[Bucket]] = {}
+        shares: dict[tuple[int, int], list[Bucket]] = {}
         with ThreadPoolExecutor(threads) as pool:
-            for buckets in pool.map(lambda rows: list(prepare(atlas, rows, series_error, harmonics)), parts):
+            for buckets in pool.map(lambda rows: list(prepare(table, rows, series_error, harmonics)), parts):
                 for bucket in buckets:
-                    pieces.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
-            self._cells = list(pool.map(lambda key: self._make_cells(pieces.pop(key), cells), sorted(pieces)))
+                    shares.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
+            self._cells = list(pool.map(lambda key: self._make_cells(shares.pop(key), cells), sorted(shares)))
 
     @staticmethod
-    def _make_cells(pieces: list[Bucket], cells: bool) -> Cells:
-        bucket = join(pieces)
-        pieces.clear()
+    def _make_cells(shares: list[Bucket], cells: bool) -> Cells:
+        bucket = join(shares)
+        shares.clear()
         return make_cells(bucket) if cells else Cells(bucket, np.array([0, len(bucket.rows)]), [])
 
     @property
@@ -141,31 +130,39 @@ class Scan:
         own = sum(value.nbytes for value in arrays if isinstance(value, np.ndarray))
         return self.lengths.nbytes + own + sum(cells.nbytes for cells in self._cells)
 
-    def prepare_positions(self, checkpoint: Callable[[], object] = lambda: None) -> None:
+    def prepare_positions(self, work: Work) -> bool:
         """Make the series that requests with positions need; done by the first of them otherwise.
 
-        ``checkpoint`` is called all the time, also while another thread makes them; what it raises ends the work.
+        Returns
+        -------
+        bool
+            Whether they are there; false where the work's time ran out, also while another thread was making them.
         """
         if self._phasors:
-            return
+            return True
         while not self._lock.acquire(timeout=_PATIENCE):
-            checkpoint()
+            if work.expired():
+                return False
         try:
             if not self._phasors:  # else another thread has made them meanwhile
-                self._phasors = self._make_phasors(checkpoint)
+                self._phasors = self._make_phasors(work)
         finally:
             self._lock.release()
+        return bool(self._phasors)
 
-    def _make_phasors(self, checkpoint: Callable[[], object]) -> list[Phasors]:
+    def _make_phasors(self, work: Work) -> list[Phasors]:
+        """The series of all buckets; none where the time ran out."""
         given_up = Event()
         with ThreadPoolExecutor(self.threads) as pool:
             made = [
-                pool.submit(prepare_phasors, self._atlas, cells.bucket, _PREPARED_AT_ONCE, given_up)
+                pool.submit(prepare_phasors, self._table, cells.bucket, _PREPARED_AT_ONCE, given_up)
                 for cells in self._cells
             ]
             try:
                 while made and wait(made, _PATIENCE).not_done:
-                    checkpoint()
+                    if work.expired():
+                        given_up.set()
+                        return []
             except BaseException:
                 given_up.set()
                 raise
@@ -173,11 +170,15 @@ class Scan:
 
     # -- bounds -------------------------------------------------------------------------------------------------------
 
-    def _requested(self, target: Target, checkpoint: Callable[[], object] = lambda: None) -> list[Descent]:
-        """Cells with the request's matrices for them."""
-        if target.position is not None:
-            self.prepare_positions(checkpoint)
-        phasors = self._phasors if target.position is not None else [None] * len(self._cells)
+    def _requested(self, target: Target, work: Work) -> list[Descent]:
+        """Cells with the request's matrices for them.
+
+        Where the time ran out before the positions' series were there, only the rotation bounds the windows: what is found
+        then is the best of a first look.
+        """
+        phasors: list[Any] = [None] * len(self._cells)
+        if target.position is not None and self.prepare_positions(work):
+            phasors = self._phasors
         reaches = [cells.bucket.harmonics for cells in self._cells] + [p.reach for p in phasors if p is not None]
         matrices = Matrices(target, 2 * max(reaches, default=0), self.starts)
         arcs = Arcs(target, self.starts)
@@ -187,24 +188,24 @@ class Scan:
         self,
         parts: list[Descent],
         limit: Callable[[], float],
-        expired: Callable[[], bool] = lambda: False,
+        expired: Callable[[], bool],
         pool: Executor | None = None,
     ) -> Iterator[tuple[Ints, Floats]]:
-        """Window numbers and lower bounds of their error, piece by piece, of all windows that may be below ``limit()``.
+        """Window numbers and lower bounds of their error, batch by batch, of all windows that may be below ``limit()``.
 
-        Pieces are worked on in waves, all of a wave with the same limit, so that the result does not depend on which
+        Batches are worked on in waves, all of a wave with the same limit, so that the result does not depend on which
         thread is faster. (A matrix product of its own many threads waits for the slowest of them.) What the cells leave of
         rotations is done sooner by one thread: so many short steps would mostly wait for the interpreter.
         """
         highest = limit()
-        found = [part.work(highest) for part in parts]
-        work = [piece for pieces, _ in found for piece in pieces]
-        heavy = sum(len(pieces) for pieces, are_heavy in found if are_heavy)
-        run = pool.map if pool is not None and 2 * heavy > len(work) else map
+        found = [part.batches(highest) for part in parts]
+        batches = [batch for some, _ in found for batch in some]
+        heavy = sum(len(some) for some, are_heavy in found if are_heavy)
+        run = pool.map if pool is not None and 2 * heavy > len(batches) else map
         first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
-        while first < len(work) and not (first and expired()):
+        while first < len(batches) and not (first and expired()):
             ceiling = limit()
-            yield from filter(None, run(lambda piece, most=ceiling: piece(most), work[first : first + wave]))
+            yield from filter(None, run(methodcaller("__call__", ceiling), batches[first : first + wave]))
             first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
 
     def _lowest(
@@ -212,7 +213,7 @@ class Scan:
         parts: list[Descent],
         count: int,
         ceiling: float,
-        expired: Callable[[], bool] = lambda: False,
+        expired: Callable[[], bool],
         pool: Executor | None = None,
     ) -> tuple[Ints, Floats, float]:
         """The ``count`` windows of lowest bound at or below ``ceiling``, and a number that no other's bound is below."""
@@ -238,19 +239,41 @@ class Scan:
         if ids:
             reduce()
             return ids[0], bounds[0], cut
-        return np.empty(0, dtype=np.int64), np.empty(0), cut
+        return NO_WINDOWS.row, NO_WINDOWS.error, cut
 
     def _windows(self, ids: Ints) -> Windows:
         row, column = np.divmod(ids, 2 * self.starts)
-        start = column % self.starts * (360 / self.starts)
-        return Windows(row, start, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
+        return Windows(row, column % self.starts, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
+
+    def start_angles(self, windows: Windows) -> Floats:
+        """theta1 at the first sample of windows, radians."""
+        return windows.start * (TURN / self.starts)
+
+    def angles(self, target: Target, windows: Windows) -> Floats:
+        """Body angle of windows at the samples of a target, (n, N), from the lengths alone."""
+        crank = self.start_angles(windows)[:, None] + target.crank
+        return self.mechanism.body_angle(self.lengths[windows.row], windows.branch, crank)
+
+    def errors(self, target: Target, windows: Windows) -> Floats:
+        """Exact error of windows, shape (n,): the objective of `pose.objective`, evaluated at the samples.
+
+        Without positions that is the rms rotation error in radians after the best offset.
+        """
+        errors = np.empty(len(windows.row))
+        batch = max(1, _EXACT_SAMPLES // target.samples)
+        for first in range(0, errors.size, batch):
+            part = windows.take(np.arange(first, min(first + batch, errors.size)))
+            errors[first : first + batch] = objective(target, self.angles(target, part))
+        return errors
 
     def error_table(self, target: Target) -> Floats:
         """Approximate squared error of every window, (types, 2, starts): branch +1, then branch -1. For small atlases."""
         table = np.empty((len(self.lengths), 2 * self.starts))
-        for part in self._requested(target):
+        for part in self._requested(target, Work()):
             table[part.cells.bucket.rows] = part.squared(slice(None))
-        return np.maximum(table, 0.0).reshape(-1, 2, self.starts)
+        np.maximum(table, 0.0, out=table)
+        shaped: Floats = table.reshape(-1, 2, self.starts)
+        return shaped
 
     # -- answers ------------------------------------------------------------------------------------------------------
 
@@ -260,23 +283,23 @@ class Scan:
         top: int,
         exact: Callable[[Windows], Floats] | None = None,
         max_windows: int | None = None,
-        expired: Callable[[], bool] = lambda: False,
+        work: Work | None = None,
     ) -> tuple[Windows, ScanReport]:
         """The best windows of the whole atlas, exactly as if every window had been evaluated.
 
         Parameters
         ----------
         target : Target
-            With rotation: its rms error after the best offset; with positions the joint objective, see `mounting.objective`.
+            With rotation: its rms error after the best offset; with positions the joint objective, see `pose.objective`.
         top : int
         exact : callable, optional
             ``exact(windows) -> error``, the exact error of windows: never below the rms error or the objective, infinite for
-            windows that are no answer. Default: `window_errors`.
+            windows that are no answer. Default: `errors`.
         max_windows : int, optional
             Evaluate no more than this many exactly, beside those of the first look (and no fewer than four times ``top``);
             the report says if that cut the search short.
-        expired : callable
-            Asked now and then; true ends the scan with the best found so far, and the report says so.
+        work : Work, optional
+            Asked now and then; once it has expired the scan ends with the best found so far, and the report says so.
 
         Returns
         -------
@@ -287,18 +310,19 @@ class Scan:
         if exact is None:
 
             def exact(windows: Windows) -> Floats:
-                return window_errors(self.lengths, target, windows)
+                return self.errors(target, windows)
 
+        work = work or Work()
         cut_short = False
 
         def out_of_time() -> bool:  # asked only where something is left to do
             nonlocal cut_short
-            cut_short = cut_short or expired()
+            cut_short = cut_short or work.expired()
             return cut_short
 
         with ThreadPoolExecutor(self.threads) as pool:
             run = pool if self.threads > 1 else None
-            parts = self._requested(target, expired)
+            parts = self._requested(target, work)
             probed, ceiling = self._probe(parts, top, exact, out_of_time)
             most = np.inf if max_windows is None else max(max_windows, 4 * top)
             count = int(min(max(_FIRST_COUNT if ceiling == np.inf else _COUNT_BELOW, 4 * top), most))
@@ -310,7 +334,7 @@ class Scan:
                 complete = not cut_short and (worst + TIE <= cut or ids.size < count)
                 if complete or cut_short or count >= most:
                     if not complete:
-                        windows = _best_of(_each_once([probed, windows]), top)
+                        windows = best_of(each_once([probed, windows]), top)
                     return windows, ScanReport(self.windows, evaluated, complete)
                 count, ceiling = int(min(8 * count, most)), min(ceiling, worst)
 
@@ -321,7 +345,7 @@ class Scan:
         nearest = [part.nearest[0] for part in parts]
         squared = np.concatenate([np.empty(0), *nearest])
         if not squared.size:
-            return _NO_WINDOWS, np.inf
+            return NO_WINDOWS, np.inf
         count = min(max(_PROBED, top), squared.size)
         worst = np.partition(squared, count - 1)[count - 1]
         found = [
@@ -338,66 +362,15 @@ class Scan:
         """Exact errors in the order of the bounds, until no bound is below the worst of the best."""
         order = np.argsort(bounds, kind="stable")
         ids, bounds = ids[order], bounds[order]
-        best, worst = _NO_WINDOWS, np.inf
+        best, worst = NO_WINDOWS, np.inf
         done, batch = 0, max(64, 2 * top)
         while done < ids.size and bounds[done] <= worst + TIE and not (done and expired()):
             part = ids[done : done + batch]
             windows = self._windows(part)
             windows = windows._replace(error=exact(windows))
             windows = windows.take(np.flatnonzero(np.isfinite(windows.error)))
-            best = _best_of(_joined([best, windows]), top)
+            best = best_of(joined([best, windows]), top)
             worst = float(best.error[-1]) if best.error.size == top else np.inf
             done += part.size
             batch *= 2
         return best, min(done, ids.size), worst
-
-
-_NO_WINDOWS = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
-
-
-def _joined(parts: list[Windows]) -> Windows:
-    return Windows(*(np.concatenate(column) for column in zip(*parts)))
-
-
-def _each_once(parts: list[Windows]) -> Windows:
-    """By what they are: the errors of one window may differ in the last bits."""
-    windows = _joined(parts)
-    _, first = np.unique(np.stack([windows.row, windows.start, windows.branch]), axis=1, return_index=True)
-    return windows.take(first)
-
-
-def _best_of(windows: Windows, top: int) -> Windows:
-    """The best ``top`` of some windows: by error, ties by number, start, branch."""
-    order = np.lexsort((windows.branch < 0, windows.start, windows.row, np.round(windows.error / TIE)))
-    return windows.take(order[:top])
-
-
-class ScanReport(NamedTuple):
-    """How much a scan looked at, and whether its answer is proved to be the best.
-
-    ``evaluated`` are the windows whose error was computed from the lengths, after a first look at the most promising cells that
-    computes those of 64 or more.
-    """
-
-    windows: int
-    evaluated: int
-    exhaustive: bool
-
-
-def window_angles(lengths: Floats, target: Target, windows: Windows) -> Floats:
-    """Coupler angle of windows at the samples of a target, (n, N), from the lengths alone."""
-    crank = np.deg2rad(windows.start)[:, None] + target.crank
-    return coupler_angle(lengths[windows.row], windows.branch, crank)
-
-
-def window_errors(lengths: Floats, target: Target, windows: Windows) -> Floats:
-    """Exact error of windows, shape (n,): the objective of `mounting.objective`, evaluated at the samples.
-
-    Without positions that is the rms rotation error in radians after the best offset.
-    """
-    errors = np.empty(len(windows.row))
-    batch = max(1, _EXACT_SAMPLES // target.samples)
-    for first in range(0, errors.size, batch):
-        part = windows.take(np.arange(first, min(first + batch, errors.size)))
-        errors[first : first + batch] = objective(target, window_angles(lengths, target, part))
-    return errors

@@ -1,23 +1,29 @@
-"""Coordinates of a linkage's shape for a search without bounds: length ratios from real numbers, with their derivatives.
+"""Coordinates of a four-bar's shape for a search without bounds: length ratios from real numbers, with their derivatives.
 
-Each chart maps the first three unknowns to four lengths (their common scale is free, the pose takes it up) and to the two
-constants X0, Y0 of the closure (see `fourbar`), formed without cancellation. The fourth unknown of a search is theta1 at
-the first sample and is no business of the chart.
+Each chart maps three unknowns to four lengths (their common scale is free, the pose takes it up) and to the two constants
+X0, Y0 of the closure (see `kinematics`), formed without cancellation, and evaluates the coupler angle of candidates, shape
+and crank angle at the first sample, over a target's samples.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from synthesis.fourbar.kinematics import grashof_excesses
+from synthesis.mechanism import BodyAngles
+from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+_ANY_LENGTHS = (1.0, 2.0, 3.0, 4.5)
 
 
-class Shape(NamedTuple):
+class FourBarShape(NamedTuple):
     """Lengths and closure constants at points of a chart."""
 
     lengths: Floats
@@ -30,32 +36,31 @@ class Shape(NamedTuple):
     """(n, 4, 3): derivatives of the lengths by the chart's unknowns."""
 
 
-class Chart(Protocol):
-    """A chart of linkages."""
-
-    always_closes: bool
-    """Whether every point of it closes at every crank angle."""
-
-    def shape(self, unknowns: Floats) -> Shape:
-        """Shape at unknowns (n, 3)."""
-
-    def unknowns(self, lengths: Floats) -> Floats:
-        """Unknowns (n, 3) of lengths (n, 4)."""
-
-
+@dataclass(frozen=True)
 class FullCrankChart:
     """All four-bars whose crank turns fully, each once: R^3 less the plane p = 0, which only L1 = L4, L2 = L3 touches.
 
     With L1 + L4 = 1: p = ln(L1 / L4), L2 + L3 = 1 + e^u, L2 - L3 = |L4 - L1| tanh w. Crank-rockers have p < 0, double-cranks
     p > 0; change points lie at infinity. X0 = e^u (2 + e^u) and Y0 = (L4 - L1)^2 / cosh^2 w are positive everywhere.
     Law: ``unknowns(shape(x).lengths) == x`` for moderate x.
+
+    Attributes
+    ----------
+    sheet : int
+        -1: only linkages with L1 < L4, crank-rockers; +1: only L1 > L4, double-cranks; 0: both.
     """
 
+    sheet: int = 0
+
     always_closes = True
+    cell = np.array([0.7, 1.0, 1.0, 0.6])
+    hop = np.array([0.7, 1.5, 1.5, 0.4])
+    types = np.empty((0, 4))
     LIMITS = np.array([16.0, 30.0, 17.0])
     """Largest |p|, |u|, |w|: beyond, the lengths no longer change in double precision."""
 
-    def shape(self, unknowns: Floats) -> Shape:
+    def shape(self, unknowns: Floats) -> FourBarShape:
+        """Shapes at unknowns (n, 3)."""
         p, u, w = np.clip(unknowns, -self.LIMITS, self.LIMITS).T
         l1, l4 = 1 / (1 + np.exp(-p)), 1 / (1 + np.exp(p))
         gap, excess = np.abs(np.tanh(p / 2)), np.exp(u)
@@ -71,9 +76,10 @@ class FullCrankChart:
         jacobian[:, 1, 1] = jacobian[:, 2, 1] = excess / 2
         jacobian[:, 1, 2] = gap * fall / 2
         jacobian[:, 2, 2] = -jacobian[:, 1, 2]
-        return Shape(lengths, excess * (2 + excess), gap**2 * fall, jacobian)
+        return FourBarShape(lengths, excess * (2 + excess), gap**2 * fall, jacobian)
 
-    def unknowns(self, lengths: Floats) -> Floats:
+    def unknowns(self, lengths: ArrayLike) -> Floats:
+        """Unknowns (n, 3) of lengths (n, 4)."""
         lengths = np.asarray(lengths, dtype=float)
         l1, l4 = lengths[..., 0], lengths[..., 3]
         a, b, c = grashof_excesses(lengths)
@@ -84,22 +90,128 @@ class FullCrankChart:
         x[..., 2] *= np.where(l1 > l4, -1.0, 1.0)
         return np.clip(np.nan_to_num(x), -self.LIMITS, self.LIMITS)
 
+    def prepared(self, target: Target) -> CouplerAngles:
+        """The evaluation of candidates over a target's samples."""
+        return CouplerAngles(self, target)
 
+
+@dataclass(frozen=True)
 class AnyChart:
     """All four-bars: the logarithms of L1 / L4, L2 / L4, L3 / L4. Most points close over a part of the turn only."""
 
+    sheet = 0
     always_closes = False
+    cell = FullCrankChart.cell
+    hop = FullCrankChart.hop
     LIMIT = 16.0
 
-    def shape(self, unknowns: Floats) -> Shape:
+    @property
+    def types(self) -> Floats:
+        """Lengths of all families, the ground 1."""
+        types = np.stack(np.meshgrid(*[_ANY_LENGTHS] * 4, indexing="ij"), axis=-1).reshape(-1, 4)
+        return np.unique(np.round(types / types[:, 3:], 9), axis=0)
+
+    def shape(self, unknowns: Floats) -> FourBarShape:
+        """Shapes at unknowns (n, 3)."""
         three = np.exp(np.clip(unknowns, -self.LIMIT, self.LIMIT))
         lengths = np.concatenate([three, np.ones((len(three), 1))], axis=1)
         jacobian = np.zeros((*lengths.shape, 3))
         for k in range(3):
             jacobian[:, k, k] = three[:, k]
         a, b, c = grashof_excesses(lengths)
-        return Shape(lengths, c * lengths.sum(axis=-1), a * b, jacobian)
+        return FourBarShape(lengths, c * lengths.sum(axis=-1), a * b, jacobian)
 
-    def unknowns(self, lengths: Floats) -> Floats:
+    def unknowns(self, lengths: ArrayLike) -> Floats:
+        """Unknowns (n, 3) of lengths (n, 4)."""
         lengths = np.asarray(lengths, dtype=float)
         return np.log(lengths[..., :3] / lengths[..., 3:])
+
+    def prepared(self, target: Target) -> CouplerAngles:
+        """The evaluation of candidates over a target's samples."""
+        return CouplerAngles(self, target)
+
+
+class CouplerAngles:
+    """Coupler angles of candidates over a target's samples, with their derivatives: the fast path of `kinematics`.
+
+    Few array operations a call, each over all candidates and samples: in small batches their number is the run time.
+
+    Parameters
+    ----------
+    chart : FullCrankChart or AnyChart
+    target : Target
+        With a crank that turns counter-clockwise.
+    """
+
+    def __init__(self, chart: FullCrankChart | AnyChart, target: Target) -> None:
+        self.chart = chart
+        self.crank = target.crank
+        self.interval = target.interval
+        self.half = np.exp(0.5j * target.crank)
+
+    def __call__(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+        """theta2 at unknowns (n, 4) and branches (n,)."""
+        shape = self.chart.shape(unknowns[:, :3])
+        lengths = shape.lengths[:, :, None]
+        l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
+        side = branch[:, None]
+        half = np.exp(0.5j * unknowns[:, 3:]) * self.half
+        sine, cosine = half.imag, half.real
+        product = 4 * l1 * l4
+        reach = product * (sine * sine)
+        x = shape.x0[:, None] + product * (cosine * cosine)
+        y = shape.y0[:, None] + reach
+        gap = l4 - l1
+        r2 = gap * gap + reach
+        possible = self._closes(shape, unknowns[:, 3], x, y)
+        if possible is not True:
+            x, y, r2 = (np.where(possible[:, None], value, 1.0) for value in (x, y, r2))
+        # theta2 as in `kinematics`, where the two forms of arg(B - D) are explained. 2 L2 r cos(mu) = r^2 + L2^2 - L3^2 and
+        # 2 L2 r sin(mu) = sqrt(X Y): not the last digit of that form, but X and Y are as good as there.
+        small = np.minimum(l1, l4)
+        lag = np.arctan2(np.copysign(2 * small, -gap) * (sine * cosine), np.abs(gap) + 2 * small * (sine * sine))
+        root = np.sqrt(x * y)
+        angle = lag + side * np.arctan2(root, r2 + (l2 - l3) * (l2 + l3))
+        ahead = np.flatnonzero(gap[:, 0] < 0)
+        if ahead.size:
+            angle[ahead] += unknowns[ahead, 3:] + (self.crank - np.pi)
+        phasor = np.empty(angle.shape, dtype=complex)
+        np.cos(angle, out=phasor.real)
+        np.sin(angle, out=phasor.imag)
+        slope = self._slope(shape, half * half, phasor, root, side) if derivatives else None
+        return BodyAngles(angle, phasor, slope, possible)
+
+    def _closes(self, shape: FourBarShape, start: Floats, x: Floats, y: Floats) -> NDArray[np.bool_] | Literal[True]:
+        """Which candidates are of the sheet and close at every sample, and at theta1 = 0 and pi where the interval holds them.
+
+        There the diagonal is shortest and longest, so nothing can open between the samples.
+        """
+        answer: NDArray[np.bool_] | Literal[True] = True
+        if self.chart.sheet:
+            answer = (shape.lengths[:, 0] - shape.lengths[:, 3]) * self.chart.sheet > 0
+        if not self.chart.always_closes:
+            begin, end = self.interval.after(start)
+            holds_zero = np.floor(end / TURN) >= np.ceil(begin / TURN)
+            holds_half = np.floor((end - np.pi) / TURN) >= np.ceil((begin - np.pi) / TURN)
+            between = ~(holds_zero & (shape.y0 <= 0)) & ~(holds_half & (shape.x0 <= 0))
+            answer = answer & between & np.all((x > 0) & (y > 0), axis=1)
+        return answer
+
+    def _slope(self, shape: FourBarShape, turned: Complexes, phasor: Complexes, root: Floats, side: Floats) -> Floats:
+        """d theta2 by the chart's unknowns and theta1', (n, 4, N)."""
+        lengths = shape.lengths[:, :, None]
+        l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
+        rocker = np.conj(l1 * turned + l2 * phasor - l4) / l3
+        cross = turned * rocker
+        by_length = np.empty((len(root), 4, root.shape[1]))
+        by_length[:, 0] = cross.real
+        by_length[:, 1] = (phasor * rocker).real
+        by_length[:, 2] = -1.0
+        np.negative(rocker.real, out=by_length[:, 3])
+        slope = np.empty_like(by_length)
+        np.matmul(shape.jacobian.transpose(0, 2, 1), by_length, out=slope[:, :3])
+        np.multiply(-l1, cross.imag, out=slope[:, 3])
+        # one over L2 sin(theta2 - theta3); bounded, so that a dead position stops a step and not the program
+        lever = -2 * side * l3 / np.maximum(root, 1e-8)
+        slope *= lever[:, None, :]
+        return slope

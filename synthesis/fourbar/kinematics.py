@@ -20,12 +20,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.target import TURN, Interval
+
 Floats = NDArray[np.float64]
-TURN = 2 * np.pi
 
 
 class Family(StrEnum):
@@ -99,7 +101,7 @@ def family(lengths: ArrayLike) -> NDArray[np.object_]:
     return names
 
 
-def _scaled(lengths: ArrayLike) -> tuple[Floats, Floats]:
+def _scaled(lengths: ArrayLike) -> tuple[Floats, NDArray[Any]]:
     """Lengths over a power of two near the longest, so that squares neither overflow nor vanish; exact."""
     lengths = np.asarray(lengths, dtype=float)
     if lengths.shape[-1:] != (4,):
@@ -135,7 +137,7 @@ class Closure:
     excess_y: Floats
     diagonal: Floats
     closed: NDArray[np.bool_]
-    exponent: NDArray[np.int_]
+    exponent: NDArray[Any]
 
     @cached_property
     def diagonal_angle(self) -> Floats:
@@ -261,7 +263,7 @@ def coupler_angle(lengths: ArrayLike, branch: ArrayLike, crank_angle: ArrayLike)
     return close_loop(lengths, crank_angle).coupler_angle(branch)
 
 
-def transmission_angle_over(lengths: ArrayLike, first: ArrayLike, last: ArrayLike) -> Floats:
+def transmission_angle_over(lengths: ArrayLike, interval: Interval) -> Floats:
     """The smallest transmission angle while the crank moves between two angles, exactly and not by samples.
 
     The diagonal r grows with sin^2(theta1/2), and the transmission angle is smallest where r is smallest or largest: at an
@@ -270,8 +272,8 @@ def transmission_angle_over(lengths: ArrayLike, first: ArrayLike, last: ArrayLik
     Parameters
     ----------
     lengths : array_like, shape (..., 4)
-    first, last : array_like, shape (...)
-        Ends of the interval of theta1 in radians, in either order.
+    interval : Interval
+        Of theta1, its ends of shape (...).
 
     Returns
     -------
@@ -279,7 +281,7 @@ def transmission_angle_over(lengths: ArrayLike, first: ArrayLike, last: ArrayLik
         Radians, 0 to pi/2; NaN where the linkage does not close over the whole interval. Law: never above the transmission
         angle at any crank angle of the interval.
     """
-    first, last = np.asarray(first, dtype=float), np.asarray(last, dtype=float)
+    first, last = (np.asarray(end, dtype=float) for end in interval)
     low, high = np.minimum(first, last), np.maximum(first, last)
     inner = TURN * np.ceil(low / TURN)
     outer = TURN * np.ceil((low - np.pi) / TURN) + np.pi
@@ -292,12 +294,14 @@ def transmission_angle_over(lengths: ArrayLike, first: ArrayLike, last: ArrayLik
     return np.min(angles, axis=-1)
 
 
-def condition_of_closure(lengths: ArrayLike, branch: ArrayLike, crank_angle: ArrayLike) -> Floats:
-    """Condition number of theta2: error in radians per relative error of the worst input, shape (..., N).
+def principal(angle: Floats) -> Floats:
+    """Continuous curves of angles (..., N), moved by whole turns so that the first sample lies in (-pi, pi]."""
+    first = angle[..., :1]
+    wrapped = np.arctan2(np.sin(first), np.cos(first))
+    return angle - TURN * np.round((first - wrapped) / TURN)
 
-    The sum of ``|d theta2 / d L_i| L_i`` over the lengths and ``|d theta2 / d theta1| |theta1|``.
-    """
-    closure = close_loop(lengths, crank_angle)
-    gradient = np.abs(closure.coupler_angle_gradient(branch))
-    lengths = np.asarray(lengths, dtype=float)[..., None, :]
-    return (gradient[..., :4] * lengths).sum(-1) + gradient[..., 4] * np.abs(closure.crank_angle)
+
+def wrap(angle: float) -> float:
+    """An angle in (-pi, pi]."""
+    wrapped = float(np.arctan2(np.sin(angle), np.cos(angle)))
+    return np.pi if wrapped <= -np.pi else wrapped

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_over
+from synthesis.fourbar.solution import Solution
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -73,12 +75,7 @@ class Limits:
         return not (self.transmission_angle_min or self.pivot_box or self.link_min or self.link_max)
 
     def slacks(
-        self,
-        target: Target,
-        lengths: Floats,
-        start: Floats,
-        pivot_a: NDArray[np.complex128] | None,
-        pivot_b: NDArray[np.complex128] | None,
+        self, target: Target, lengths: Floats, start: Floats, pivots: Sequence[NDArray[np.complex128]]
     ) -> Floats:
         """How far inside each limit linkages are: one column a limit, negative outside, NaN where it does not close.
 
@@ -89,7 +86,8 @@ class Limits:
             Actual lengths.
         start : ndarray, shape (n,)
             theta1 at the first sample.
-        pivot_a, pivot_b : ndarray of complex, shape (n,), or None without positions
+        pivots : sequence of ndarray of complex, shape (n,)
+            Fixed pivots A and B; none where nothing is mounted.
 
         Returns
         -------
@@ -98,7 +96,7 @@ class Limits:
         """
         columns: list[Floats] = []
         if self.transmission_angle_min:
-            least = transmission_angle_over(lengths, start, start + target.span)
+            least = transmission_angle_over(lengths, target.interval.after(start))
             columns.append(least - self.transmission_angle_min)
         if self.link_min is not None:
             columns += list(np.log(lengths / self.link_min).T)
@@ -106,7 +104,7 @@ class Limits:
             columns += list(np.log(self.link_max / lengths).T)
         if self.pivot_box is not None:
             xmin, ymin, xmax, ymax = self.pivot_box
-            for pivot in (pivot_a, pivot_b):
+            for pivot in pivots:
                 edges = (pivot.real - xmin, xmax - pivot.real, pivot.imag - ymin, ymax - pivot.imag)
                 columns += [edge / target.length_scale for edge in edges]
         return np.stack(columns, axis=-1) if columns else np.empty((len(lengths), 0))
@@ -114,7 +112,7 @@ class Limits:
     def family_holds(self, target: Target, lengths: Floats, start: Floats) -> NDArray[np.bool_]:
         """Whether linkages are of the family that is asked for, and close over the whole used interval, shape (n,)."""
         if self.family == "any":
-            return transmission_angle_over(lengths, start, start + target.span) > 0
+            return transmission_angle_over(lengths, target.interval.after(start)) > 0
         a, b, c = grashof_excesses(lengths)
         crank_rocker = (a > 0) & (b > 0) & (c > 0)
         double_crank = (a < 0) & (b < 0) & (c > 0)
@@ -123,3 +121,22 @@ class Limits:
             "crank_rocker": crank_rocker,
             "double_crank": double_crank,
         }[self.family]
+
+    def kept_by(
+        self, target: Target, lengths: Floats, start: Floats, pivots: Sequence[NDArray[np.complex128]]
+    ) -> NDArray[np.bool_]:
+        """Which linkages keep all limits, the family included; arguments as of `slacks`, shape (n,)."""
+        holds = self.family_holds(target, lengths, start)
+        return holds & np.all(self.slacks(target, lengths, start, pivots) >= 0, axis=-1)
+
+    def within(self, target: Target, solutions: list[Solution]) -> list[Solution]:
+        """The solutions that keep the limits, checked on their own numbers."""
+        if not solutions:
+            return []
+        linkages = [s.linkage for s in solutions]
+        links, start = np.array([one.links for one in linkages]), np.array([one.start for one in linkages])
+        pivots: list[NDArray[np.complex128]] = []
+        if target.position is not None:
+            pivots = [np.array([one.pivot_a for one in linkages]), np.array([one.pivot_b for one in linkages])]
+        keeps = self.kept_by(target, links, start, pivots) & np.isfinite([s.errors.objective for s in solutions])
+        return [s for s, keep in zip(solutions, keeps) if keep]

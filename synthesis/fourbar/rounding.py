@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.kinematics import close_loop
-from synthesis.fourbar.pose import Mount, rotation_residual, wrap
-from synthesis.fourbar.solution import Solution, finish_solutions
-from synthesis.target import Target
+from synthesis.fourbar.kinematics import close_loop, wrap
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.solution import Solution, assess, four
+from synthesis.least_squares import Evaluation, minimise
+from synthesis.pose import rotation_residual
+from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
-_STEPS = 40
+_STEPS = 400
+_AROUND = 0.4 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+"""Starts and ground angles beside the solution's, in radians: rounded links may have their best place in another valley."""
+_DIFFERENCE = 1e-6
 
 
 def round_solution(target: Target, solution: Solution, grid: float) -> Solution | None:
@@ -32,72 +40,52 @@ def round_solution(target: Target, solution: Solution, grid: float) -> Solution 
         None where the rounded linkage does not close over the samples. Fitted are the start, the ground angle, the pivot, the
         coupler point and the offset. Law: no length is off the grid, none moved by more than half a step (or up to one step).
     """
-    links = np.maximum(np.round(solution.links / grid), 1.0) * grid
-    place = np.array([solution.start, solution.mount.ground_angle])
-    state = _fit(target, links, solution.branch, place)
-    if state is None:
-        return None
-    damping = 1e-6
-    for _ in range(_STEPS):
-        residual, pose = state
-        slopes = []
+    old = solution.linkage
+    links = np.maximum(np.round(np.array(old.links) / grid), 1.0) * grid
+
+    def evaluate(place: Floats, branch: Floats) -> Evaluation:
+        residual = _fit(target, links, branch, place)[0]
+        stack = np.empty((len(place), 3, residual.shape[1]))
+        stack[:, 2] = residual
         for k in range(2):
-            step = np.zeros(2)
-            step[k] = 1e-6
-            ahead, behind = (_fit(target, links, solution.branch, place + s) for s in (step, -step))
-            if ahead is None or behind is None:
-                return _solution(target, links, solution.branch, place, pose)
-            slopes.append((ahead[0] - behind[0]) / 2e-6)
-        matrix = np.stack(slopes, axis=1)
-        moved = False
-        while damping < 1e6 and not moved:
-            scaled = np.vstack([matrix, np.diag(np.sqrt(damping) * np.linalg.norm(matrix, axis=0))])
-            step = np.linalg.lstsq(scaled, -np.concatenate([residual, np.zeros(2)]), rcond=None)[0]
-            new = _fit(target, links, solution.branch, place + step)
-            if new is not None and new[0] @ new[0] < residual @ residual:
-                moved, place, state = True, place + step, new
-                damping = max(damping / 10, 1e-12)
-            else:
-                damping *= 10
-        if not moved or np.max(np.abs(step)) < 1e-12:
-            break
-    return _solution(target, links, solution.branch, place, state[1])
+            step = _DIFFERENCE * np.eye(2)[k]
+            ahead, behind = (_fit(target, links, branch, moved)[0] for moved in (place + step, place - step))
+            stack[:, k] = (ahead - behind) / (2 * _DIFFERENCE)
+        cost = np.einsum("nm,nm->n", residual, residual)
+        # next to where it opens there are no derivatives: such a place is no answer, unless it is all there is
+        return Evaluation(np.where(np.isnan(stack).any(axis=(1, 2)), np.inf, cost), np.nan_to_num(stack))
 
-
-def _fit(target: Target, links: Floats, branch: int, place: Floats) -> tuple[Floats, Mount] | None:
-    """Residual of the objective and the pose at a start and ground angle; None where the loop does not close."""
-    start, ground_angle = place
-    crank = start + target.crank
-    closure = close_loop(links, crank)
-    if not closure.closed.all():
-        return None
-    angle = closure.coupler_angle(branch)
-    parts = []
-    if target.rotation is not None:
-        parts.append(rotation_residual(target, angle[None, :])[1][0])
-    scale = target.length_scale
-    mean = target.position.mean()
-    wanted = (target.position - mean - links[0] * np.exp(1j * (crank + ground_angle))) / scale
-    arm = np.exp(1j * (angle + ground_angle))
-    arm_mean, wanted_mean = arm.mean(), wanted.mean()
-    own = arm - arm_mean
-    square = float(np.mean(np.abs(own) ** 2))
-    coupler = np.mean(np.conj(own) * wanted) / square if square > 1e-28 else 0.0
-    gap = wanted - wanted_mean - coupler * own
-    parts += [gap.real, gap.imag]
-    pivot = mean + scale * (wanted_mean - coupler * arm_mean)
-    pivot_b = pivot + links[3] * np.exp(1j * ground_angle)
-    pose = Mount(
-        1.0,
-        wrap(ground_angle),
-        complex(pivot),
-        complex(pivot_b),
-        float(scale * abs(coupler)),
-        wrap(float(np.angle(coupler))),
+    branch = np.full(len(_AROUND), float(old.branch))
+    found = minimise(
+        evaluate, np.array([old.start, old.ground_angle]) + _AROUND, branch, _STEPS, stall=0.0, damping=1e-6
     )
-    return np.concatenate(parts) / np.sqrt(target.samples), pose
+    place = found.unknowns[[found.cost.argmin()]]
+    start, turn = place[0]
+    residual, pivot, coupler = _fit(target, links, branch[:1], place)
+    if np.isnan(residual).any():
+        return None
+    point = float(abs(coupler[0])), wrap(float(np.angle(coupler[0])))
+    linkage = Linkage(four(links), old.branch, float(start % TURN), complex(pivot[0]), wrap(float(turn)), point)
+    return assess(target, [linkage])[0]
 
 
-def _solution(target: Target, links: Floats, branch: int, place: Floats, pose: Mount) -> Solution:
-    start = np.array([place[0] % (2 * np.pi)])
-    return finish_solutions(target, links[None, :], np.array([branch]), start, [pose])[0]
+def _fit(target: Target, links: Floats, branch: Floats, place: Floats) -> tuple[Floats, Complexes, Complexes]:
+    """Residuals of the objective (n, rows), pivot A and coupler vector (n,) at starts and ground angles; NaN where it opens."""
+    assert target.position is not None
+    start, turn = place[:, :1], place[:, 1:]
+    crank = start + target.crank
+    angle = close_loop(links, crank).coupler_angle(branch)
+    parts: list[Any] = []
+    if target.rotation is not None:
+        parts.append(rotation_residual(target, angle)[1] * target.rotation_mean.root)
+    mean, scale = target.position_mean, target.length_scale
+    middle = mean(target.position)
+    wanted = (target.position - middle - links[0] * np.exp(1j * (crank + turn))) / scale
+    arm = np.exp(1j * (angle + turn))
+    own = arm - mean(arm)[:, None]
+    square = mean(np.abs(own) ** 2)
+    independent = square > 1e-28
+    coupler: Any = np.where(independent, mean(np.conj(own) * wanted), 0.0) / np.where(independent, square, 1.0)
+    gap = (wanted - mean(wanted)[:, None] - coupler[:, None] * own) * mean.root
+    pivot = middle + scale * (mean(wanted) - coupler * mean(arm))
+    return np.concatenate([*parts, gap.real, gap.imag], axis=1), pivot, scale * coupler

@@ -1,4 +1,4 @@
-"""All questions that the service answers: the four-bar's and the scenes'."""
+"""All questions that the service and the command line answer: the four-bar's and the scenes'."""
 
 from __future__ import annotations
 
@@ -6,18 +6,12 @@ import json
 from importlib.resources import files
 from typing import Any
 
-from app.export import SYNTHESIZE_EXPORTS
-from app.motion import (
-    MatchesReply,
-    MatchRequest,
-    SynthesizeReply,
-    SynthesizeRequest,
-    answer_match,
-    answer_synthesize,
-)
+from app.fourbar.answers import answer_match, answer_synthesize
+from app.fourbar.export import SYNTHESIZE_EXPORTS
+from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
+from app.fourbar.tables import matches_table, synthesize_table
 from app.query import Query
 from app.scenes import scene_queries
-from app.tables import matches_table, synthesize_table
 
 
 def worked_example() -> dict[str, Any]:
@@ -25,7 +19,7 @@ def worked_example() -> dict[str, Any]:
     return json.loads(files("app").joinpath("examples/worked_example.json").read_text())
 
 
-def motion_queries() -> tuple[Query, ...]:
+def fourbar_queries() -> tuple[Query, ...]:
     """The four-bar's queries."""
     example = worked_example()
     rotation_only = {"rotation": example["rotation"], "crank_span": example["crank_span"]}
@@ -67,4 +61,4 @@ def motion_queries() -> tuple[Query, ...]:
 
 def all_queries() -> tuple[Query, ...]:
     """Every query of the service."""
-    return (*motion_queries(), *scene_queries())
+    return (*fourbar_queries(), *scene_queries())

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthesis.fourbar.pose import DEGENERATE, fit_positions, mount, objective, position_condition, wrap
 
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.scan import Scan
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.pose import DEGENERATE, fit_positions, mount, objective, position_condition, wrap
 from synthesis.target import Target, make_target
 
 LENGTHS = np.array([19.0, 72, 144, 165])

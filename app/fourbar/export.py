@@ -10,13 +10,11 @@ from typing import Annotated, Any, Literal
 from fastapi import FastAPI, Request, Response
 from pydantic import ConfigDict, Field, Strict
 
-from app.motion import SynthesizeRequest, answer_synthesize
+import linkage_atlas as la
+from app.fourbar.answers import solve
+from app.fourbar.models import SynthesizeRequest
 from app.query import Export, Number, RequestModel, Resources
-from synthesis.errors import FieldError
-from synthesis.fourbar.files import MountedLinkage, to_csv, to_dxf, to_mjcf, to_svg
-from synthesis.target import Target
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 LengthUnit = Literal["mm", "cm", "m", "in"]
 Length = Annotated[Number, Field(ge=1e-100, le=1e100)]
 Coordinate = Annotated[Number, Field(ge=-1e100, le=1e100)]
@@ -69,45 +67,24 @@ class ExportRequest(RequestModel):
     length_unit: LengthUnit = Field("mm", description="The unit of the request's lengths, for DXF and MJCF.")
 
 
-def mounted(solution: Any, unit: float) -> MountedLinkage:
-    """The linkage of a solution, from a reply or from a request; ``unit`` is radians in one unit of angle."""
-    links, pose = solution.links, solution.mount
-    where: dict[str, Any] = {}
-    if pose is not None:
-        point = pose.coupler_point
-        where = {
-            "ground_angle": pose.ground_angle * unit,
-            "pivot_a": complex(*pose.pivot_a),
-            "coupler_point": (point.radius, point.angle * unit),
-        }
-    return MountedLinkage(
-        (links.crank, links.coupler, links.rocker, links.ground),
-        solution.branch,
-        solution.start_angle * unit,
-        (solution.body_offset or 0.0) * unit,
-        **where,
-    )
-
-
-def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> Any:
-    request = request.model_copy(update={"top": max(request.top, rank)})
-    found = answer_synthesize(request, resources).solutions
+def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
+    found = solve(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if len(found) < rank:
-        raise FieldError("/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits")
+        raise la.FieldError(
+            "/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits"
+        )
     return found[rank - 1]
 
 
-def _target(request: SynthesizeRequest) -> Target:
-    return request.target(request.rotation, request.position, request.length_scale)
-
-
-def _render(name: str, request: SynthesizeRequest, solution: Any, unit_mm: float) -> bytes:
-    target, linkage = _target(request), mounted(solution, request.unit)
-    if name == "csv":
-        return to_csv(linkage, target, request.unit).encode()
-    if name == "svg":
-        return to_svg(linkage, target).encode()
-    return (to_dxf if name == "dxf" else to_mjcf)(linkage, target, unit_mm).encode()
+def _motion(request: SynthesizeRequest) -> la.Motion:
+    return la.Motion.of(
+        request.rotation,
+        request.position,
+        request.crank_span,
+        request.crank_angle,
+        request.length_scale,
+        request.degrees,
+    )
 
 
 MEDIA_TYPES = {
@@ -120,18 +97,18 @@ MEDIA_TYPES = {
 
 @contextmanager
 def _pointing(change: Callable[[str], str]) -> Iterator[None]:
-    """FieldErrors within point to where this route's body has the field."""
+    """Errors of fields within point to where this route's body has the field."""
     try:
         yield
-    except FieldError as error:
-        raise FieldError(change(error.field), error.message, **error.details) from error
+    except la.FieldError as error:
+        raise la.FieldError(change(error.field), error.message, **error.details) from error
 
 
 def _best(name: str) -> Callable[[SynthesizeRequest, Resources], bytes]:
     def render(request: SynthesizeRequest, resources: Resources) -> bytes:
         best = _ranked(request, 1, resources)
         with _pointing(lambda _: ""):
-            return _render(name, request, best, 1.0)
+            return best.linkage.render(name).encode()
 
     return render
 
@@ -144,16 +121,14 @@ def answer_export(body: ExportRequest, resources: Resources) -> tuple[bytes, str
     """Content and media type of a file."""
     request = body.request
     with _pointing(lambda field: field if field == "/rank" else "/request" + field):
-        _target(request)
-        solution = body.solution or _ranked(request, body.rank, resources)
+        motion = _motion(request)
+        found = None if body.solution else _ranked(request, body.rank, resources)
     if body.format == "json":
-        content = {
-            "request": request.model_dump(mode="json", exclude_defaults=True),
-            "solution": solution.model_dump(mode="json"),
-        }
+        solution = found.to_dict() if found else body.solution.model_dump(mode="json")
+        content = {"request": request.model_dump(mode="json", exclude_defaults=True), "solution": solution}
         return json.dumps(content, indent=1, allow_nan=False).encode(), "application/json"
-    content = _render(body.format, request, solution, MILLIMETRES[body.length_unit])
-    return content, MEDIA_TYPES[body.format]
+    linkage = found.linkage if found else la.FourBar.from_dict(body.solution.model_dump(), request.degrees)
+    return linkage.render(body.format, motion, body.length_unit).encode(), MEDIA_TYPES[body.format]
 
 
 def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[str, Any]], example: Any) -> None:

@@ -1,0 +1,1 @@
+"""The four-bar's routes and commands: match, synthesize, export."""

@@ -1,0 +1,49 @@
+"""The four-bar's questions, answered by the front door: the models' fields are its arguments."""
+
+from __future__ import annotations
+
+import linkage_atlas as la
+from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
+from app.query import Resources
+
+
+def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
+    """The best rows by rotation alone; no pose is computed."""
+    found = la.match(
+        request.rotation,
+        request.crank_span,
+        atlas=resources.atlas,
+        crank_angle=request.crank_angle,
+        degrees=request.degrees,
+        top=request.top,
+        features=request.features,
+        work=resources.work,
+    )
+    return MatchesReply.model_validate(found.to_dict())
+
+
+def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> SynthesizeReply:
+    """Linkages with actual dimensions and pose, best first."""
+    return SynthesizeReply.model_validate(solve(request, resources).to_dict())
+
+
+def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
+    """The front door's answer to a request."""
+    budget_ms = min(request.budget_ms or resources.max_budget_ms, resources.max_budget_ms)
+    return la.synthesize(
+        request.rotation,
+        request.position,
+        request.crank_span,
+        crank_angle=request.crank_angle,
+        degrees=request.degrees,
+        limits=request.limits.model_dump(),
+        top=request.top,
+        effort=request.effort,
+        tolerance=request.tolerance,
+        budget=budget_ms / 1000,
+        length_scale=request.length_scale,
+        round_to=request.round_to,
+        sensitivity=request.sensitivity,
+        atlas=resources.atlas if request.effort == "atlas" else None,
+        work=resources.work,
+    )

@@ -1,0 +1,227 @@
+"""The four-bar's requests and replies, field by field as the HTTP contract has them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel
+from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES
+
+MAX_TOP = 1000
+
+Curve = Annotated[list[Number], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)]
+Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
+Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
+Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Path = Annotated[list[Point], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)]
+Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
+
+
+class CrankMotion(RequestModel):
+    """Crank angles of a request: evenly spaced over a span, or given one by one."""
+
+    crank_span: Number | None = Field(
+        None,
+        description="Crank angle from the first sample to the last, both included, evenly spaced; < 0: clockwise.",
+    )
+    crank_angle: Curve | None = Field(
+        None, description="Crank angles in place of `crank_span`; what counts is the increment from the first."
+    )
+    angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
+
+    @property
+    def degrees(self) -> bool:
+        """Whether angles are in degrees."""
+        return self.angle_unit == "deg"
+
+
+class MatchRequest(CrankMotion):
+    """Which atlas rows turn the body like this, and from which start?"""
+
+    rotation: Curve = Field(description="Rotation of the body at the samples, continuous: no jumps by whole turns.")
+    top: Top = Field(10, description="How many rows to return.")
+    features: Flag = Field(
+        False, description="Also return Haar average and details of the request and of each match."
+    )
+
+
+class TypeReply(ReplyModel):
+    number: int = Field(description="Number of the dimension type, from 1.")
+    lengths: list[int] = Field(description="L1 crank, L2 coupler, L3 rocker, L4 ground.")
+
+
+class FeaturesReply(ReplyModel):
+    samples: int
+    resampled: bool = Field(description="Whether the samples were resampled to a power of two of even crank angles.")
+    average: float
+    details: list[float] = Field(
+        description="(mean of first half - mean of second half) / 2 of each block, coarse to fine."
+    )
+
+
+class MatchReply(ReplyModel):
+    rank: int
+    type: TypeReply
+    start_angle: float
+    branch: Literal[-1, 1]
+    offset: float = Field(
+        description="Added to the coupler angle (in -180..180 degrees at the first sample, continuous)."
+    )
+    similarity: float = Field(description="Rms rotation error of this row at this start.")
+    features: FeaturesReply | None = None
+
+
+class MatchesReport(ReplyModel):
+    elapsed_ms: dict[str, float]
+    windows: int = Field(description="Types x starts x branches that the answer is the best of.")
+    evaluated: int = Field(description="Windows evaluated sample by sample; the bounds excluded the others.")
+    notes: list[str]
+    features: FeaturesReply | None = None
+
+
+class MatchesReply(ReplyModel):
+    matches: list[MatchReply]
+    report: MatchesReport
+
+
+class LimitsRequest(RequestModel):
+    """What every solution must keep to."""
+
+    transmission_angle_min: Number = Field(0.0, description="Smallest transmission angle over the used interval.")
+    pivot_box: Annotated[list[Coordinate], Field(min_length=4, max_length=4)] | None = Field(
+        None, description="xmin, ymin, xmax, ymax for both fixed pivots."
+    )
+    link_min: Length | None = Field(None, description="Shortest length of any link.")
+    link_max: Length | None = Field(None, description="Longest length of any link.")
+    family: Literal["full_crank", "crank_rocker", "double_crank", "any"] = Field(
+        "full_crank", description="`any`: closes over the used interval without changing its branch."
+    )
+
+
+class SynthesizeRequest(CrankMotion):
+    """Which linkage moves a body like this: its dimensions and where it is mounted?"""
+
+    rotation: Curve | None = Field(None, description="Rotation of the body at the samples, continuous.")
+    position: Path | None = Field(None, description="Positions [x, y] of a point of the body, in any unit of length.")
+    top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
+    effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
+    limits: LimitsRequest = Field(default_factory=LimitsRequest)
+    tolerance: Annotated[Number, Field(ge=0, le=1)] = Field(
+        1e-10, description="The search ends when the objective is below this."
+    )
+    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
+    length_scale: Length | None = Field(
+        None,
+        description="Weighs position errors against rotation errors in radians. Default: the largest distance of a "
+        "position from the mean position.",
+    )
+    round_to: Length | None = Field(
+        None, description="Also report each solution with its links rounded to this grid and the rest fitted anew."
+    )
+    sensitivity: Flag = Field(False, description="Also report the change of the motion per unit of each length.")
+
+
+class LinksReply(ReplyModel):
+    crank: float
+    coupler: float
+    rocker: float
+    ground: float
+
+
+class CouplerPointReply(ReplyModel):
+    radius: float
+    angle: float
+
+
+class MountReply(ReplyModel):
+    ground_angle: float = Field(description="Angle of the line from pivot A to pivot B.")
+    pivot_a: tuple[float, float] = Field(description="Fixed pivot of the crank.")
+    pivot_b: tuple[float, float] = Field(description="Fixed pivot of the rocker.")
+    coupler_point: CouplerPointReply = Field(
+        description="P = D + radius e^(i (angle + coupler angle + ground angle)), D the crank pin."
+    )
+    L_B: float = Field(description="Distance of pivot A from the origin.")
+    beta: float = Field(description="Angle of pivot A as seen from the origin.")
+
+
+class ErrorsReply(ReplyModel):
+    rotation_rms: float | None
+    rotation_max: float | None
+    position_rms: float | None
+    position_max: float | None
+    objective: float = Field(
+        description="sqrt(mean square rotation error in radians + mean square position error / l^2)"
+    )
+
+
+class DeterminationReply(ReplyModel):
+    ill_posed: bool = Field(
+        description="A length is not even fixed to a thousandth by the motion at this resolution."
+    )
+    resolution: float = Field(
+        description="Error of the motion that is considered: the objective, at least the tolerance."
+    )
+    length_uncertainty: list[float | None] = Field(
+        description="Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."
+    )
+
+
+class SensitivityReply(ReplyModel):
+    rotation: list[float] | None = Field(
+        description="Rms change of rotation per unit of crank, coupler, rocker, ground."
+    )
+    position: list[float] | None = Field(
+        description="Rms change of position per unit of crank, coupler, rocker, ground."
+    )
+
+
+class RoundedReply(ReplyModel):
+    closes: bool
+    links: LinksReply | None
+    start_angle: float | None
+    body_offset: float | None
+    mount: MountReply | None
+    errors: ErrorsReply | None
+    transmission_angle_min: float | None = Field(description="Over the used interval; limits are not applied again.")
+
+
+class SolutionReply(ReplyModel):
+    rank: int
+    source: Literal["atlas", "refined"]
+    type: TypeReply | None
+    links: LinksReply
+    branch: Literal[-1, 1]
+    start_angle: float
+    body_offset: float | None = Field(
+        description="rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."
+    )
+    mount: MountReply | None
+    errors: ErrorsReply
+    family: str
+    transmission_angle_min: float = Field(description="Over the used interval.")
+    transmission_angle_min_turn: float | None = Field(
+        description="Over the whole turn; null if the crank cannot turn."
+    )
+    condition: float = Field(description="Condition number of the motion's derivatives by all unknowns.")
+    determination: DeterminationReply
+    sensitivity: SensitivityReply | None = None
+    rounded: RoundedReply | None = None
+
+
+class SynthesizeReport(ReplyModel):
+    elapsed_ms: dict[str, float]
+    trace: list[tuple[float, float]] = Field(description="[milliseconds, best objective] after each round.")
+    stopped_by: Literal["tolerance", "converged", "budget"]
+    length_scale: float | None
+    seeds: int | None = Field(description="Starting points refined; null for effort atlas.")
+    windows: int | None = Field(description="Atlas windows that the answer is the best of; null for effort refine.")
+    exhaustive: bool | None = Field(description="Whether all windows were considered; null for effort refine.")
+    notes: list[str]
+
+
+class SynthesizeReply(ReplyModel):
+    status: Literal["reached", "closest", "infeasible"]
+    solutions: list[SolutionReply]
+    report: SynthesizeReport

@@ -1,0 +1,64 @@
+"""The four-bar's replies as text for a terminal."""
+
+from __future__ import annotations
+
+from app.fourbar.models import MatchesReply, MatchesReport, SynthesizeReply, SynthesizeReport
+from app.tables import number, table
+
+
+def _elapsed(report: MatchesReport | SynthesizeReport) -> str:
+    return ", ".join(f"{name} {value:.1f} ms" for name, value in report.elapsed_ms.items())
+
+
+def matches_table(reply: MatchesReply) -> str:
+    """Ranked rows of the matches."""
+    rows = [
+        (
+            *(m.rank, m.type.number, " ".join(map(str, m.type.lengths)), number(m.start_angle)),
+            *(f"{m.branch:+d}", number(m.offset), f"{m.similarity:.3g}"),
+        )
+        for m in reply.matches
+    ]
+    text = table(("rank", "type", "lengths", "start", "branch", "offset", "rms error"), rows)
+    report = reply.report
+    return f"{text}\n\nbest of {report.windows:,} windows; {_elapsed(report)}" + _notes(report)
+
+
+def _notes(report: MatchesReport | SynthesizeReport) -> str:
+    return "".join(f"\nnote: {note}" for note in report.notes)
+
+
+def synthesize_table(reply: SynthesizeReply) -> str:
+    """Ranked solutions of the reply, and the mounting pose of the best."""
+    lines = [f"{reply.status}: {len(reply.solutions)} solution{'s' if len(reply.solutions) != 1 else ''}"]
+    rows = []
+    for s in reply.solutions:
+        links = [number(v) for v in (s.links.crank, s.links.coupler, s.links.rocker, s.links.ground)]
+        rows.append(
+            (
+                *(s.rank, *links, f"{s.branch:+d}", number(s.start_angle), s.family),
+                *(number(s.transmission_angle_min, 4), f"{s.errors.objective:.2e}"),
+            )
+        )
+    if rows:
+        head = ("rank", "crank", "coupler", "rocker", "ground", "branch", "start", "family", "transm.", "objective")
+        lines += ["", table(head, rows)]
+        best = reply.solutions[0]
+        if best.mount is not None:
+            m = best.mount
+            lines += [
+                "",
+                f"mounting of rank 1: pivot A ({number(m.pivot_a[0])}, {number(m.pivot_a[1])}), "
+                f"pivot B ({number(m.pivot_b[0])}, {number(m.pivot_b[1])}), ground angle {number(m.ground_angle)}",
+                f"coupler point: radius {number(m.coupler_point.radius)}, angle {number(m.coupler_point.angle)}; "
+                f"L_B {number(m.L_B)}, beta {number(m.beta)}",
+            ]
+        if best.rounded is not None and best.rounded.closes:
+            r = best.rounded
+            rounded = " ".join(number(v) for v in (r.links.crank, r.links.coupler, r.links.rocker, r.links.ground))
+            lines.append(f"rounded: {rounded}, objective {r.errors.objective:.2e}")
+    trace = ", ".join(f"{ms:.1f} ms: {objective:.1e}" for ms, objective in reply.report.trace)
+    if trace:
+        lines += ["", f"best objective after {trace}"]
+    lines.append(f"stopped by {reply.report.stopped_by}; {_elapsed(reply.report)}")
+    return "\n".join(lines) + _notes(reply.report)

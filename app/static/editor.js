@@ -1,0 +1,230 @@
+// The motion editor: canvas, pose table and form fields show one motion and change it, with undo and redo.
+
+import { Board } from "./board.js";
+import { text } from "./drawing.js";
+import { History, emptyMotion, fixTravels, nextPose, scaleTravels, travels } from "./motion.js";
+import { $ } from "./shell.js";
+
+const COLUMNS = [["t", "crank angle"], ["x", "x"], ["y", "y"], ["angle", "angle"]];
+
+const modeButtons = () => document.querySelectorAll("[data-mode]:not(svg)");
+
+/** Leaves the element alone while the user types in it. */
+function set(element, value) {
+  if (element !== document.activeElement) element.value = value ?? "";
+}
+
+export class Editor {
+  /** `changed()` is called after every change of the motion, before it is drawn again. */
+  constructor(changed) {
+    this.changed = changed;
+    this.chosen = 0;
+    this.history = new History(emptyMotion(), () => this.refresh());
+    this.board = new Board($("canvas"), $("canvas-help"), {
+      edit: (change, kind) => this.history.change((motion) => { change(motion); }, kind),
+      settle: () => this.history.settle(),
+      choose: (k) => this.#choose(k),
+      add: (at) => this.#add(at),
+      remove: (k) => this.#remove(k),
+    });
+    this.#bindFields();
+    this.#bindButtons();
+  }
+
+  get motion() { return this.history.value; }
+
+  /** Puts another motion in place of this one; undo brings this one back. */
+  replace(motion) {
+    this.chosen = 0;
+    this.history.change(() => motion);
+    this.board.fit();
+  }
+
+  /** Makes the present motion the one that undo ends at. */
+  forgetPast() {
+    this.history.past = [];
+    this.refresh();
+  }
+
+  setMode(mode) {
+    this.board.setMode(mode);
+    for (const button of modeButtons()) button.setAttribute("aria-pressed", String(button.dataset.mode === mode));
+  }
+
+  /** Draws the motion again everywhere. */
+  refresh() {
+    $("undo").disabled = !this.history.past.length;
+    $("redo").disabled = !this.history.future.length;
+    this.chosen = Math.max(0, Math.min(this.chosen, this.motion.poses.length - 1));
+    this.changed();
+    this.board.show(this.motion, this.chosen);
+    this.#showTable();
+    this.#showFields();
+  }
+
+  #showFields() {
+    const { motion } = this, { limits } = motion;
+    set($("span"), Number(motion.span.toPrecision(12)));
+    set($("direction"), String(motion.direction));
+    set($("even"), motion.even ? "1" : "0");
+    set($("wanted"), motion.wanted);
+    set($("family"), limits.family);
+    set($("transmission"), limits.transmission || "");
+    set($("link-min"), limits.min);
+    set($("link-max"), limits.max);
+    set($("round"), motion.round);
+    set($("top"), motion.top);
+    for (let k = 0; k < 4; k++) set($(`box-${k}`), limits.box?.[k]);
+    const active = [];
+    if (limits.family !== "full_crank") active.push($("family").selectedOptions[0]?.textContent);
+    if (limits.transmission) active.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
+    if (limits.min || limits.max) active.push("link lengths");
+    if (limits.box) active.push("pivot box");
+    if (motion.round) active.push(`rounded to ${text(motion.round)}`);
+    $("limits-summary").textContent = active.join(", ") || "crank turns fully";
+    $("box-clear").hidden = !limits.box;
+  }
+
+  #showTable() {
+    const { motion } = this, body = $("poses").tBodies[0], angles = travels(motion);
+    while (body.rows.length > motion.poses.length) body.deleteRow(-1);
+    while (body.rows.length < motion.poses.length) body.append(this.#makeRow(body.rows.length));
+    motion.poses.forEach((pose, k) => {
+      const row = body.rows[k];
+      row.className = k === this.chosen ? "chosen" : "";
+      COLUMNS.forEach(([name], column) => {
+        const input = row.cells[column + 1].firstChild;
+        set(input, Number((name === "t" ? angles[k] : pose[name]).toPrecision(6)));
+        if (name === "t") input.readOnly = motion.even || k === 0;
+        else input.disabled = (motion.wanted === "rotation" && name !== "angle") || (motion.wanted === "position" && name === "angle");
+      });
+    });
+  }
+
+  #makeRow(k) {
+    const row = document.createElement("tr");
+    row.insertCell().textContent = String(k + 1);
+    for (const [name, label] of COLUMNS) row.insertCell().append(this.#makeCell(k, name, label));
+    const remove = document.createElement("button");
+    remove.type = "button";
+    remove.className = "quiet";
+    remove.textContent = "×";
+    remove.setAttribute("aria-label", `Remove pose ${k + 1}`);
+    remove.addEventListener("click", () => this.#remove(k));
+    row.insertCell().append(remove);
+    return row;
+  }
+
+  #makeCell(k, name, label) {
+    const input = document.createElement("input");
+    input.type = "text";
+    input.inputMode = "decimal";
+    input.setAttribute("aria-label", `Pose ${k + 1}, ${label}`);
+    input.addEventListener("focus", () => {
+      this.#choose(k);
+      // the table shows 6 digits; a number that is being edited has them all
+      input.value = name === "t" ? Number(travels(this.motion)[k].toPrecision(14)) : this.motion.poses[k][name];
+    });
+    input.addEventListener("input", () => {
+      const value = Number(input.value.replace(",", "."));
+      const good = input.value.trim() !== "" && Number.isFinite(value);
+      input.classList.toggle("invalid", !good);
+      if (good && !input.readOnly) this.history.change((motion) => {
+        motion.poses[k][name] = value;
+        if (name === "t" && k === motion.poses.length - 1) motion.span = value;
+      }, `cell ${k} ${name}`);
+    });
+    input.addEventListener("change", () => { this.history.settle(); input.classList.remove("invalid"); });
+    input.addEventListener("blur", () => this.#showTable());
+    return input;
+  }
+
+  #choose(k) {
+    if (k === this.chosen) return;
+    this.chosen = k;
+    this.board.show(this.motion, k);
+    const rows = $("poses").tBodies[0].rows;
+    for (const [j, row] of [...rows].entries()) row.className = j === k ? "chosen" : "";
+    const box = document.querySelector(".table"), row = rows[k];
+    if (row && (row.offsetTop < box.scrollTop + 30 || row.offsetTop + row.offsetHeight > box.scrollTop + box.clientHeight)) box.scrollTop = row.offsetTop - 60;
+  }
+
+  #add(at = null) {
+    this.chosen = this.motion.poses.length;
+    this.history.change((motion) => {
+      motion.poses.push(nextPose(motion, at));
+      if (!motion.even) motion.span = motion.poses.at(-1).t - motion.poses[0].t || motion.span;
+    });
+  }
+
+  #remove(k) {
+    this.history.change((motion) => {
+      motion.poses.splice(k, 1);
+      if (!motion.even && motion.poses.length > 1) {
+        const first = motion.poses[0].t;
+        motion.poses.forEach((pose) => { pose.t -= first; });
+        motion.span = motion.poses.at(-1).t;
+      }
+    });
+  }
+
+  /** Lets a form field change the motion: `change(motion, value)`, the value of an empty number field is null. */
+  #bind(id, change) {
+    const element = $(id), numeric = element.type === "number";
+    element.addEventListener(element.tagName === "SELECT" ? "change" : "input", () => {
+      const entered = element.value.trim();
+      if (numeric && entered !== "" && !element.checkValidity()) return;
+      const value = !numeric ? entered : entered === "" ? null : Number(entered);
+      this.history.change((motion) => { change(motion, value); }, id);
+    });
+    element.addEventListener("blur", () => { this.history.settle(); this.#showFields(); });
+  }
+
+  #bindFields() {
+    this.#bind("span", (motion, value) => {
+      if (!value) return;
+      if (motion.even) motion.span = value;
+      else scaleTravels(motion, value);
+    });
+    this.#bind("direction", (motion, value) => { motion.direction = Number(value); });
+    this.#bind("even", (motion, value) => {
+      if (motion.even) fixTravels(motion);
+      motion.even = value === "1";
+    });
+    this.#bind("wanted", (motion, value) => { motion.wanted = value; });
+    this.#bind("family", (motion, value) => { motion.limits.family = value; });
+    this.#bind("transmission", (motion, value) => { motion.limits.transmission = value ?? 0; });
+    this.#bind("link-min", (motion, value) => { motion.limits.min = value; });
+    this.#bind("link-max", (motion, value) => { motion.limits.max = value; });
+    this.#bind("round", (motion, value) => { motion.round = value; });
+    this.#bind("top", (motion, value) => { if (value) motion.top = value; });
+    for (let k = 0; k < 4; k++) {
+      this.#bind(`box-${k}`, (motion) => {
+        const box = [0, 1, 2, 3].map((j) => ($(`box-${j}`).value === "" ? NaN : Number($(`box-${j}`).value)));
+        if (box.every(Number.isFinite)) motion.limits.box = box;
+        else if (box.every(Number.isNaN)) motion.limits.box = null;
+      });
+    }
+    $("box-clear").addEventListener("click", () => this.history.change((motion) => { motion.limits.box = null; }));
+  }
+
+  #bindButtons() {
+    $("add-row").addEventListener("click", () => this.#add());
+    $("undo").addEventListener("click", () => this.history.undo());
+    $("redo").addEventListener("click", () => this.history.redo());
+    document.addEventListener("keydown", (event) => {
+      if (!(event.ctrlKey || event.metaKey) || event.altKey || event.target.matches?.("textarea")) return;
+      const key = event.key.toLowerCase();
+      if (key !== "z" && key !== "y") return;
+      event.preventDefault();
+      // a focused field would keep showing the value that is undone
+      if (document.activeElement?.matches?.("input")) document.activeElement.blur();
+      if (key === "y" || event.shiftKey) this.history.redo();
+      else this.history.undo();
+    });
+    for (const button of modeButtons()) button.addEventListener("click", () => this.setMode(button.dataset.mode));
+    $("fit").addEventListener("click", () => this.board.fit());
+    $("zoom-in").addEventListener("click", () => this.board.zoom(1.3));
+    $("zoom-out").addEventListener("click", () => this.board.zoom(1 / 1.3));
+  }
+}

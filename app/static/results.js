@@ -1,0 +1,168 @@
+// The solutions of an answer: the list, the search's error over time, and the numbers and files of the selected one.
+
+import { chart, redrawOn } from "./charts.js";
+import { text, thumbnail } from "./drawing.js";
+import { Linkage } from "./kinematics.js";
+import { Player } from "./player.js";
+import { ask, download } from "./service.js";
+import { $ } from "./shell.js";
+
+const RAD = Math.PI / 180;
+const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "player"];
+const FAMILIES = {
+  crank_rocker: "crank-rocker", double_crank: "double-crank", rocker_crank: "rocker-crank",
+  double_rocker: "double-rocker", triple_rocker: "triple-rocker", change_point: "change point",
+};
+const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "time limit reached" };
+
+/** An error with its unit; "rounding" where it is below 1e-12 of the motion's size. */
+function errorText(value, size, unit = "") {
+  if (value === null) return null;
+  return value < 1e-12 * size ? "rounding" : `${text(value, 3)}${unit}`;
+}
+
+/** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
+function numberRows(solution, digits) {
+  const { links, mount, errors, rounded } = solution;
+  const number = (value) => text(value, digits);
+  const rows = [
+    ["Crank", number(links.crank)], ["Coupler", number(links.coupler)], ["Rocker", number(links.rocker)], ["Ground", number(links.ground)],
+    ["Branch", solution.branch > 0 ? "+1" : "−1"], ["Start angle", `${number(solution.start_angle)}°`],
+  ];
+  if (solution.body_offset !== null) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
+  if (mount) {
+    rows.push(
+      ["Pivot A", mount.pivot_a.map(number).join(", ")],
+      ["Pivot B", mount.pivot_b.map(number).join(", ")],
+      ["Ground angle", `${number(mount.ground_angle)}°`],
+      ["Coupler point", `${number(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`],
+    );
+  }
+  if (errors.rotation_max !== null) rows.push(["Rotation error, largest", `${text(errors.rotation_max, 4)}°`]);
+  if (errors.position_max !== null) rows.push(["Position error, largest", text(errors.position_max, 4)]);
+  rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
+  if (solution.transmission_angle_min_turn !== null) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
+  if (rounded?.closes) {
+    const { position_rms: position, rotation_rms: rotation } = rounded.errors;
+    rows.push(
+      ["Rounded links", ["crank", "coupler", "rocker", "ground"].map((name) => text(rounded.links[name], 8)).join(", ")],
+      ["Error when rounded", position === null ? `${text(rotation, 3)}°` : text(position, 3)],
+    );
+  } else if (rounded) rows.push(["Rounded links", "do not close"]);
+  return rows;
+}
+
+function note(sentence) {
+  $("export-note").textContent = sentence;
+}
+
+/** Puts `content` on the clipboard and notes `done`; where the browser forbids it, notes the content itself. */
+export async function copy(content, done) {
+  try {
+    await navigator.clipboard.writeText(content);
+    note(done);
+  } catch { note(content); }
+}
+
+export class Results {
+  constructor(board) {
+    Object.assign(this, { answer: null, solution: null, rank: 0, player: new Player(board) });
+    $("copy").addEventListener("click", () => copy(numberRows(this.solution, 17).map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
+    for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
+    $("print").addEventListener("click", () => print());
+    redrawOn($("trace"), () => this.#drawTrace());
+  }
+
+  /** Shows an answer {request, reply, motion}, or with null none; a further answer to the same request keeps the selection. */
+  show(answer, further = false) {
+    this.answer = answer;
+    if (!further) this.rank = 0;
+    const solutions = answer?.reply.solutions ?? [];
+    for (const id of CARDS) $(id).hidden = !solutions.length;
+    $("solutions").replaceChildren();
+    if (!solutions.length) {
+      this.solution = null;
+      this.player.clear();
+      return;
+    }
+    const { report } = answer.reply;
+    $("solutions").append(...solutions.map((solution, k) => this.#makeItem(solution, k)));
+    $("results-note").textContent = `rms errors of rotation and position · ${Math.round(report.elapsed_ms.total)} ms`;
+    $("trace-note").textContent = [`Search ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map((sentence) => `Note: ${sentence}.`)].join(" ");
+    this.#select(Math.min(this.rank, solutions.length - 1));
+    this.#drawTrace();
+  }
+
+  #makeItem(solution, k) {
+    const { motion, reply } = this.answer;
+    const targets = motion.wanted === "rotation" ? [] : motion.poses.map((pose) => [pose.x, pose.y]);
+    const button = document.createElement("button");
+    button.type = "button";
+    button.append(thumbnail(new Linkage(solution), motion.direction * motion.span * RAD, targets));
+    const name = document.createElement("span");
+    name.className = "name";
+    name.textContent = `${solution.rank}. ${FAMILIES[solution.family] ?? solution.family}`;
+    const facts = document.createElement("dl");
+    const rows = [
+      ["rotation", errorText(solution.errors.rotation_rms, 57, "°")],
+      ["position", errorText(solution.errors.position_rms, reply.report.length_scale ?? 1)],
+      ["transmission", `${text(solution.transmission_angle_min, 3)}°`],
+    ];
+    for (const [term, value] of rows) {
+      if (value === null) continue;
+      facts.append(Object.assign(document.createElement("dt"), { textContent: term }), Object.assign(document.createElement("dd"), { textContent: value }));
+    }
+    button.append(name, facts);
+    button.addEventListener("click", () => this.#select(k));
+    const item = document.createElement("li");
+    item.append(button);
+    return item;
+  }
+
+  #select(k) {
+    this.rank = k;
+    this.solution = this.answer.reply.solutions[k];
+    [...$("solutions").children].forEach((item, j) => item.firstChild.setAttribute("aria-pressed", String(j === k)));
+    this.player.show(this.solution, this.answer.motion);
+    this.#showNumbers();
+  }
+
+  #showNumbers() {
+    const table = document.createElement("table");
+    for (const [name, value] of numberRows(this.solution, 8)) {
+      const row = table.insertRow();
+      row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: name }));
+      row.insertCell().textContent = value;
+    }
+    $("numbers").replaceChildren(table);
+    if (this.solution.determination.ill_posed) {
+      $("numbers").append(Object.assign(document.createElement("p"), { className: "note", textContent: "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths." }));
+    }
+    note("");
+  }
+
+  #drawTrace() {
+    const box = $("trace");
+    if (!this.answer || $("trace-card").hidden) return;
+    const { report } = this.answer.reply;
+    const trace = report.trace.map(([ms, objective]) => [ms, Math.max(objective, 1e-17)]);
+    if (!trace.length) { box.replaceChildren(); return; }
+    trace.push([Math.max(report.elapsed_ms.total, trace.at(-1)[0] * 1.001), trace.at(-1)[1]]);
+    box.setAttribute("aria-label", `Best error after each round: ${report.trace.slice(-6).map(([ms, objective]) => `${text(objective, 2)} after ${text(ms, 3)} ms`).join(", ")}`);
+    chart(box, {
+      x: trace.map(([ms]) => ms), height: innerWidth <= 900 ? 170 : Math.max(170, Math.min(box.clientHeight, 360)), degreesX: false, logY: true, xName: " ms",
+      series: [{ values: trace.map(([, objective]) => objective), colour: "accent", steps: true, size: 5 }],
+    });
+  }
+
+  async #save(format) {
+    const { solution, answer: { request } } = this;
+    note(`Making ${format.toUpperCase()}…`);
+    try {
+      const reply = await ask("/v1/export", { request, solution, format, length_unit: $("length-unit").value });
+      const name = `linkage-${solution.rank}.${format === "mjcf" ? "xml" : format}`;
+      download(await reply.blob(), name);
+      note(`Saved ${name}.`);
+    } catch (error) { note(error.message); }
+  }
+}

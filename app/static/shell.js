@@ -1,0 +1,48 @@
+// What both pages have in common: elements by id, the status line, light or dark colours, links to the machines.
+
+const KEY = "linkage-atlas-theme";
+const system = matchMedia("(prefers-color-scheme: dark)");
+
+export const $ = (id) => document.getElementById(id);
+
+/** Writes the status line; `bad` marks an error. */
+export function say(sentence, bad = false) {
+  $("status").textContent = sentence;
+  $("status").classList.toggle("bad", bad);
+}
+
+function stored() {
+  try { return localStorage.getItem(KEY); } catch { return null; }
+}
+
+function show(theme) {
+  document.documentElement.dataset.theme = theme;
+  document.dispatchEvent(new Event("themechange"));
+}
+
+const showPreferred = () => show(stored() ?? (system.matches ? "dark" : "light"));
+
+/** Follows the system's colour scheme until the user presses the button; the choice is stored. */
+export function startTheme() {
+  showPreferred();
+  system.addEventListener("change", showPreferred);
+  $("theme").addEventListener("click", () => {
+    const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+    try { localStorage.setItem(KEY, next); } catch { /* storage is blocked: the choice lasts until the page is left */ }
+    show(next);
+  });
+}
+
+/** Adds links to the machines that this service offers; `current` is the machine of this page. */
+export async function startScenes(current = null) {
+  try {
+    const scenes = await (await fetch("/scenes")).json();
+    for (const { name, title } of scenes) {
+      const link = document.createElement("a");
+      link.href = `/scenes/${encodeURIComponent(name)}`;
+      link.textContent = title;
+      if (name === current) link.setAttribute("aria-current", "page");
+      $("scenes").append(link);
+    }
+  } catch { /* without the list the page works, only the links are missing */ }
+}

@@ -1,0 +1,71 @@
+"""Linkages for a required motion: ``import linkage_atlas as la``.
+
+Ask with `synthesize` (any linkage, refined to machine precision) or `match` (which rows of an atlas, exactly); move, draw and
+save what comes back, a `FourBar`. Plain arrays in and out; angles in degrees unless ``degrees=False``. Every name is loaded
+when it is first used, so that the import itself costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from linkage_atlas.answers import Match, Matches, Result, Solution
+    from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
+    from linkage_atlas.commands import BATCH_COMMANDS, run_batch
+    from linkage_atlas.door import match, prepare, synthesize
+    from linkage_atlas.linkages import FourBar, Joints
+    from linkage_atlas.motions import Motion
+    from synthesis.errors import AtlasError, AtlasFault, FieldError
+    from synthesis.work import Cancelled, Work
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "linkage_atlas.door": ("synthesize", "match", "prepare"),
+    "linkage_atlas.linkages": ("FourBar", "Joints"),
+    "linkage_atlas.motions": ("Motion",),
+    "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
+    "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
+    "linkage_atlas.commands": ("BATCH_COMMANDS", "run_batch"),
+    "synthesis.errors": ("FieldError", "AtlasError", "AtlasFault"),
+    "synthesis.work": ("Work", "Cancelled"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "BATCH_COMMANDS",
+    "Atlas",
+    "AtlasError",
+    "AtlasFault",
+    "Cancelled",
+    "FieldError",
+    "FourBar",
+    "Joints",
+    "Match",
+    "Matches",
+    "Motion",
+    "Result",
+    "Solution",
+    "Work",
+    "__version__",
+    "build_atlas",
+    "load_atlas",
+    "match",
+    "prepare",
+    "run_batch",
+    "synthesize",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_HOME_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,279 @@
+"""What comes back from `synthesize` and `match`: solutions, matches and reports, in the user's unit of angle.
+
+Names of attributes are those of the HTTP contract, and ``to_dict`` gives what goes over HTTP.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linkage_atlas.linkages import FourBar
+from synthesis.fourbar.determination import Determination, Sensitivity
+from synthesis.ranking import Errors
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AtlasType:
+    """A dimension type: its number in the atlas, from 1, and its lengths crank, coupler, rocker, ground."""
+
+    number: int
+    lengths: list[int]
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """A linkage whose links lie on a grid, the rest fitted anew; limits are not applied again."""
+
+    linkage: FourBar
+    errors: Errors
+    transmission_angle_min: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract."""
+        linkage = self.linkage.to_dict()
+        del linkage["branch"]
+        return {
+            "closes": True,
+            **linkage,
+            "errors": asdict(self.errors),
+            "transmission_angle_min": self.transmission_angle_min,
+        }
+
+
+_NOT_CLOSING = {
+    "closes": False,
+    **dict.fromkeys(("links", "start_angle", "body_offset", "mount", "errors", "transmission_angle_min")),
+}
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A linkage that answers a request, and how well.
+
+    Attributes
+    ----------
+    rank : int
+        From 1, by ``errors.objective``.
+    linkage : FourBar
+    errors : Errors
+        At the samples: rotation_rms, rotation_max, position_rms, position_max (None for what was not asked for) and the
+        objective, in radians.
+    family : str
+    transmission_angle_min : float
+        Over the used interval, exactly.
+    transmission_angle_min_turn : float or None
+        Over the whole turn; None where the crank cannot turn fully.
+    condition : float
+        Condition number of the motion's derivatives by all unknowns.
+    determination : Determination
+        How well the motion fixes each length.
+    type : AtlasType or None
+        The atlas row that it is, if it is one.
+    sensitivity : Sensitivity or None
+        Change of the motion per unit of each length, if asked for.
+    rounded : Rounded or None
+        With links on a grid, if asked for and if that closes.
+    """
+
+    rank: int
+    linkage: FourBar
+    errors: Errors
+    family: str
+    transmission_angle_min: float
+    transmission_angle_min_turn: float | None
+    condition: float
+    determination: Determination
+    type: AtlasType | None
+    sensitivity: Sensitivity | None
+    rounded: Rounded | None
+    asked_to_round: bool = field(default=False, repr=False)
+
+    @property
+    def source(self) -> str:
+        """``atlas`` for a row as it is, ``refined`` for the search's."""
+        return "refined" if self.type is None else "atlas"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract."""
+        rounded = None
+        if self.asked_to_round:
+            rounded = _NOT_CLOSING if self.rounded is None else self.rounded.to_dict()
+        return {
+            "rank": self.rank,
+            "source": self.source,
+            "type": None if self.type is None else asdict(self.type),
+            **self.linkage.to_dict(),
+            "errors": asdict(self.errors),
+            "family": self.family,
+            "transmission_angle_min": self.transmission_angle_min,
+            "transmission_angle_min_turn": self.transmission_angle_min_turn,
+            "condition": self.condition,
+            "determination": {
+                "ill_posed": self.determination.ill_posed,
+                "resolution": self.determination.resolution,
+                "length_uncertainty": [
+                    value if np.isfinite(value) else None for value in self.determination.length_uncertainty.tolist()
+                ],
+            },
+            "sensitivity": None
+            if self.sensitivity is None
+            else {name: _listed(getattr(self.sensitivity, name)) for name in ("rotation", "position")},
+            "rounded": rounded,
+        }
+
+
+def _listed(values: Floats | None) -> list[float] | None:
+    return None if values is None else values.tolist()
+
+
+@dataclass(frozen=True)
+class Report:
+    """How an answer came about.
+
+    Attributes
+    ----------
+    elapsed_ms : dict
+        Milliseconds of each stage and in total.
+    trace : list of tuple
+        (milliseconds, best objective) after each round: the error against run time of this very request.
+    stopped_by : str
+        tolerance, converged or budget.
+    length_scale : float or None
+        What position errors were divided by.
+    seeds : int or None
+        Starting points refined; None for effort "atlas".
+    windows : int or None
+        Atlas windows that the answer is the best of; None for effort "refine".
+    exhaustive : bool or None
+        Whether all of them were considered.
+    notes : list of str
+    """
+
+    elapsed_ms: dict[str, float]
+    trace: list[tuple[float, float]]
+    stopped_by: str
+    length_scale: float | None
+    seeds: int | None
+    windows: int | None
+    exhaustive: bool | None
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class Result:
+    """The answer to `linkage_atlas.synthesize`: solutions, best first, and a report.
+
+    ``status`` is "reached" (the best objective is below the tolerance), "closest" or "infeasible" (none within the limits).
+    """
+
+    status: str
+    solutions: list[Solution]
+    report: Report
+
+    @property
+    def best(self) -> Solution:
+        """The best solution; IndexError where there is none."""
+        return self.solutions[0]
+
+    @property
+    def linkage(self) -> FourBar:
+        """The linkage of the best solution."""
+        return self.best.linkage
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract."""
+        return {
+            "status": self.status,
+            "solutions": [solution.to_dict() for solution in self.solutions],
+            "report": asdict(self.report),
+        }
+
+    def __repr__(self) -> str:
+        rows = [f"  {s.rank}  {s.linkage!r}  objective {s.errors.objective:.2e}" for s in self.solutions]
+        return "\n".join([f"{self.status}: {len(self.solutions)} solutions", *rows])
+
+
+@dataclass(frozen=True)
+class Features:
+    """Haar features of a rotation curve: average and details, (mean of first half - mean of second half) / 2 of each block."""
+
+    samples: int
+    resampled: bool
+    average: float
+    details: list[float]
+
+
+@dataclass(frozen=True)
+class Match:
+    """A row of the atlas and the start at which it turns like the request.
+
+    Attributes
+    ----------
+    rank : int
+    type : AtlasType
+    linkage : FourBar
+        With the type's lengths, its start angle and offset.
+    start_angle, offset : float
+        The requested rotation is the coupler angle from ``start_angle`` on, plus ``offset``.
+    branch : int
+    similarity : float
+        Rms rotation error: a distance, the name is the contract's.
+    features : Features or None
+    """
+
+    rank: int
+    type: AtlasType
+    linkage: FourBar
+    start_angle: float
+    branch: int
+    offset: float
+    similarity: float
+    features: Features | None
+
+
+@dataclass(frozen=True)
+class MatchReport:
+    """How much a scan looked at."""
+
+    elapsed_ms: dict[str, float]
+    windows: int
+    evaluated: int
+    notes: list[str]
+    features: Features | None
+
+
+@dataclass(frozen=True)
+class Matches:
+    """The answer to `linkage_atlas.match`: the best rows of the atlas, best first."""
+
+    matches: list[Match]
+    report: MatchReport
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract."""
+        rows = []
+        for match in self.matches:
+            row = {name: getattr(match, name) for name in _MATCH_FIELDS}
+            rows.append(row | {"type": asdict(match.type), "features": _as_dict(match.features)})
+        return {"matches": rows, "report": asdict(self.report)}
+
+    def __repr__(self) -> str:
+        rows = [
+            f"  {m.rank}  type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, branch {m.branch:+d}, "
+            f"rms error {m.similarity:.3g}"
+            for m in self.matches
+        ]
+        return "\n".join([f"{len(self.matches)} matches", *rows])
+
+
+_MATCH_FIELDS = ("rank", "start_angle", "branch", "offset", "similarity")
+
+
+def _as_dict(features: Features | None) -> dict[str, Any] | None:
+    return None if features is None else asdict(features)

@@ -1,0 +1,18 @@
+"""The commands of the batch job, handed on to the floor that knows them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+BATCH_COMMANDS = {
+    "build": "build an atlas file",
+    "verify": "read a whole atlas file and say whether it is sound",
+    "info": "say what an atlas file holds",
+}
+
+
+def run_batch(arguments: Sequence[str]) -> int:
+    """Run one batch command; returns its exit code."""
+    from data_build.cli import main
+
+    return main(arguments)

@@ -1,0 +1,306 @@
+"""The two questions about a motion: `synthesize`, any four-bar that makes it, and `match`, the rows of an atlas nearest to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.answers import (
+    Features,
+    Match,
+    Matches,
+    MatchReport,
+    Report,
+    Result,
+    Rounded,
+    Solution,
+)
+from linkage_atlas.atlases import Atlas
+from linkage_atlas.linkages import FourBar
+from linkage_atlas.motions import Motion, read_limits
+from synthesis.atlas.best import best_rows
+from synthesis.atlas.haar import features as haar_features
+from synthesis.atlas.haar import resample
+from synthesis.errors import FieldError
+from synthesis.fourbar import solution as answers
+from synthesis.fourbar.determination import Sensitivity, determinations, sensitivities
+from synthesis.fourbar.kinematics import principal
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.rounding import round_solution
+from synthesis.ranking import Errors, Status
+from synthesis.search.search import DEFAULT_TOLERANCE, search
+from synthesis.search.seeds import SeedTables
+from synthesis.work import Work
+
+
+@cache
+def seed_tables() -> SeedTables:
+    """The coarse tables of the search; made by the first that asks."""
+    return SeedTables(FOURBAR)
+
+
+def prepare() -> None:
+    """Make now what the first request would make: the coarse tables of the search (about 0.1 s)."""
+    seed_tables()
+
+
+def synthesize(
+    rotation: ArrayLike | None = None,
+    position: ArrayLike | None = None,
+    crank_span: float | None = None,
+    *,
+    crank_angle: ArrayLike | None = None,
+    degrees: bool = True,
+    limits: Mapping[str, Any] | None = None,
+    top: int = 10,
+    effort: Literal["refine", "atlas"] = "refine",
+    tolerance: float = DEFAULT_TOLERANCE,
+    budget: float | None = None,
+    length_scale: float | None = None,
+    round_to: float | None = None,
+    sensitivity: bool = False,
+    atlas: Atlas | None = None,
+    work: Callable[[float | None], Work] = Work,
+) -> Result:
+    """The four-bar linkages that make a motion: actual dimensions and where they are mounted.
+
+    Parameters
+    ----------
+    rotation : array_like, shape (N,), optional
+        Rotation of the body at the samples, continuous: no jumps by whole turns.
+    position : array_like, shape (N, 2), or complex, shape (N,), optional
+        A point of the body at the samples, in any unit. At least one of the two is needed; 3 to 1,024 samples.
+    crank_span : float, optional
+        Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
+    crank_angle : array_like, shape (N,), optional
+        Crank angles in place of ``crank_span``; what counts is the increment from the first.
+    degrees : bool
+        Unit of every angle in and out; False: radians.
+    limits : mapping, optional
+        transmission_angle_min, pivot_box [xmin, ymin, xmax, ymax], link_min, link_max, and family: full_crank (default),
+        crank_rocker, double_crank or any.
+    top : int
+        At most so many linkages, different from one another.
+    effort : {"refine", "atlas"}
+        The search, which refines to machine precision; or the best rows of ``atlas`` as they are.
+    tolerance : float
+        The search ends once the objective is below it.
+    budget : float, optional
+        Seconds; the best found by then is returned.
+    length_scale : float, optional
+        Weighs position errors against rotation errors in radians; default: the largest distance from the mean position.
+    round_to : float, optional
+        Also give each solution with its links on this grid and the rest fitted anew.
+    sensitivity : bool
+        Also give the change of the motion per unit of each length.
+    atlas : Atlas, optional
+        For effort "atlas".
+    work : callable
+        Makes what watches over time and cancellation from a budget in seconds.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    FieldError
+        Naming the argument.
+
+    Examples
+    --------
+    >>> import numpy as np, linkage_atlas as la
+    >>> wanted = la.FourBar(19, 72, 144, 165, start_angle=30).joints(np.linspace(0, 70, 16)).rotation
+    >>> la.synthesize(wanted, crank_span=70, top=1).status
+    'reached'
+    """
+    if effort not in ("refine", "atlas"):
+        raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
+    if effort == "atlas" and atlas is None:
+        raise FieldError("/atlas", "effort 'atlas' needs one: linkage_atlas.load_atlas(path)")
+    _check_above_zero(top=top, budget=budget, round_to=round_to)
+    # made once, by whoever asks first: no part of this request's time
+    prepared = atlas.scan if effort == "atlas" and atlas is not None else seed_tables()
+    watch = work(budget)
+    motion = Motion.of(rotation, position, crank_span, crank_angle, length_scale, degrees)
+    target, notes = motion.target, motion.notes()
+    kept = read_limits(limits, motion)
+    if round_to is not None and target.position is None:
+        raise FieldError("/round_to", "needs `position`: without it no length is actual")
+    if isinstance(prepared, SeedTables):
+        found, went = search(prepared, target, kept, top, tolerance, watch)
+        searched, trace, stopped_by = watch.elapsed, went.trace, went.stopped_by.value
+        stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
+        counts: dict[str, Any] = {"seeds": went.seeds, "windows": None, "exhaustive": None}
+    else:
+        found, scanned = best_rows(prepared, target, kept, top, watch)
+        searched = watch.elapsed
+        trace = [(searched, found[0].errors.objective)] if found else []
+        reached = Status.of(found, tolerance) is Status.REACHED
+        stopped_by = "tolerance" if reached else ("converged" if scanned.exhaustive else "budget")
+        stages = {"screen": searched}
+        counts = {"seeds": None, "windows": scanned.windows, "exhaustive": scanned.exhaustive}
+    solutions = _finished(found, motion, tolerance, round_to, sensitivity, atlas)
+    if solutions and solutions[0].determination.ill_posed:
+        notes.append(
+            "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
+            "see `determination` of each solution"
+        )
+    if not solutions and stopped_by == "budget":
+        notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
+    total = watch.elapsed
+    stages |= {"report": total - searched, "total": total}
+    return Result(
+        Status.of(found, tolerance).value,
+        solutions,
+        Report(
+            elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
+            trace=[(1000 * seconds, objective) for seconds, objective in trace],
+            stopped_by=stopped_by,
+            length_scale=None if target.position is None else target.length_scale,
+            notes=notes,
+            **counts,
+        ),
+    )
+
+
+def _check_above_zero(**values: float | None) -> None:
+    for name, value in values.items():
+        if value is not None and not value > 0:
+            raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
+
+
+def _finished(
+    found: list[answers.Solution],
+    motion: Motion,
+    tolerance: float,
+    round_to: float | None,
+    sensitivity: bool,
+    atlas: Atlas | None,
+) -> list[Solution]:
+    """Solutions in the user's unit, with how well they are determined and what else was asked for."""
+    target, radian = motion.target, motion.radian
+    linkages: list[Linkage] = [one.linkage for one in found]
+    fixed = determinations(target, linkages, [max(one.errors.objective, tolerance) for one in found])
+    changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
+    solutions = []
+    for rank, (one, determined, change) in enumerate(zip(found, fixed, changes), 1):
+        turn = one.transmission_angle_min_turn
+        rounded = None if round_to is None else round_solution(target, one, round_to)
+        if change is not None and change.rotation is not None:
+            change = Sensitivity(change.rotation / radian, change.position)
+        solutions.append(
+            Solution(
+                rank=rank,
+                linkage=FourBar.of(one.linkage, motion),
+                errors=_in_unit(one.errors, radian),
+                family=one.family.value,
+                transmission_angle_min=one.transmission_angle_min / radian,
+                transmission_angle_min_turn=None if turn is None else turn / radian,
+                condition=determined.condition,
+                determination=determined,
+                type=None if one.row is None or atlas is None else atlas.type_of(one.row),
+                sensitivity=change,
+                rounded=None if rounded is None else _rounded(rounded, motion),
+                asked_to_round=round_to is not None,
+            )
+        )
+    return solutions
+
+
+def _in_unit(errors: Errors, radian: float) -> Errors:
+    """Errors with their rotations in a user's unit of angle."""
+    rms, largest = errors.rotation_rms, errors.rotation_max
+    return replace(
+        errors,
+        rotation_rms=None if rms is None else rms / radian,
+        rotation_max=None if largest is None else largest / radian,
+    )
+
+
+def _rounded(solution: answers.Solution, motion: Motion) -> Rounded:
+    """A rounded solution in the motion's unit."""
+    return Rounded(
+        FourBar.of(solution.linkage, motion),
+        _in_unit(solution.errors, motion.radian),
+        solution.transmission_angle_min / motion.radian,
+    )
+
+
+def match(
+    rotation: ArrayLike,
+    crank_span: float | None = None,
+    *,
+    atlas: Atlas,
+    crank_angle: ArrayLike | None = None,
+    degrees: bool = True,
+    top: int = 10,
+    features: bool = False,
+    work: Callable[[float | None], Work] = Work,
+) -> Matches:
+    """The best rows of an atlas by rotation alone: all types, both branches, every whole degree of start.
+
+    Parameters
+    ----------
+    rotation : array_like, shape (N,)
+    crank_span, crank_angle, degrees
+        As for `synthesize`.
+    atlas : Atlas
+    top : int
+    features : bool
+        Also give the Haar features of the request and of each match.
+    work : callable
+        As for `synthesize`.
+
+    Returns
+    -------
+    Matches
+        Exactly the best, as if every window had been evaluated. No pose is computed.
+
+    Raises
+    ------
+    FieldError
+        Naming the argument.
+    """
+    _check_above_zero(top=top)
+    scan, watch = atlas.scan, work(None)
+    motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)
+    target, radian = motion.target, motion.radian
+    wanted = target.rotation
+    assert wanted is not None
+    windows, report = scan.best(target, top, work=watch)
+    screened = watch.elapsed
+    matches = []
+    for k, angle in enumerate(scan.angles(target, windows)):
+        angle = principal(angle)
+        kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
+        start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
+        offset = float(np.mean(wanted - angle) / radian)
+        linkage = FourBar(*_four(kind.lengths), branch, start_angle=start, body_offset=offset, degrees=degrees)
+        error = float(windows.error[k] / radian)
+        own = _features(target.crank, angle, radian) if features else None
+        matches.append(Match(k + 1, kind, linkage, start, branch, offset, error, own))
+    asked = _features(target.crank, wanted, radian) if features else None
+    total = watch.elapsed
+    stages = {"screen": screened, "rest": total - screened, "total": total}
+    elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
+    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, motion.notes(), asked))
+
+
+def _four(lengths: list[int]) -> tuple[int, int, int, int]:
+    crank, coupler, rocker, ground = lengths
+    return crank, coupler, rocker, ground
+
+
+def _features(crank: Any, curve: Any, radian: float) -> Features:
+    resampled = resample(crank, curve)[1]
+    average, details = haar_features(resampled)
+    return Features(
+        resampled.size, resampled is not curve, float(average / radian), [float(value / radian) for value in details]
+    )

@@ -1,0 +1,338 @@
+"""A four-bar as a user handles it: angles in degrees (or radians), plain arrays, drawings and files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from linkage_atlas.motions import Motion, radians_in
+from synthesis.errors import FieldError
+from synthesis.fourbar import drawing, files
+from synthesis.fourbar.linkage import Linkage
+from synthesis.target import TURN, Interval, Target
+
+Floats = NDArray[np.float64]
+
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+"""Units of length that DXF and MJCF files are written from."""
+FORMATS = {"csv": "csv", "svg": "svg", "dxf": "dxf", "mjcf": "mjcf", "xml": "mjcf"}
+"""Endings of files and the formats that they mean."""
+_TURN_STEPS = 73
+
+
+class Joints(NamedTuple):
+    """Where a linkage's joints are at n crank angles; NaN where the loop does not close. Angles in the linkage's unit.
+
+    Directions are against the x axis. ``body_point`` is None where the linkage guides none.
+    """
+
+    pivot_a: Floats
+    """(2,): fixed pivot of the crank."""
+    pivot_b: Floats
+    """(2,): fixed pivot of the rocker."""
+    crank_pin: Floats
+    """(n, 2)"""
+    coupler_pin: Floats
+    """(n, 2)"""
+    body_point: Floats | None
+    """(n, 2)"""
+    crank_direction: Floats
+    coupler_direction: Floats
+    rocker_direction: Floats
+    rotation: Floats
+    """(n,): of the body."""
+    transmission_angle: Floats
+
+
+class FourBar:
+    """A four-bar linkage: four lengths, a branch, a place, and the body point that it guides.
+
+    Parameters
+    ----------
+    crank, coupler, rocker, ground : float
+        Lengths in any unit.
+    branch : int
+        +1: the coupler pin C lies to the left of the line from the crank pin D to pivot B; -1: to the right.
+    start_angle : float
+        Angle of the crank from the ground line at the first sample: where `joints` begins.
+    pivot_a : array_like, shape (2,)
+        Fixed pivot of the crank.
+    ground_angle : float
+        Angle of the line from pivot A to pivot B.
+    coupler_point : tuple of float, optional
+        Radius and angle of the body point in the coupler's frame, from the crank pin.
+    body_offset : float, optional
+        rotation of the body = coupler angle + ground angle + this.
+    degrees : bool
+        Unit of every angle in and out.
+
+    Raises
+    ------
+    FieldError
+        Naming the argument.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> linkage = la.FourBar(19, 72, 144, 165, branch=1)
+    >>> linkage.family
+    'crank_rocker'
+    >>> linkage.joints([0, 90]).crank_pin.round(6).tolist()
+    [[19.0, 0.0], [0.0, 19.0]]
+    """
+
+    def __init__(
+        self,
+        crank: float,
+        coupler: float,
+        rocker: float,
+        ground: float,
+        branch: int = 1,
+        *,
+        start_angle: float = 0.0,
+        pivot_a: ArrayLike = (0.0, 0.0),
+        ground_angle: float = 0.0,
+        coupler_point: tuple[float, float] | None = None,
+        body_offset: float | None = None,
+        degrees: bool = True,
+    ) -> None:
+        radian = radians_in(degrees)
+        lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
+        for name, length in lengths.items():
+            if not (np.isfinite(length) and length > 0):
+                raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
+        if branch not in (-1, 1):
+            raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
+        place = np.asarray(pivot_a, dtype=float)
+        if place.shape != (2,) or not np.all(np.isfinite(place)):
+            raise FieldError("/pivot_a", "wanted two finite numbers [x, y]")
+        point = None if coupler_point is None else (float(coupler_point[0]), float(coupler_point[1]) * radian)
+        self._linkage = Linkage(
+            (float(crank), float(coupler), float(rocker), float(ground)),
+            int(branch),
+            float(start_angle) * radian,
+            complex(*place),
+            float(ground_angle) * radian,
+            point,
+            None if body_offset is None else float(body_offset) * radian,
+        )
+        self._radian = radian
+        self._motion: Target | None = None
+
+    @classmethod
+    def of(cls, linkage: Linkage, motion: Motion) -> FourBar:
+        """The view of a linkage that answers a motion."""
+        one = object.__new__(cls)
+        one._linkage, one._radian, one._motion = linkage, motion.radian, motion.target
+        return one
+
+    # -- what it is ---------------------------------------------------------------------------------------------------
+
+    @property
+    def crank(self) -> float:
+        """Length of the crank."""
+        return self._linkage.links[0]
+
+    @property
+    def coupler(self) -> float:
+        """Length of the coupler."""
+        return self._linkage.links[1]
+
+    @property
+    def rocker(self) -> float:
+        """Length of the rocker."""
+        return self._linkage.links[2]
+
+    @property
+    def ground(self) -> float:
+        """Distance of the fixed pivots."""
+        return self._linkage.links[3]
+
+    @property
+    def links(self) -> Floats:
+        """Crank, coupler, rocker, ground, shape (4,)."""
+        return np.array(self._linkage.links)
+
+    @property
+    def branch(self) -> int:
+        """+1 or -1."""
+        return self._linkage.branch
+
+    @property
+    def start_angle(self) -> float:
+        """Angle of the crank from the ground line at the first sample."""
+        return self._linkage.start / self._radian
+
+    @property
+    def ground_angle(self) -> float:
+        """Angle of the line from pivot A to pivot B."""
+        return self._linkage.ground_angle / self._radian
+
+    @property
+    def pivot_a(self) -> Floats:
+        """Fixed pivot of the crank, shape (2,)."""
+        return _xy(self._linkage.pivot_a)
+
+    @property
+    def pivot_b(self) -> Floats:
+        """Fixed pivot of the rocker, shape (2,)."""
+        return _xy(self._linkage.pivot_b)
+
+    @property
+    def coupler_point(self) -> tuple[float, float] | None:
+        """Radius and angle of the body point in the coupler's frame."""
+        point = self._linkage.coupler_point
+        return None if point is None else (point[0], point[1] / self._radian)
+
+    @property
+    def body_offset(self) -> float | None:
+        """Rotation of the body less coupler angle and ground angle."""
+        offset = self._linkage.body_offset
+        return None if offset is None else offset / self._radian
+
+    @property
+    def family(self) -> str:
+        """How it can turn: crank_rocker, double_crank, ..."""
+        return self._linkage.family.value
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether the crank can turn fully."""
+        return self._linkage.turns_fully
+
+    # -- how it moves -------------------------------------------------------------------------------------------------
+
+    def joints(self, crank: ArrayLike) -> Joints:
+        """Where the joints are.
+
+        Parameters
+        ----------
+        crank : array_like, shape (n,) or a number
+            Crank angles from the start angle on.
+
+        Returns
+        -------
+        Joints
+        """
+        found = self._linkage.joints(np.asarray(crank, dtype=float) * self._radian)
+        point = found.body_point
+        angles = (
+            found.crank_angle,
+            found.coupler_angle,
+            found.rocker_angle,
+            found.rotation,
+            found.transmission_angle,
+        )
+        return Joints(
+            _xy(found.pivot_a),
+            _xy(found.pivot_b),
+            _xy(found.crank_pin),
+            _xy(found.coupler_pin),
+            None if point is None else _xy(point),
+            *(angle / self._radian for angle in angles),
+        )
+
+    def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:
+        """The smallest transmission angle between two crank angles (default: a whole turn), exactly; NaN where it opens."""
+        ends = [0.0 if first is None else first * self._radian, TURN if last is None else last * self._radian]
+        return self._linkage.transmission_angle_min(Interval(*ends)) / self._radian
+
+    # -- what it becomes ----------------------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract; `from_dict` takes them back."""
+        one, radian = self._linkage, self._radian
+        mount = None
+        if one.mounted or one.pivot_a or one.ground_angle:
+            point = self.coupler_point
+            mount = {
+                "ground_angle": one.ground_angle / radian,
+                "pivot_a": [one.pivot_a.real, one.pivot_a.imag],
+                "pivot_b": [one.pivot_b.real, one.pivot_b.imag],
+                "coupler_point": None if point is None else {"radius": point[0], "angle": point[1]},
+                "L_B": abs(one.pivot_a),
+                "beta": float(np.angle(one.pivot_a)) / radian,
+            }
+        return {
+            "links": dict(zip(("crank", "coupler", "rocker", "ground"), one.links)),
+            "branch": one.branch,
+            "start_angle": one.start / radian,
+            "body_offset": self.body_offset,
+            "mount": mount,
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], degrees: bool = True) -> FourBar:
+        """A linkage from what `to_dict` gives, or from a solution of a reply over HTTP."""
+        mount = values.get("mount") or {}
+        point = mount.get("coupler_point")
+        return cls(
+            **{name: values["links"][name] for name in ("crank", "coupler", "rocker", "ground")},
+            branch=values["branch"],
+            start_angle=values.get("start_angle", 0.0),
+            pivot_a=mount.get("pivot_a", (0.0, 0.0)),
+            ground_angle=mount.get("ground_angle", 0.0),
+            coupler_point=None if point is None else (point["radius"], point["angle"]),
+            body_offset=values.get("body_offset"),
+            degrees=degrees,
+        )
+
+    def render(self, kind: str, motion: Motion | None = None, length_unit: str = "mm") -> str:
+        """The linkage as the text of a file.
+
+        Parameters
+        ----------
+        kind : {"csv", "svg", "dxf", "mjcf"}
+        motion : Motion, optional
+            What was asked for; default: the motion that the linkage answers, or else a whole turn.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths, for DXF and MJCF.
+        """
+        target = motion.target if motion is not None else self._default_motion()
+        if kind == "csv":
+            return files.to_csv(self._linkage, target, self._radian)
+        if kind == "svg":
+            return drawing.to_svg(self._linkage, target)
+        if length_unit not in MILLIMETRES:
+            raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
+        if kind not in ("dxf", "mjcf"):
+            raise FieldError("/kind", f"wanted csv, svg, dxf or mjcf, found {kind!r}")
+        write = files.to_dxf if kind == "dxf" else files.to_mjcf
+        return write(self._linkage, target, MILLIMETRES[length_unit])
+
+    def save(self, path: str | Path, length_unit: str = "mm") -> None:
+        """Write a file; its ending says which: .csv, .svg, .dxf, .xml (MJCF, also .mjcf)."""
+        path = Path(path)
+        ending = path.suffix.lstrip(".").lower()
+        if ending not in FORMATS:
+            raise FieldError("/path", f"the file must end in one of {', '.join(FORMATS)}, found {ending!r}")
+        path.write_text(self.render(FORMATS[ending], length_unit=length_unit), newline="")
+
+    def _default_motion(self) -> Target:
+        """What it is drawn over: the motion that it answers, or a whole turn."""
+        if self._motion is not None:
+            return self._motion
+        if not self.turns_fully:
+            raise FieldError("/motion", "this crank cannot turn fully: give the motion that it is to be shown over")
+        return Target(np.linspace(0.0, TURN, _TURN_STEPS), None, None)
+
+    def _repr_svg_(self) -> str | None:
+        """A drawing, for notebooks."""
+        try:
+            return self.render("svg")
+        except FieldError:
+            return None
+
+    def __repr__(self) -> str:
+        lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in ("crank", "coupler", "rocker", "ground"))
+        return f"FourBar({lengths}, branch={self.branch:+d}: {self.family})"
+
+
+def _xy(points: Any) -> Floats:
+    """Complex points as (..., 2)."""
+    points = np.asarray(points, dtype=complex)
+    return np.stack([points.real, points.imag], axis=-1)

@@ -1,0 +1,149 @@
+"""What the scan and the search need to know of a mechanism; each mechanism's package fills it in once.
+
+A mechanism here is planar and driven by a crank; its *body* hangs on the crank pin and turns by one angle. The crank turns
+by theta1, the body by theta2, and a point P of the body moves as::
+
+    P = A + z1 e^{i theta1} + z2 e^{i theta2}
+
+with A the crank's fixed pivot, so that pose and body point are linear (see `pose`) and the rest is the same for all
+mechanisms. Lengths are rows whose first is the crank; all of them scale together. A *shape* is lengths up to their scale,
+and a *chart* gives shapes by unknowns without bounds. A *candidate* is a shape's unknowns, then theta1 at the first
+sample, and a branch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from synthesis.target import Target
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Flags = NDArray[np.bool_]
+
+
+class BodyAngles(NamedTuple):
+    """How the body of candidates turns over the samples of a target."""
+
+    angle: Floats
+    """(n, N): theta2, up to a constant for each candidate; any numbers where the candidate is impossible."""
+    phasor: Complexes
+    """(n, N): e^{i theta2}, up to a constant factor of modulus one."""
+    slope: Floats | None
+    """(n, k + 1, N): derivatives of theta2 by the candidate's unknowns; None where none are wanted."""
+    possible: Flags | Literal[True]
+    """(n,): which candidates close at every sample and between; True: all."""
+
+
+class Shape(Protocol):
+    """Lengths at points of a chart, with their derivatives."""
+
+    @property
+    def lengths(self) -> Floats:
+        """Lengths in any scale, (n, d)."""
+
+    @property
+    def jacobian(self) -> Floats:
+        """Derivatives of the lengths by the chart's unknowns, (n, d, k)."""
+
+
+class Evaluate(Protocol):
+    """A chart made ready for one target: the search's innermost computation."""
+
+    def __call__(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+        """Angles of candidates (n, k + 1) of branches (n,)."""
+
+
+class Chart(Protocol):
+    """Coordinates of shapes for a search."""
+
+    @property
+    def cell(self) -> Floats:
+        """Extent of unknowns and start within which two seeds are alike, (k + 1,)."""
+
+    @property
+    def hop(self) -> Floats:
+        """Scale of the perturbations of unknowns and start that reach other valleys, (k + 1,)."""
+
+    @property
+    def types(self) -> Floats:
+        """Lengths (T, d) that spread over the chart, for seeds that no table gives; may be empty."""
+
+    def shape(self, unknowns: Floats) -> Shape:
+        """Shapes at unknowns (n, k)."""
+
+    def unknowns(self, lengths: ArrayLike) -> Floats:
+        """Unknowns (n, k) of lengths (n, d). Law: ``unknowns(shape(x).lengths) == x`` for moderate x."""
+
+    def prepared(self, target: Target) -> Evaluate:
+        """The evaluation of candidates over a target's samples, whose crank turns counter-clockwise."""
+
+
+class Limits(Protocol):
+    """What solutions must keep to."""
+
+    @property
+    def family(self) -> str:
+        """Name of the family that is asked for."""
+
+    @property
+    def only_family(self) -> bool:
+        """Whether nothing but the family is limited."""
+
+    def mirrored(self) -> Any:
+        """The same limits for a mirrored target."""
+
+    def slacks(self, target: Target, lengths: Floats, start: Floats, pivots: Sequence[Complexes]) -> Floats:
+        """How far inside each limit actual lengths, starts and fixed pivots are; negative outside, (n, columns)."""
+
+    def within(self, target: Target, solutions: list[Any]) -> list[Any]:
+        """The solutions that keep the limits."""
+
+
+class Mechanism(Protocol):
+    """A kind of mechanism."""
+
+    @property
+    def branches(self) -> tuple[int, ...]:
+        """Ways to assemble it. Law: if there is a -1, theta2 there at -theta1 is minus theta2 of +1, up to a constant."""
+
+    @property
+    def tables(self) -> tuple[Floats, ...]:
+        """Lengths (T, d) of types whose crank turns fully, coarse and then finer: where the search takes its seeds from."""
+
+    def winding(self, lengths: Floats) -> NDArray[np.integer[Any]]:
+        """Turns of the body in one turn of the crank, (T,)."""
+
+    def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
+        """theta2 at crank angles (n, N) or (N,), continuous; NaN where it does not close, (n, N)."""
+
+    def body_angle_gradient(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> tuple[Floats, Floats]:
+        """theta2, (n, N), and its derivatives by the lengths and theta1, (n, N, d + 1)."""
+
+    def in_family(self, family: str, lengths: Floats) -> Flags:
+        """Which of the types of a table are of a family, (T,)."""
+
+    def charts(self, family: str) -> Sequence[Chart]:
+        """The charts in which linkages of a family are sought, one after the other; the tables are of the first."""
+
+    def pivots(self, lengths: Floats, pivot_a: Complexes, ground_angle: Floats) -> Sequence[Complexes]:
+        """Fixed pivots of mechanisms with actual lengths, (n,) each; pivot A first."""
+
+    def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[Any]:
+        """Linkages with actual lengths in their best pose, of shapes that close at every sample."""
+
+    def posed(
+        self,
+        lengths: Floats,
+        branch: Floats,
+        start: Floats,
+        pose: tuple[Complexes, Floats, Complexes] | None,
+    ) -> list[Any]:
+        """Linkages with actual lengths in a given pose: pivot A, ground angle, and z2; None where nothing is mounted."""
+
+    def assess(self, target: Target, linkages: list[Any], rows: list[int] | None = None) -> list[Any]:
+        """Linkages with their errors, recomputed from their own numbers: each a `ranking.Answer`."""

@@ -1,0 +1,125 @@
+"""What makes an answer good: the errors of its motion, whether they are small enough, and whether two answers differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.pose import rotation_residual
+from synthesis.target import Mean, Target
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+SAME = 1e-6
+"""Linkages whose numbers agree to this, relative to their size, are the same linkage."""
+APART = 1e-2
+"""Refined solutions that agree to this belong to one valley of the objective; only its best is worth a user's look."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a motion at the samples: angles in radians, positions in the user's unit; None for what was not asked."""
+
+    rotation_rms: float | None
+    rotation_max: float | None
+    position_rms: float | None
+    position_max: float | None
+    objective: float
+
+
+class Answer(Protocol):
+    """A linkage with its errors, as any mechanism gives it."""
+
+    @property
+    def errors(self) -> Errors:
+        """Its errors."""
+
+    @property
+    def identity(self) -> Floats:
+        """Numbers of order one that tell it from others."""
+
+    def mirrored(self) -> Any:
+        """The answer to the mirrored request."""
+
+
+A = TypeVar("A", bound=Answer)
+
+
+class Status(StrEnum):
+    """What was found."""
+
+    REACHED = "reached"
+    CLOSEST = "closest"
+    INFEASIBLE = "infeasible"
+
+    @classmethod
+    def of(cls, answers: Sequence[Answer], tolerance: float) -> Status:
+        """The status of answers within the limits, best first: reached where the best objective is below the tolerance."""
+        if not answers:
+            return cls.INFEASIBLE
+        return cls.REACHED if answers[0].errors.objective < tolerance else cls.CLOSEST
+
+
+def motion_errors(target: Target, angle: Floats, points: Complexes | None) -> tuple[list[float | None], list[Errors]]:
+    """Best offsets of the rotation, and errors, of linkages.
+
+    Parameters
+    ----------
+    target : Target
+    angle : ndarray, shape (n, N)
+        theta2 at the samples.
+    points : ndarray of complex, shape (n, N), or None
+        The body point at the samples; needed where the target has positions.
+
+    Returns
+    -------
+    offsets : list
+        Added to theta2 to give the requested rotation; None without rotation.
+    errors : list of Errors
+    """
+    count = len(angle)
+    square = np.zeros(count)
+    offsets: list[float | None] = [None] * count
+    rotation: list[Any] = [(None, None)] * count
+    position = rotation
+    if target.rotation is not None:
+        offset, residual = rotation_residual(target, angle)
+        offsets, rotation = offset.tolist(), _rms_and_max(residual, target.rotation_mean)
+        square = square + np.array([rms for rms, _ in rotation]) ** 2
+    if target.position is not None:
+        assert points is not None
+        position = _rms_and_max(target.position - points, target.position_mean)
+        square = square + (np.array([rms for rms, _ in position]) / target.length_scale) ** 2
+    errors = [Errors(r[0], r[1], p[0], p[1], float(s)) for r, p, s in zip(rotation, position, np.sqrt(square))]
+    return offsets, errors
+
+
+def _rms_and_max(values: NDArray[Any], mean: Mean) -> list[Any]:
+    size = mean.given(np.abs(values))
+    largest = size.max(axis=-1)
+    # squares of ratios: no under- or overflow at any unit of length
+    rms = largest * np.sqrt(mean((size / np.where(largest > 0, largest, 1.0)[..., None]) ** 2))
+    return list(zip(rms.tolist(), largest.tolist()))
+
+
+def distinct(answers: Sequence[A], top: int, apart: float = SAME) -> list[A]:
+    """The best ``top`` that differ from one another by more than ``apart``, by objective; ties keep their order."""
+    kept: list[A] = []
+    identities = np.empty((0, 0))
+    for answer in sorted(answers, key=lambda one: one.errors.objective):
+        if len(kept) == top:
+            break
+        mine = answer.identity
+        if kept:
+            near = np.abs(identities - mine) <= apart * np.maximum(1.0, np.abs(mine))
+            if near.all(axis=1).any():
+                continue
+        kept.append(answer)
+        identities = np.vstack([identities, mine]) if identities.size else mine[None, :]
+    return kept

@@ -1,0 +1,54 @@
+"""The time that a piece of work may take, and whether its answer is still wanted."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+
+class Cancelled(Exception):
+    """Nobody waits for the answer any more."""
+
+
+class Work:
+    """A budget of time that begins now, and a way to end the work early.
+
+    Long computations ask between their steps: `expired` where the best found so far is an answer, `check` where there
+    is none yet.
+
+    Parameters
+    ----------
+    budget : float, optional
+        Seconds; default: no limit.
+    cancelled : callable, optional
+        True once the answer is no longer wanted; asked at every look at the time.
+    clock : callable
+        Seconds of a monotonic clock.
+    """
+
+    def __init__(
+        self,
+        budget: float | None = None,
+        cancelled: Callable[[], bool] | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self._cancelled = cancelled
+        self._clock = clock
+        self._begin = clock()
+        self._budget = math.inf if budget is None else budget
+
+    def check(self) -> None:
+        """Raise `Cancelled` where the answer is no longer wanted."""
+        if self._cancelled is not None and self._cancelled():
+            raise Cancelled
+
+    def expired(self) -> bool:
+        """Whether the budget is used up. Raises `Cancelled` like `check`."""
+        return self.elapsed >= self._budget
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the beginning. Raises `Cancelled` like `check`."""
+        self.check()
+        return self._clock() - self._begin
