@@ -12,7 +12,7 @@ PORT ?= 8000
 
 help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
-	@echo "make lint       style of Python (ruff) and JavaScript (oxlint)"
+	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
 	@echo "make test       style and the default tests (about five minutes)"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
 	@echo "make fault      the slow destructive tests: kills, bit flips"
@@ -55,6 +55,7 @@ fault: $(READY)
 lint: $(READY)
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
+	$(BIN)/python -m mypy
 	$(BIN)/oxlint app/static
 
 map: $(READY)

@@ -13,9 +13,8 @@ from fastapi import Path as PathParameter
 import linkage_atlas as la
 from app import page, problems
 from app.fourbar import export
-from app.fourbar.answers import worked_example
 from app.query import Export, Query, ReplyModel
-from app.registry import all_queries
+from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile

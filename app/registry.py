@@ -2,9 +2,61 @@
 
 from __future__ import annotations
 
-from app.fourbar.answers import fourbar_queries
+import json
+from importlib.resources import files
+from typing import Any
+
+from app.fourbar.answers import answer_match, answer_synthesize
+from app.fourbar.export import SYNTHESIZE_EXPORTS
+from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
+from app.fourbar.tables import matches_table, synthesize_table
 from app.query import Query
 from app.scenes import scene_queries
+
+
+def worked_example() -> dict[str, Any]:
+    """The bundled request: the motion of type 45,185 over crank 30 to 100 degrees, mounted as in the paper."""
+    return json.loads(files("app").joinpath("examples/worked_example.json").read_text())
+
+
+def fourbar_queries() -> tuple[Query, ...]:
+    """The four-bar's queries."""
+    example = worked_example()
+    rotation_only = {"rotation": example["rotation"], "crank_span": example["crank_span"]}
+    return (
+        Query(
+            "/v1/match",
+            "match",
+            "Rotation only: which atlas rows, at which start?",
+            MatchRequest,
+            MatchesReply,
+            answer_match,
+            matches_table,
+            {"worked_example": {**rotation_only, "top": 5}},
+        ),
+        Query(
+            "/v1/synthesize",
+            "synthesize",
+            "Rotation, positions or both: actual dimensions and mounting pose.",
+            SynthesizeRequest,
+            SynthesizeReply,
+            answer_synthesize,
+            synthesize_table,
+            {
+                "worked_example": {**example, "top": 3},
+                "atlas_rows_only": {**example, "effort": "atlas", "top": 3},
+                "rotation_only": {**rotation_only, "top": 3},
+                "within_limits": {
+                    **example,
+                    "top": 3,
+                    "limits": {"transmission_angle_min": 40, "pivot_box": [-50, -50, 250, 250]},
+                    "round_to": 0.5,
+                    "sensitivity": True,
+                },
+            },
+            SYNTHESIZE_EXPORTS,
+        ),
+    )
 
 
 def all_queries() -> tuple[Query, ...]:

@@ -125,6 +125,7 @@ def text() -> str:
 
 def _solve() -> None:
     from app.motion import SynthesizeRequest, answer_synthesize
+
     from app.resources import ServiceResources
     from app.settings import Settings
 

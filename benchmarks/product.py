@@ -6,8 +6,10 @@ import json
 from typing import Any
 
 import numpy as np
-
 from app.motion import SynthesizeRequest, answer_synthesize
+from synthesis.fourbar.pose import objective
+from synthesis.search.refine import LimitedProblem, Problem, refine
+
 from app.resources import ServiceResources
 from app.settings import Settings
 from benchmarks.report import Times
@@ -26,9 +28,7 @@ from synthesis.fourbar.dimension_types import (
 )
 from synthesis.fourbar.kinematics import TURN, close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.pose import objective
 from synthesis.fourbar.solution import make_solutions
-from synthesis.search.refine import LimitedProblem, Problem, refine
 from synthesis.search.search import DEFAULT_TOLERANCE, Levels, mirrored, search
 from synthesis.target import MIN_SPAN, Target, make_target
 

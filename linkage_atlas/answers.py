@@ -5,15 +5,13 @@ Names of attributes are those of the HTTP contract, and ``to_dict`` gives what g
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from linkage_atlas.linkages import FourBar
-from linkage_atlas.motions import Motion
-from synthesis import fourbar
 from synthesis.fourbar.determination import Determination, Sensitivity
 from synthesis.ranking import Errors
 
@@ -279,22 +277,3 @@ _MATCH_FIELDS = ("rank", "start_angle", "branch", "offset", "similarity")
 
 def _as_dict(features: Features | None) -> dict[str, Any] | None:
     return None if features is None else asdict(features)
-
-
-def in_unit(errors: Errors, radian: float) -> Errors:
-    """Errors with their rotations in a user's unit of angle."""
-    rms, largest = errors.rotation_rms, errors.rotation_max
-    return replace(
-        errors,
-        rotation_rms=None if rms is None else rms / radian,
-        rotation_max=None if largest is None else largest / radian,
-    )
-
-
-def make_rounded(solution: fourbar.solution.Solution, motion: Motion) -> Rounded:
-    """A rounded solution in the motion's unit."""
-    return Rounded(
-        FourBar.of(solution.linkage, motion),
-        in_unit(solution.errors, motion.radian),
-        solution.transmission_angle_min / motion.radian,
-    )

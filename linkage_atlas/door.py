@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any, Literal
 
@@ -16,9 +17,8 @@ from linkage_atlas.answers import (
     MatchReport,
     Report,
     Result,
+    Rounded,
     Solution,
-    in_unit,
-    make_rounded,
 )
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.linkages import FourBar
@@ -33,7 +33,7 @@ from synthesis.fourbar.kinematics import principal
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.rounding import round_solution
-from synthesis.ranking import Status
+from synthesis.ranking import Errors, Status
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
@@ -129,7 +129,8 @@ def synthesize(
     prepared = atlas.scan if effort == "atlas" and atlas is not None else seed_tables()
     watch = work(budget)
     motion = Motion.of(rotation, position, crank_span, crank_angle, length_scale, degrees)
-    target, kept = motion.target, read_limits(limits, motion)
+    target, notes = motion.target, motion.notes()
+    kept = read_limits(limits, motion)
     if round_to is not None and target.position is None:
         raise FieldError("/round_to", "needs `position`: without it no length is actual")
     if isinstance(prepared, SeedTables):
@@ -146,7 +147,6 @@ def synthesize(
         stages = {"screen": searched}
         counts = {"seeds": None, "windows": scanned.windows, "exhaustive": scanned.exhaustive}
     solutions = _finished(found, motion, tolerance, round_to, sensitivity, atlas)
-    notes = motion.notes()
     if solutions and solutions[0].determination.ill_posed:
         notes.append(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
@@ -199,7 +199,7 @@ def _finished(
             Solution(
                 rank=rank,
                 linkage=FourBar.of(one.linkage, motion),
-                errors=in_unit(one.errors, radian),
+                errors=_in_unit(one.errors, radian),
                 family=one.family.value,
                 transmission_angle_min=one.transmission_angle_min / radian,
                 transmission_angle_min_turn=None if turn is None else turn / radian,
@@ -207,11 +207,30 @@ def _finished(
                 determination=determined,
                 type=None if one.row is None or atlas is None else atlas.type_of(one.row),
                 sensitivity=change,
-                rounded=None if rounded is None else make_rounded(rounded, motion),
+                rounded=None if rounded is None else _rounded(rounded, motion),
                 asked_to_round=round_to is not None,
             )
         )
     return solutions
+
+
+def _in_unit(errors: Errors, radian: float) -> Errors:
+    """Errors with their rotations in a user's unit of angle."""
+    rms, largest = errors.rotation_rms, errors.rotation_max
+    return replace(
+        errors,
+        rotation_rms=None if rms is None else rms / radian,
+        rotation_max=None if largest is None else largest / radian,
+    )
+
+
+def _rounded(solution: answers.Solution, motion: Motion) -> Rounded:
+    """A rounded solution in the motion's unit."""
+    return Rounded(
+        FourBar.of(solution.linkage, motion),
+        _in_unit(solution.errors, motion.radian),
+        solution.transmission_angle_min / motion.radian,
+    )
 
 
 def match(
@@ -253,6 +272,8 @@ def match(
     scan, watch = atlas.scan, work(None)
     motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)
     target, radian = motion.target, motion.radian
+    wanted = target.rotation
+    assert wanted is not None
     windows, report = scan.best(target, top, work=watch)
     screened = watch.elapsed
     matches = []
@@ -260,16 +281,21 @@ def match(
         angle = principal(angle)
         kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
         start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
-        offset = float(np.mean(target.rotation - angle) / radian)
-        linkage = FourBar(*kind.lengths, branch=branch, start_angle=start, body_offset=offset, degrees=degrees)
+        offset = float(np.mean(wanted - angle) / radian)
+        linkage = FourBar(*_four(kind.lengths), branch, start_angle=start, body_offset=offset, degrees=degrees)
         error = float(windows.error[k] / radian)
         own = _features(target.crank, angle, radian) if features else None
         matches.append(Match(k + 1, kind, linkage, start, branch, offset, error, own))
-    asked = _features(target.crank, target.rotation, radian) if features else None
+    asked = _features(target.crank, wanted, radian) if features else None
     total = watch.elapsed
     stages = {"screen": screened, "rest": total - screened, "total": total}
     elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
     return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, motion.notes(), asked))
+
+
+def _four(lengths: list[int]) -> tuple[int, int, int, int]:
+    crank, coupler, rocker, ground = lengths
+    return crank, coupler, rocker, ground
 
 
 def _features(crank: Any, curve: Any, radian: float) -> Features:

@@ -7,7 +7,7 @@ the crank the Jacobian's condition passes 1e8.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,7 +117,7 @@ def _damped_solution(upper: Floats, right: Floats, damping: Floats) -> Floats:
     system[:, :size, :size], system[:, :size, size] = upper, right
     diagonal = np.arange(size)
     system[:, size + diagonal, diagonal] = np.sqrt(damping)[:, None] * norms
-    small = np.linalg.qr(system, mode="r")
+    small: Any = np.linalg.qr(system, mode="r")
     return np.linalg.solve(small[:, :size, :size], small[:, :size, size:])[:, :, 0]
 
 
@@ -126,4 +126,5 @@ def _triangle(stack: Floats) -> Floats:
     columns = stack.transpose(0, 2, 1)
     if (missing := columns.shape[2] - columns.shape[1]) > 0:
         columns = np.concatenate([columns, np.zeros((len(columns), missing, columns.shape[2]))], axis=1)
-    return np.linalg.qr(columns, mode="r")
+    triangle: Any = np.linalg.qr(columns, mode="r")
+    return triangle

@@ -19,7 +19,6 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from synthesis.ranking import Answer
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -62,12 +61,17 @@ class Evaluate(Protocol):
 class Chart(Protocol):
     """Coordinates of shapes for a search."""
 
-    cell: Floats
-    """(k + 1,): extent of unknowns and start within which two seeds are alike."""
-    hop: Floats
-    """(k + 1,): scale of the perturbations of unknowns and start that reach other valleys."""
-    types: Floats
-    """(T, d): lengths that spread over the chart, for seeds that no table gives; may be empty."""
+    @property
+    def cell(self) -> Floats:
+        """Extent of unknowns and start within which two seeds are alike, (k + 1,)."""
+
+    @property
+    def hop(self) -> Floats:
+        """Scale of the perturbations of unknowns and start that reach other valleys, (k + 1,)."""
+
+    @property
+    def types(self) -> Floats:
+        """Lengths (T, d) that spread over the chart, for seeds that no table gives; may be empty."""
 
     def shape(self, unknowns: Floats) -> Shape:
         """Shapes at unknowns (n, k)."""
@@ -82,13 +86,15 @@ class Chart(Protocol):
 class Limits(Protocol):
     """What solutions must keep to."""
 
-    family: str
+    @property
+    def family(self) -> str:
+        """Name of the family that is asked for."""
 
     @property
     def only_family(self) -> bool:
         """Whether nothing but the family is limited."""
 
-    def mirrored(self) -> Limits:
+    def mirrored(self) -> Any:
         """The same limits for a mirrored target."""
 
     def slacks(self, target: Target, lengths: Floats, start: Floats, pivots: Sequence[Complexes]) -> Floats:
@@ -101,10 +107,13 @@ class Limits(Protocol):
 class Mechanism(Protocol):
     """A kind of mechanism."""
 
-    branches: tuple[int, ...]
-    """Ways to assemble it. Law: if there is a -1, theta2 there at -theta1 is minus theta2 of +1, up to a constant."""
-    tables: tuple[Floats, ...]
-    """Lengths (T, d) of types whose crank turns fully, spread coarsely, then finely: where the search takes its seeds from."""
+    @property
+    def branches(self) -> tuple[int, ...]:
+        """Ways to assemble it. Law: if there is a -1, theta2 there at -theta1 is minus theta2 of +1, up to a constant."""
+
+    @property
+    def tables(self) -> tuple[Floats, ...]:
+        """Lengths (T, d) of types whose crank turns fully, coarse and then finer: where the search takes its seeds from."""
 
     def winding(self, lengths: Floats) -> NDArray[np.integer[Any]]:
         """Turns of the body in one turn of the crank, (T,)."""
@@ -124,7 +133,7 @@ class Mechanism(Protocol):
     def pivots(self, lengths: Floats, pivot_a: Complexes, ground_angle: Floats) -> Sequence[Complexes]:
         """Fixed pivots of mechanisms with actual lengths, (n,) each; pivot A first."""
 
-    def mounted(self, target: Target, lengths: Floats, branch: Floats, start: Floats) -> list[Any]:
+    def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[Any]:
         """Linkages with actual lengths in their best pose, of shapes that close at every sample."""
 
     def posed(
@@ -136,5 +145,5 @@ class Mechanism(Protocol):
     ) -> list[Any]:
         """Linkages with actual lengths in a given pose: pivot A, ground angle, and z2; None where nothing is mounted."""
 
-    def assess(self, target: Target, linkages: list[Any], rows: list[int] | None = None) -> list[Answer]:
-        """Linkages with their errors, recomputed from their own numbers."""
+    def assess(self, target: Target, linkages: list[Any], rows: list[int] | None = None) -> list[Any]:
+        """Linkages with their errors, recomputed from their own numbers: each a `ranking.Answer`."""

@@ -13,7 +13,7 @@ once a request; a candidate adds one vector. The (weighted) mean over the sample
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,7 @@ class FixedColumns(NamedTuple):
 
 def fixed_columns(target: Target) -> FixedColumns:
     """The columns of a target with positions that no candidate changes."""
+    assert target.position is not None
     mean = target.position_mean
     turned, _, _ = _turned(target)
     middle = mean(target.position)
@@ -112,7 +113,9 @@ def fit_positions(target: Target, angle: Floats) -> PositionFit:
     constant, share = constant + left_mean, share + again
     square = mean(np.abs(own) ** 2)
     independent = square > (16 * np.finfo(float).eps) ** 2
-    coupler = np.where(independent, mean.product(np.conj(own), fixed.rest), 0) / np.where(independent, square, 1.0)
+    coupler: Any = np.where(independent, mean.product(np.conj(own), fixed.rest), 0) / np.where(
+        independent, square, 1.0
+    )
     residual = fixed.rest - coupler[:, None] * own
     crank = (fixed.along - coupler * share) / turned_norm
     pivot = -coupler * constant - crank * turned_mean
@@ -121,6 +124,7 @@ def fit_positions(target: Target, angle: Floats) -> PositionFit:
 
 def rotation_residual(target: Target, angle: Floats) -> tuple[Floats, Floats]:
     """Best offsets (n,) and requested rotation less offset less theta2 (n, N), in radians."""
+    assert target.rotation is not None
     difference = target.rotation - angle
     # the mean of a difference from the first sample keeps its digits where the angles are large
     first = difference[:, :1]

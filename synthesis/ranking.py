@@ -86,15 +86,18 @@ def motion_errors(target: Target, angle: Floats, points: Complexes | None) -> tu
     count = len(angle)
     square = np.zeros(count)
     offsets: list[float | None] = [None] * count
-    rotation = position = [(None, None)] * count
+    rotation: list[Any] = [(None, None)] * count
+    position = rotation
     if target.rotation is not None:
         offset, residual = rotation_residual(target, angle)
         offsets, rotation = offset.tolist(), _rms_and_max(residual, target.rotation_mean)
         square = square + np.array([rms for rms, _ in rotation]) ** 2
     if target.position is not None:
+        assert points is not None
         position = _rms_and_max(target.position - points, target.position_mean)
         square = square + (np.array([rms for rms, _ in position]) / target.length_scale) ** 2
-    return offsets, [Errors(*r, *p, float(s)) for r, p, s in zip(rotation, position, np.sqrt(square))]
+    errors = [Errors(r[0], r[1], p[0], p[1], float(s)) for r, p, s in zip(rotation, position, np.sqrt(square))]
+    return offsets, errors
 
 
 def _rms_and_max(values: NDArray[Any], mean: Mean) -> list[Any]:

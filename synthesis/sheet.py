@@ -78,9 +78,9 @@ def dxf_document(layers: Mapping[str, int], unit: int) -> Any:
     unit : int
         $INSUNITS: 4 millimetres, 0 none (the user's own).
     """
-    import ezdxf
+    from ezdxf.filemanagement import new
 
-    document = ezdxf.new("R2010", setup=False)
+    document: Any = new("R2010", setup=False)
     document.units = unit
     document.header["$MEASUREMENT"] = 1
     for name, colour in layers.items():

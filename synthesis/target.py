@@ -121,6 +121,7 @@ class Target:
     def extent(self) -> float:
         """Largest distance of a position from the mean position."""
         mean = self.position_mean
+        assert self.position is not None
         return float(np.max(mean.given(np.abs(self.position - mean(self.position)))))
 
     @property
@@ -152,8 +153,9 @@ class Target:
                 given = np.arange(self.samples) if weights is None else np.flatnonzero(weights)
                 kept.append(given[np.round(np.linspace(0, given.size - 1, min(most, given.size))).astype(int)])
         keep = np.unique(np.concatenate(kept))
-        columns = {name: getattr(self, name) for name in _COLUMNS}
-        return replace(self, **{name: None if v is None else v[keep] for name, v in columns.items()})
+        columns: dict[str, Any] = {name: getattr(self, name) for name in _COLUMNS}
+        columns = {name: None if values is None else values[keep] for name, values in columns.items()}
+        return replace(self, **columns)
 
 
 _COLUMNS = ("crank", "rotation", "position", "rotation_weights", "position_weights")
@@ -195,7 +197,9 @@ def make_target(
     named = {"rotation": rotation, "position": position, "crank_angle": crank_angle}
     if position is not None:
         named["position"] = np.asarray(position, dtype=complex)
-    given = {name: np.asarray(values) for name, values in named.items() if values is not None}
+    given: dict[str, NDArray[Any]] = {
+        name: np.asarray(values) for name, values in named.items() if values is not None
+    }
     if rotation is None and position is None:
         raise FieldError("", "give `rotation`, `position` or both")
     for name, values in given.items():
@@ -248,6 +252,7 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
     if (crank_span is None) == (crank_angle is None):
         raise FieldError("/crank_span", "give either `crank_span` or `crank_angle`")
     if crank_angle is None:
+        assert crank_span is not None
         if not np.isfinite(crank_span):
             raise FieldError("/crank_span", "wanted a finite number")
         field, crank = "/crank_span", np.linspace(0.0, float(crank_span), samples)

@@ -11,6 +11,7 @@ from fastapi import FastAPI, Request, Response
 from pydantic import ConfigDict, Field, Strict
 
 import linkage_atlas as la
+from app.fourbar.answers import solve
 from app.fourbar.models import SynthesizeRequest
 from app.query import Export, Number, RequestModel, Resources
 
@@ -64,28 +65,6 @@ class ExportRequest(RequestModel):
     rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(1, description="Which solution, if none is given.")
     format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
     length_unit: LengthUnit = Field("mm", description="The unit of the request's lengths, for DXF and MJCF.")
-
-
-def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
-    """The front door's answer to a request."""
-    budget_ms = min(request.budget_ms or resources.max_budget_ms, resources.max_budget_ms)
-    return la.synthesize(
-        request.rotation,
-        request.position,
-        request.crank_span,
-        crank_angle=request.crank_angle,
-        degrees=request.degrees,
-        limits=request.limits.model_dump(),
-        top=request.top,
-        effort=request.effort,
-        tolerance=request.tolerance,
-        budget=budget_ms / 1000,
-        length_scale=request.length_scale,
-        round_to=request.round_to,
-        sensitivity=request.sensitivity,
-        atlas=resources.atlas if request.effort == "atlas" else None,
-        work=resources.work,
-    )
 
 
 def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:

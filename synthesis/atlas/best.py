@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.atlas.scan import Floats, Scan, ScanReport, Windows
+from synthesis.atlas.scan import Scan
+from synthesis.atlas.windows import Floats, ScanReport, Windows
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import Solution
 from synthesis.pose import fit_positions

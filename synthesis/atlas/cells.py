@@ -28,6 +28,7 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,7 +156,7 @@ class Cells:
     @property
     def nbytes(self) -> int:
         """Memory of the levels."""
-        arrays = [self.first]
+        arrays: list[NDArray[Any]] = [self.first]
         for level in self.levels:
             arrays += [level.bounds, level.cells.series]
         return sum(array.nbytes for array in arrays)
@@ -209,7 +210,7 @@ def _middle(periodic: Floats) -> Ints:
     return np.einsum("gtk,gtk->gt", difference, difference).argmin(axis=1)
 
 
-def _level(types: Bucket, groups: Ints, bounds: Bounds | None, error: Floats) -> Level:
+def _level(types: Bucket, groups: Ints, bounds: Bounds | None, error: NDArray[np.floating[Any]]) -> Level:
     """Cells of the types or representatives in each of some groups, (groups, members), with their own bounds and errors."""
     chosen, own = [], []
     at_once = max(1, _POINTS_AT_ONCE // (groups.shape[1] * _points(types.harmonics)))

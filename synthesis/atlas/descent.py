@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.cells import ABOVE_SINGLE, ARCS, PARTS, Arcs, Cells, Level
-from synthesis.atlas.matrices import Matrices, PositionMatrices, RotationMatrix
+from synthesis.atlas.matrices import Matrices, RotationMatrix
 from synthesis.atlas.series import Bucket, Floats, Ints, Phasors, gather
 
 Batch = Callable[[float], tuple[Ints, Floats] | None]
@@ -36,10 +36,10 @@ WORTHWHILE = 0.4
 
 
 class Left(NamedTuple):
-    """Windows left of some cells: cell i has the next ``count[i]`` of ``window``."""
+    """Windows left of some cells: cell i has the next ``counts[i]`` of ``window``."""
 
     cell: Ints
-    count: Ints
+    counts: Ints
     window: Ints
 
     @classmethod
@@ -50,9 +50,9 @@ class Left(NamedTuple):
 
     def chunks(self, width: int) -> Iterator[tuple[Ints, Ints, NDArray[np.bool_]]]:
         """Cells with about as many windows each: cells (g,), windows (g, w), and which of these are no filling."""
-        first = np.cumsum(self.count) - self.count
-        order = np.argsort(-self.count, kind="stable")
-        falling = -self.count[order]
+        first = np.cumsum(self.counts) - self.counts
+        order = np.argsort(-self.counts, kind="stable")
+        falling = -self.counts[order]
         at = 0
         while at < order.size:
             most = -int(falling[at])
@@ -60,7 +60,7 @@ class Left(NamedTuple):
             part = order[at : min(fitting, np.searchsorted(falling, -FILLED * most, side="right"))]
             at += part.size
             place = np.arange(most)
-            real = place < self.count[part, None]
+            real = place < self.counts[part, None]
             place = np.where(real, place, 0) + first[part, None]
             yield self.cell[part], gather(self.window, place), real
 
@@ -82,18 +82,23 @@ class Descent:
         self.matrices = matrices
         self.phasors = phasors
 
-    @cached_property
-    def rotation(self) -> RotationMatrix | None:
-        """For the rotation, if one is requested."""
-        return None if self.matrices.target.rotation is None else self.matrices.rotation(self.bucket)
+    @property
+    def turned(self) -> bool:
+        """Whether a rotation is requested."""
+        return self.matrices.target.rotation is not None
 
     @cached_property
-    def position(self) -> PositionMatrices | None:
-        """For the positions, if any are requested; made when the first window is left to ask about."""
-        return None if self.phasors is None else self.matrices.position(self.phasors.reach)
+    def rotation(self) -> RotationMatrix:
+        """For the rotation that is requested."""
+        return self.matrices.rotation(self.bucket)
+
+    def position_error(self, phasors: Phasors, part: Any) -> Floats:
+        """Lower bounds of the mean squared position error of all windows of some types, (n, windows)."""
+        return self.matrices.position(phasors.reach).mean_square_error(phasors, part)
 
     @property
     def bucket(self) -> Bucket:
+        """The types."""
         return self.cells.bucket
 
     @property
@@ -103,11 +108,11 @@ class Descent:
 
     def squared(self, part: slice) -> Floats:
         """Mean squared error of all windows of some types, or a lower bound of it, (n, windows)."""
-        squared: Floats | float = 0.0
-        if self.rotation is not None:
+        squared: Any = 0.0
+        if self.turned:
             squared = self.rotation.mean_square_error(self.bucket, part)
-        if self.position is not None:
-            squared = squared + self.position.mean_square_error(self.phasors, part)
+        if self.phasors is not None:
+            squared = squared + self.position_error(self.phasors, part)
         return squared
 
     # -- every window -------------------------------------------------------------------------------------------------
@@ -119,8 +124,8 @@ class Descent:
     def _block(self, part: slice, limit: float) -> tuple[Ints, Floats] | None:
         bucket = self.bucket
         places = np.arange(len(bucket.rows))[part]
-        squared: Floats | float = 0.0
-        if self.rotation is not None:
+        squared: Any = 0.0
+        if self.turned:
             squared = self.rotation.mean_square_error(bucket, part)
             # cheap test on D itself first: bound = sqrt(D - rounding) - e <= limit
             keep = squared <= ((limit + bucket.error[part]) ** 2 + self.rotation.rounding)[:, None]
@@ -129,10 +134,10 @@ class Descent:
                 return None
             places, squared, keep = places[some], squared[some], keep[some]
             squared = self._lowered(squared, bucket.error[places, None]) ** 2
-        if self.position is not None:
-            squared = squared + self.position.mean_square_error(self.phasors, places)
+        if self.phasors is not None:
+            squared = squared + self.position_error(self.phasors, places)
             keep = squared <= limit**2
-        elif self.rotation is None:  # positions only, and no time for their series: any window may be the best
+        elif not self.turned:  # positions only, and no time for their series: any window may be the best
             squared = np.zeros((places.size, self.windows))
             keep = squared <= limit**2
         place, window = np.nonzero(keep)
@@ -152,7 +157,7 @@ class Descent:
 
     @property
     def _descends(self) -> bool:
-        return self.rotation is not None and bool(self.cells.levels)
+        return self.turned and bool(self.cells.levels)
 
     def batches(self, limit: float) -> tuple[list[Batch], bool]:
         """Batches that between them find every window whose bound is at most any limit up to this one.
@@ -207,7 +212,8 @@ class Descent:
         bound = self._lowered(squared[own], error[group, place])
         if self.phasors is not None:
             some, inside = np.unique(group, return_inverse=True)
-            left = self.position.of_windows(self.phasors, types[some], window[some])
+            position = self.matrices.position(self.phasors.reach)
+            left = position.of_windows(self.phasors, types[some], window[some])
             bound = np.sqrt(bound**2 + left[inside, place, column])
             own = bound <= limit
             group, place, column, bound = group[own], place[own], column[own], bound[own]

@@ -229,7 +229,7 @@ def _read(file: h5py.File, max_types: int) -> tuple[Atlas, str]:
     if types > max_types:
         _refuse(AtlasFault.LIMIT, f"{types} types, at most {max_types}")
     shapes = {"lengths": (types, 4), "details": (types, rule.samples - 1)}
-    arrays = {name: _dataset(file, name, shapes.get(name, (types,))) for name in COLUMNS}
+    arrays: dict[str, Any] = {name: _dataset(file, name, shapes.get(name, (types,))) for name in COLUMNS}
     return Atlas(rule=rule, generator=generator, **arrays), _attribute(file, "content_sha256", str)
 
 

@@ -25,7 +25,7 @@ _HARMONICS_AT_ONCE = 16
 
 def start_angles(starts: int) -> Floats:
     """theta1 of evenly spaced starts, radians."""
-    return np.arange(starts) * (TURN / starts)
+    return np.arange(starts, dtype=float) * (TURN / starts)
 
 
 @lru_cache(maxsize=8)
@@ -93,6 +93,7 @@ class Matrices:
     def _turned(self, winding: int) -> tuple[Floats, Floats]:
         """The centred target less the winding, and what series are multiplied with for the mean of their product with it."""
         if winding not in self._along:
+            assert self.target.rotation is not None
             rotation = self.target.rotation - winding * self.target.crank
             mean = self.target.rotation_mean
             centred = rotation - mean(rotation)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,9 +59,9 @@ def compute_rows(lengths: ArrayLike, samples: int, mechanism: Mechanism = FOURBA
 def _compute_block(mechanism: Mechanism, lengths: NDArray[np.float64], samples: int) -> AtlasRows:
     step = TURN / samples
     crank = np.arange(samples) * step
-    winding = mechanism.winding(lengths).astype(np.int8)
+    winding: NDArray[Any] = mechanism.winding(lengths).astype(np.int8)
 
-    def periodic(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    def periodic(angle: NDArray[Any]) -> NDArray[np.float64]:
         return mechanism.body_angle(lengths, np.ones(len(lengths)), angle) - winding[:, None] * angle
 
     curve = periodic(crank)

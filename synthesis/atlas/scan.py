@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, wait
+from operator import methodcaller
 from threading import Event, Lock
 from typing import Any
 
@@ -204,7 +205,7 @@ class Scan:
         first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
         while first < len(batches) and not (first and expired()):
             ceiling = limit()
-            yield from filter(None, run(lambda batch, most=ceiling: batch(most), batches[first : first + wave]))
+            yield from filter(None, run(methodcaller("__call__", ceiling), batches[first : first + wave]))
             first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
 
     def _lowest(
@@ -238,7 +239,7 @@ class Scan:
         if ids:
             reduce()
             return ids[0], bounds[0], cut
-        return np.empty(0, dtype=np.int64), np.empty(0), cut
+        return NO_WINDOWS.row, NO_WINDOWS.error, cut
 
     def _windows(self, ids: Ints) -> Windows:
         row, column = np.divmod(ids, 2 * self.starts)
@@ -270,7 +271,9 @@ class Scan:
         table = np.empty((len(self.lengths), 2 * self.starts))
         for part in self._requested(target, Work()):
             table[part.cells.bucket.rows] = part.squared(slice(None))
-        return np.maximum(table, 0.0).reshape(-1, 2, self.starts)
+        np.maximum(table, 0.0, out=table)
+        shaped: Floats = table.reshape(-1, 2, self.starts)
+        return shaped
 
     # -- answers ------------------------------------------------------------------------------------------------------
 

@@ -168,7 +168,7 @@ def _buckets(table: Table, curves: _Curves, series_error: float, lengths: tuple[
 
 def join(parts: list[Bucket]) -> Bucket:
     """One bucket of parts that have the same winding and length."""
-    columns = {
+    columns: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("rows", "series", "mean_square", "error")
     }
@@ -209,5 +209,5 @@ def _phasor_series(spectrum: Complexes, samples: int, winding: int, reach: int) 
 
 
 def gather(values: NDArray[Any], index: Ints, axis: int = 0) -> NDArray[Any]:
-    """``values`` at indices that are known to be within it. (Unlike values[index], it lets other threads run meanwhile.)"""
+    """``values`` at indices that are known to be within it; unlike values[index], it lets other threads run meanwhile."""
     return np.take(values, index, axis=axis, mode="clip")

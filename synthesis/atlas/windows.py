@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +24,18 @@ class Windows(NamedTuple):
 
     def take(self, index: NDArray[np.intp]) -> Windows:
         """The windows at some places."""
-        return Windows(*(column[index] for column in self))
+        columns: list[Any] = [column[index] for column in self]
+        return Windows(*columns)
 
 
-NO_WINDOWS = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
+_NOTHING: Ints = np.empty(0, dtype=np.int64)
+NO_WINDOWS = Windows(_NOTHING, _NOTHING, _NOTHING, np.empty(0))
 
 
 def joined(parts: list[Windows]) -> Windows:
     """The windows of all parts, in order."""
-    return Windows(*(np.concatenate(column) for column in zip(*parts)))
+    columns: list[Any] = [np.concatenate(column) for column in zip(*parts)]
+    return Windows(*columns)
 
 
 def each_once(parts: list[Windows]) -> Windows:

@@ -99,7 +99,8 @@ class Chain:
 
     def drive(self, phase: Floats) -> tuple[Place, Motion]:
         """P1 at phases of at least 0. Beyond the driver's end the phase goes on as if the driver were longer: the
-        first pin is then the link that followed it, so many links ahead."""
+        first pin is then the link that followed it, so many links ahead.
+        """
         beyond = np.maximum(np.ceil((phase - self.track.length[0]) / self.period), 0)
         along = np.maximum(phase - beyond * self.period, 0.0)
         none = np.zeros(len(phase), dtype=np.intp)

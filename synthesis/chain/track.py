@@ -394,7 +394,8 @@ class Track:
 
 def stadium(radius: float, straight: float) -> Track:
     """Two half circles, centres ``straight`` apart on the x axis, joined by lines; travelled to the left, from the
-    joint of the lower line with the right half circle."""
+    joint of the lower line with the right half circle.
+    """
     half = straight / 2
     return Track(
         [

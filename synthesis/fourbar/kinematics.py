@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -100,7 +101,7 @@ def family(lengths: ArrayLike) -> NDArray[np.object_]:
     return names
 
 
-def _scaled(lengths: ArrayLike) -> tuple[Floats, Floats]:
+def _scaled(lengths: ArrayLike) -> tuple[Floats, NDArray[Any]]:
     """Lengths over a power of two near the longest, so that squares neither overflow nor vanish; exact."""
     lengths = np.asarray(lengths, dtype=float)
     if lengths.shape[-1:] != (4,):
@@ -136,7 +137,7 @@ class Closure:
     excess_y: Floats
     diagonal: Floats
     closed: NDArray[np.bool_]
-    exponent: NDArray[np.int_]
+    exponent: NDArray[Any]
 
     @cached_property
     def diagonal_angle(self) -> Floats:

@@ -91,7 +91,7 @@ class Linkage:
     @property
     def family(self) -> Family:
         """How it can turn."""
-        return Family(family(np.array(self.links))[()])
+        return Family(family(np.array(self.links)).item())
 
     @property
     def turns_fully(self) -> bool:

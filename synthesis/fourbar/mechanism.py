@@ -62,7 +62,7 @@ class FourBar:
         """Pivots A and B."""
         return [pivot_a, pivot_a + lengths[:, 3] * np.exp(1j * ground_angle)]
 
-    def mounted(self, target: Target, lengths: Floats, branch: Floats, start: Floats) -> list[Linkage]:
+    def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[Linkage]:
         """Linkages in their best pose."""
         return mounted(target, lengths, branch, start)
 

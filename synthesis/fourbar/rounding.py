@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,10 +71,11 @@ def round_solution(target: Target, solution: Solution, grid: float) -> Solution 
 
 def _fit(target: Target, links: Floats, branch: Floats, place: Floats) -> tuple[Floats, Complexes, Complexes]:
     """Residuals of the objective (n, rows), pivot A and coupler vector (n,) at starts and ground angles; NaN where it opens."""
+    assert target.position is not None
     start, turn = place[:, :1], place[:, 1:]
     crank = start + target.crank
     angle = close_loop(links, crank).coupler_angle(branch)
-    parts = []
+    parts: list[Any] = []
     if target.rotation is not None:
         parts.append(rotation_residual(target, angle)[1] * target.rotation_mean.root)
     mean, scale = target.position_mean, target.length_scale
@@ -82,7 +85,7 @@ def _fit(target: Target, links: Floats, branch: Floats, place: Floats) -> tuple[
     own = arm - mean(arm)[:, None]
     square = mean(np.abs(own) ** 2)
     independent = square > 1e-28
-    coupler = np.where(independent, mean(np.conj(own) * wanted), 0.0) / np.where(independent, square, 1.0)
+    coupler: Any = np.where(independent, mean(np.conj(own) * wanted), 0.0) / np.where(independent, square, 1.0)
     gap = (wanted - mean(wanted)[:, None] - coupler[:, None] * own) * mean.root
     pivot = middle + scale * (mean(wanted) - coupler * mean(arm))
     return np.concatenate([*parts, gap.real, gap.imag], axis=1), pivot, scale * coupler

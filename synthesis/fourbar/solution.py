@@ -132,13 +132,13 @@ def assess(target: Target, linkages: list[Linkage], rows: list[int] | None = Non
     start = np.array([one.start for one in linkages])
     crank = start[:, None] + target.crank
     angle = principal(close_loop(links, crank).coupler_angle(np.array([one.branch for one in linkages])))
+    families = family(links)
+    used = np.nan_to_num(transmission_angle_over(links, target.interval.after(start)))
+    turn = transmission_angle_over(links, Interval(np.zeros(count), np.full(count, np.pi)))
     points = None
     if target.position is not None:
         points = np.stack([one.body_point(crank[k], angle[k]) for k, one in enumerate(linkages)])
     offsets, errors = motion_errors(target, angle, points)
-    families = family(links)
-    used = np.nan_to_num(transmission_angle_over(links, target.interval.after(start)))
-    turn = transmission_angle_over(links, Interval(np.zeros(count), np.full(count, np.pi)))
     solutions = []
     for k, one in enumerate(linkages):
         offset = offsets[k]

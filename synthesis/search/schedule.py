@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 
 class Fresh(NamedTuple):
-    """The next best starts of a coarse table, up to ``count`` of each branch in all rounds."""
+    """The next best starts of a coarse table, up to ``most`` of each branch in all rounds."""
 
     table: int
-    count: int
+    most: int
 
 
 class Best(NamedTuple):
     """The best of the pool, at most one a small cell."""
 
-    count: int
+    most: int
 
 
 class Hops(NamedTuple):
@@ -30,17 +30,17 @@ class Hops(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """The chart's own types at ``starts`` evenly spaced starts, the best ``count`` of each branch."""
+    """The chart's own types at ``starts`` evenly spaced starts, the best ``most`` of each branch."""
 
     starts: int
-    count: int
+    most: int
 
 
 class NearestToLimits(NamedTuple):
     """Types of the coarsest table at ``starts`` starts that break the limits least, whatever their motion."""
 
     starts: int
-    count: int
+    most: int
 
 
 Source = Fresh | Best | Hops | Grid | NearestToLimits

@@ -85,9 +85,9 @@ class _Search:
     def _draw(self, source: schedule.Source) -> Candidates:
         match source:
             case schedule.Fresh():
-                return self._fresh(source.table, source.count)
+                return self._fresh(source.table, source.most)
             case schedule.Best():
-                return self.pool.thinned(source.count)
+                return self.pool.thinned(source.most)
             case schedule.Hops():
                 best = self.pool.thinned(source.origins)
                 size = (len(best.branch) * source.copies, len(self.chart.hop))
@@ -96,11 +96,11 @@ class _Search:
                 return Candidates(unknowns, np.repeat(best.branch, source.copies), np.full(len(unknowns), np.inf))
             case schedule.Grid():
                 unknowns = grid(self.chart.unknowns(self.chart.types), source.starts)
-                return self._each_branch(unknowns, source.count, 0.7, lambda branch, cost: cost)
+                return self._each_branch(unknowns, source.most, 0.7, lambda branch, cost: cost)
             case schedule.NearestToLimits():
                 unknowns = grid(self.chart.unknowns(self.tables.tables[0].scan.lengths), source.starts)
                 return self._each_branch(
-                    unknowns, source.count, 0.3, lambda branch, cost: self._violation(unknowns, branch) + 1e-6 * cost
+                    unknowns, source.most, 0.3, lambda branch, cost: self._violation(unknowns, branch) + 1e-6 * cost
                 )
 
     def _fresh(self, index: int, count: int) -> Candidates:

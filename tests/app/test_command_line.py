@@ -18,9 +18,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from app.queries import all_queries, worked_example
 
 import linkage_atlas
-from app.queries import all_queries, worked_example
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "linkage_atlas.py"]

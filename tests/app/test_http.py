@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from app.queries import all_queries, worked_example
 from fastapi.testclient import TestClient
 
 from app.main import create_app
-from app.queries import all_queries, worked_example
 from app.resources import ServiceResources
 from app.scenes import scene_queries
 from app.settings import Settings

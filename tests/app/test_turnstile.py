@@ -13,14 +13,14 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
+import app.motion
 import numpy as np
 import pytest
 import uvicorn
+from app.queries import all_queries, worked_example
 
-import app.motion
 from app.main import create_app
 from app.problems import ClientGone, Overloaded
-from app.queries import all_queries, worked_example
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile

@@ -21,8 +21,8 @@ import httpx2 as httpx
 import numpy as np
 import pytest
 import uvicorn
-
 from app.export import ExportSolution, mounted
+
 from app.main import create_app
 from app.scenes import SCENES
 

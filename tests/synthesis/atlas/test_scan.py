@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from synthesis.fourbar.pose import objective
 
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import scan as scan_module
@@ -13,7 +14,6 @@ from synthesis.atlas.file import AtlasRule
 from synthesis.atlas.scan import STARTS, TIE, Scan, Windows, window_errors
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.pose import objective
 from synthesis.target import Target, make_target
 from tests.conftest import make_atlas
 from tests.oracles import naive

@@ -11,13 +11,13 @@ import xml.etree.ElementTree as ElementTree
 import ezdxf
 import numpy as np
 import pytest
+from app.export import ExportSolution, mounted
+from app.motion import SynthesizeRequest
+from app.queries import worked_example
 from fastapi.testclient import TestClient
 
 import linkage_atlas
-from app.export import ExportSolution, mounted
 from app.main import create_app
-from app.motion import SynthesizeRequest
-from app.queries import worked_example
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import MountedLinkage, to_csv, to_dxf, to_mjcf, to_svg
 from synthesis.target import make_target

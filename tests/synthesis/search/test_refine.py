@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthesis.fourbar.pose import objective
+from synthesis.search.refine import LimitedProblem, Problem, refine
 
 from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.pose import objective
-from synthesis.search.refine import LimitedProblem, Problem, refine
 from synthesis.target import Target, make_target
 
 KINDS = ("both", "rotation", "position")

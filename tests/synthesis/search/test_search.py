@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from app.motion import SynthesizeRequest, answer_synthesize
+
 from app.resources import ServiceResources
 from app.settings import Settings
 from synthesis.fourbar.kinematics import close_loop
