@@ -72,6 +72,7 @@ bench: $(READY) $(ATLAS)
 
 docs: $(READY)
 	$(BIN)/python -m docs.figures
+	$(BIN)/python -m docs.notebook
 	$(BIN)/python -m benchmarks.report
 
 scenes: $(READY)

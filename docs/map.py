@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
+import textwrap
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -41,20 +42,17 @@ def module_graph() -> dict[str, set[str]]:
     return {name: {one for one in imported(path) if one in paths} - {name} for name, path in paths.items()}
 
 
-def package_of(module: str, packages: set[str]) -> str:
-    """The package that a module lies in; a module beside the packages of a floor belongs to the floor itself."""
-    return module if module in packages else module.rpartition(".")[0]
-
-
 def package_graph() -> dict[str, set[str]]:
-    """Each package with the packages that its modules import, one level deep; an empty ``__init__.py`` is no import."""
-    packages = {name_of(path) for path in sources(*FLOORS) if path.name == "__init__.py"}
-    graph: dict[str, set[str]] = {package: set() for package in sorted(packages)}
+    """Each package with the packages that its modules import; a module that lies directly on a floor stands for itself."""
+    graph: dict[str, set[str]] = {}
     for module, others in module_graph().items():
-        own = package_of(module, packages)
-        graph[own] |= {package_of(other, packages) for other in others if other not in packages} - {own}
-        graph[own] |= {other for other in others if other in packages and other in FLOORS[:2]} - {own}
-    return graph
+        graph.setdefault(_home(module), set()).update(map(_home, others))
+    return {home: others - {home} for home, others in graph.items()}
+
+
+def _home(module: str) -> str:
+    """The package of a module, two names deep: synthesis.atlas of synthesis.atlas.scan, synthesis.pose of itself."""
+    return ".".join(module.split(".")[:2])
 
 
 def faults() -> list[str]:
@@ -63,7 +61,9 @@ def faults() -> list[str]:
     graph = module_graph()
     for module, others in graph.items():
         floor = FLOORS.index(module.partition(".")[0])
-        found += [f"{module} imports {other}: up" for other in others if FLOORS.index(other.partition(".")[0]) < floor]
+        found += [
+            f"{module} imports {other}: up" for other in others if FLOORS.index(other.partition(".")[0]) < floor
+        ]
     for what, arrows in (("modules", graph), ("packages", package_graph())):
         try:
             TopologicalSorter(arrows).prepare()
@@ -72,14 +72,35 @@ def faults() -> list[str]:
     return found
 
 
+def picture() -> str:
+    """The map as text: floors from the top down, packages with what they import; one-module packages in a line of names."""
+    graph, lines = package_graph(), []
+    for floor in FLOORS:
+        homes = sorted(home for home in graph if home.partition(".")[0] == floor)
+        packages = [home for home in homes if _is_package(home)]
+        alone = [home for home in homes if home not in packages]
+        below = sorted({one.partition(".")[0] for home in alone for one in graph[home]} - {floor})
+        lines.append(f"{floor}{' -> ' + ', '.join(below) if below else ''}")
+        lines += textwrap.wrap(
+            ", ".join(home.partition(".")[2] for home in alone if home != floor),
+            100,
+            initial_indent="    ",
+            subsequent_indent="    ",
+        )
+        for package in packages:
+            arrows = {one if _is_package(one) else f"{one.partition('.')[0]}.*" for one in graph[package]}
+            lines.append(f"    {package.partition('.')[2] + '/':<10} -> {', '.join(sorted(arrows)) or 'nothing'}")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _is_package(home: str) -> bool:
+    return "." in home and (ROOT / home.replace(".", "/")).is_dir()
+
+
 def main() -> int:
     """Print the map and the faults; 1 where there is one."""
-    graph = package_graph()
-    for floor in FLOORS:
-        for package in [name for name in graph if name.partition(".")[0] == floor]:
-            print(f"{'  ' * package.count('.')}{package:<{28 - 2 * package.count('.')}} -> "
-                  f"{', '.join(sorted(graph[package])) or 'nothing of these'}")
-        print()
+    print(picture())
     print("\n".join(faults()) or "no arrow up, no circle")
     return 1 if faults() else 0
 
