@@ -63,7 +63,7 @@ def main() -> None:
             os.chdir(before)
     for cell, outputs in zip(cells, found):
         cell["outputs"] = outputs
-    PLACE.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n")
+    PLACE.write_text(json.dumps(notebook, indent=1, ensure_ascii=False, sort_keys=True) + "\n")
     print(f"wrote {PLACE}")
 
 
