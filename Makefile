@@ -67,7 +67,6 @@ bench: $(READY) $(ATLAS)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,baselines]'
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)
-	$(BIN)/python -m benchmarks.foundation --atlas $(ATLAS)
 	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
 
 docs: $(READY)

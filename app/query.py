@@ -24,6 +24,8 @@ class Angles:
     """A request's unit of angle: to radians, which all numerics use, and back."""
 
     unit: AngleUnit
+    decimals: int | None = None
+    """Decimals of a degree that do where they are the same angle, so that 240 comes back as 240; default: all digits."""
 
     @property
     def radian(self) -> float:
@@ -36,7 +38,11 @@ class Angles:
 
     def outward(self, angle: float) -> float:
         """A reply's angle from radians."""
-        return math.degrees(angle) if self.unit == "deg" else float(angle)
+        if self.unit == "rad":
+            return float(angle)
+        degrees = math.degrees(angle)
+        short = degrees if self.decimals is None else round(degrees, self.decimals)
+        return short if math.radians(short) == angle else degrees
 
 
 class RequestModel(BaseModel):

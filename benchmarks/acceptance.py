@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
@@ -20,16 +19,14 @@ from benchmarks import report
 from benchmarks.heavy import heavy_objective, heavy_within
 from benchmarks.product import ServiceResources, answer, counter_clockwise, limits_of, prepared_service, target_of
 from benchmarks.report import Times
-from benchmarks.service import running, synthesize_bodies, uvicorn_command
 from tests.oracles.classes import EXACT, HARD, NAMES, UNREACHABLE, limited_case, make_case
 from tests.oracles.recompute import REACHED, broken_limits, compare, recompute
 
 EPSILON = float(np.finfo(float).eps)
-LIMITS, HTTP = "limits", "http"
-FEWER = {"noise": 200, UNREACHABLE: 60, LIMITS: 200, HTTP: 300}
+LIMITS = "limits"
+FEWER = {"noise": 200, UNREACHABLE: 60, LIMITS: 200}
 """At most so many cases of what takes long."""
 UNREACHABLE_MARGIN = 1.01
-WARM_UP = 10
 TITLES = {
     "plain": "plain crank-rocker, 30..360 degrees",
     "any order": "any order, crank shortest",
@@ -40,7 +37,6 @@ TITLES = {
     "noise": "noise of 1e-3 on everything",
     UNREACHABLE: "motions that no four-bar performs",
     LIMITS: "random limits",
-    HTTP: "plain, over HTTP, one client",
 }
 
 
@@ -124,28 +120,6 @@ def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
     }
 
 
-def measure_http(cases: int) -> dict[str, Any]:
-    """The plain class over HTTP: one client on one kept connection."""
-    seconds = []
-    with running(uvicorn_command) as service:
-        for seed, body in enumerate(synthesize_bodies(cases + WARM_UP)):
-            begin = time.perf_counter()
-            reply = service.ask("POST", "/v1/synthesize", body)
-            seconds.append(time.perf_counter() - begin)
-            if reply.status != 200:
-                raise RuntimeError(f"seed {seed}: status {reply.status}: {reply.body[:200]!r}")
-    median, p99 = 1000 * np.percentile(seconds[WARM_UP:], [50, 99])
-    return {"cases": cases, "median_ms": float(median), "p99_ms": float(p99), "short": False}
-
-
-def measure(part: str, cases: int, resources: ServiceResources) -> dict[str, Any]:
-    """One class, or `LIMITS`, or `HTTP`."""
-    cases = min(cases, FEWER.get(part, cases))
-    if part == HTTP:
-        return measure_http(cases)
-    return measure_limits(cases, resources) if part == LIMITS else measure_class(part, cases, resources)
-
-
 # -- document ---------------------------------------------------------------------------------------------------------
 
 
@@ -158,23 +132,17 @@ def outcome(part: str, result: dict[str, Any]) -> str:
             f"within {report.percent(UNREACHABLE_MARGIN - 1, 1)} of a heavy search in {report.percent(result['reached'], 3)}, "
             f"at most {result['worst_over_reference']:.3f} times its J"
         )
-    if part == LIMITS:
-        return f"{len(result['broken'])} limits broken, {len(result['wrongly_infeasible'])} times infeasible wrongly"
-    return "all answered"
+    return f"{len(result['broken'])} limits broken, {len(result['wrongly_infeasible'])} times infeasible wrongly"
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of section 10 of docs/method.md; each row with its own number of cases."""
-    parts = {part: results["parts"][part] for part in (*NAMES, LIMITS, HTTP) if part in results["parts"]}
+    parts = {part: results["parts"][part] for part in (*NAMES, LIMITS) if part in results["parts"]}
     rows = [
         {
             "class": TITLES.get(part, part),
             "outcome": None if part in EXACT else outcome(part, result),
-            "times": ", ".join(
-                report.significant(result.get(f"{which}_processor_ms", result[f"{which}_ms"]))
-                for which in ("median", "p99")
-            )
-            + (" on the clock" if part == HTTP else ""),
+            "times": ", ".join(report.significant(result[f"{which}_processor_ms"]) for which in ("median", "p99")),
             **result,
         }
         for part, result in parts.items()
@@ -199,7 +167,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, publish after each part; 1 where a part is short of its goal."""
-    parts = (*NAMES, LIMITS, HTTP)
+    parts = (*NAMES, LIMITS)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--classes", nargs="+", choices=parts, default=parts, metavar="CLASS", help=", ".join(parts))
@@ -207,9 +175,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     resources = prepared_service()
     answer(make_case("plain", 0).request, resources, Times())
     stamp = report.stamp()
-    measured = report.load("acceptance")["parts"] if report.stored("acceptance") else {}
+    measured = report.load("acceptance")["parts"] if (report.RESULTS / "acceptance.json").exists() else {}
     for part in options.classes:
-        measured[part] = {**measure(part, options.cases, resources), "made": stamp}
+        cases = min(options.cases, FEWER.get(part, options.cases))
+        found = measure_limits(cases, resources) if part == LIMITS else measure_class(part, cases, resources)
+        measured[part] = {**found, "made": stamp}
         report.publish("acceptance", {"made": stamp, "parts": measured})
         shown = {name: value for name, value in measured[part].items() if name not in ("made", "failures")}
         print(part, json.dumps(shown), flush=True)

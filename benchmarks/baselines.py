@@ -23,6 +23,7 @@ from benchmarks.product import (
     Target,
     close_loop,
     coupler_angle,
+    make_target,
     objective,
 )
 from benchmarks.report import Times, repeat
@@ -102,6 +103,8 @@ def pose_subsets(samples: int, seed: int) -> Iterator[tuple[np.ndarray, ...]]:
 def generate_motion(target: Target, seed: int) -> Iterator[tuple[int, float, float, float]]:
     """pylinkage's motion generation on more and more subsets of the poses, the best kept.
 
+    It is given the motion about the origin and with the size 1, as its tolerances expect.
+
     Yields
     ------
     subsets : int
@@ -116,6 +119,8 @@ def generate_motion(target: Target, seed: int) -> Iterator[tuple[int, float, flo
     """
     from pylinkage.synthesis import Pose, motion_generation
 
+    place = (target.position - target.position.mean()) / target.length_scale
+    target = make_target(target.rotation, place, crank_angle=target.crank)
     timed = untimed = np.inf
     times, subsets = Times(), pose_subsets(target.samples, seed)
     for number in range(1, max(POSE_SUBSETS) + 1):
@@ -135,41 +140,25 @@ def _judge(target: Target, first: int, answer: Any) -> tuple[float, float]:
     pins = [complex(*answer.crank_pivot_b), complex(*answer.coupler_pivot_c)]
     timed = untimed = np.inf
     for a, b in ((0, 1), (1, 0)):
-        ground, coupler = pivots[b] - pivots[a], pins[b] - pins[a]
-        crank, rocker = pins[a] - pivots[a], pins[b] - pivots[b]
-        lengths = np.abs([crank, coupler, rocker, ground])
+        ground, coupler, crank = pivots[b] - pivots[a], pins[b] - pins[a], pins[a] - pivots[a]
+        lengths = np.abs([crank, coupler, pins[b] - pivots[b], ground])
         start = np.angle(crank / ground)
         branch = 1.0 if (np.conj(pivots[b] - pins[a]) * coupler).imag > 0 else -1.0
-        angles = start + target.crank - target.crank[first]
-        angle = close_loop(lengths, angles[None]).coupler_angle(branch)
+        angle = close_loop(lengths, start + target.crank[None] - target.crank[first]).coupler_angle(branch)
         if np.all(np.isfinite(angle)):
             timed = min(timed, objective(target, angle)[0])
-        untimed = min(untimed, _untimed(target, first, lengths, branch, start, pivots[a], pins[a], np.angle(ground)))
+        turn = start + np.concatenate([[0.0], _UNTIMED_CRANK])
+        angle = close_loop(lengths, turn).coupler_angle(branch)
+        closes = np.isfinite(angle)
+        if closes[0]:
+            turned = angle[closes] - angle[0]
+            pin = pivots[a] + lengths[0] * np.exp(1j * turn[closes]) * ground / abs(ground)
+            points = pin + np.exp(1j * turned) * (target.position[first] - pins[a])
+            gap = target.rotation[:, None] - (target.rotation[first] + turned)
+            gap = gap - TURN * np.round(gap / TURN)
+            square = gap**2 + (np.abs(target.position[:, None] - points) / target.length_scale) ** 2
+            untimed = min(untimed, float(np.sqrt(np.mean(square.min(axis=1)))))
     return timed, untimed
-
-
-def _untimed(
-    target: Target,
-    first: int,
-    lengths: np.ndarray,
-    branch: float,
-    start: float,
-    pivot: complex,
-    pin: complex,
-    ground_angle: float,
-) -> float:
-    crank = np.concatenate([[start], start + _UNTIMED_CRANK])
-    angle = close_loop(lengths, crank).coupler_angle(branch)
-    keep = np.isfinite(angle)
-    if not keep[0]:
-        return np.inf
-    turned = angle[keep] - angle[0]
-    pins = pivot + lengths[0] * np.exp(1j * (crank[keep] + ground_angle))
-    points = pins + np.exp(1j * turned) * (target.position[first] - pin)
-    gap = target.rotation[:, None] - (target.rotation[first] + turned)
-    gap = gap - TURN * np.round(gap / TURN)
-    square = gap**2 + (np.abs(target.position[:, None] - points) / target.length_scale) ** 2
-    return float(np.sqrt(np.mean(square.min(axis=1))))
 
 
 def _available_memory() -> int:

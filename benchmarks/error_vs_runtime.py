@@ -250,9 +250,17 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     }
 
 
+def look(method: str, small: bool = False) -> dict[str, Any]:
+    """How a method's curve is drawn: the service's over the others', the published method as a star."""
+    colour, marker, _ = LOOK[method]
+    first = method == SERVICE
+    marks = {"marker": marker, "markersize": (11 if method == PUBLISHED else 5) * (0.75 if small else 1)}
+    return marks | {"color": colour, "linewidth": 2.2 if first else 1.5, "zorder": 4 if first else 3}
+
+
 def draw_curves(axes: Any, rows: Sequence[dict[str, Any]], small: bool) -> None:
     """One curve a method through its best settings: median, and the band between the quartiles."""
-    for method, (colour, marker, label) in reversed(LOOK.items()):
+    for method, (colour, _, label) in reversed(LOOK.items()):
         own = [row for row in rows if row["method"] == method]
         curve = [row for row in (own if method == PYLINKAGE else frontier(own)) if np.isfinite(row["median"])]
         if not curve:
@@ -260,19 +268,14 @@ def draw_curves(axes: Any, rows: Sequence[dict[str, Any]], small: bool) -> None:
         if method in SLOW:
             label += f" ({curve[0]['cases']} cases)"
         x, low, median, high = (np.array([row[name] for row in curve]) for name in ("ms", "low", "median", "high"))
-        high, first = np.minimum(high, 10.0), method == SERVICE
-        look = {
-            "markersize": (11 if method == PUBLISHED else 5) * (0.75 if small else 1),
-            "linewidth": 2.2 if first else 1.5,
-        }
-        axes.plot(x, median, color=colour, marker=marker, label=label, zorder=3 + first, **look)
+        axes.plot(x, median, label=label, **look(method, small))
         if small:
             continue
         if len(curve) > 2:
-            axes.fill_between(x, low, high, color=colour, alpha=0.13, linewidth=0)
+            axes.fill_between(x, low, np.minimum(high, 10.0), color=colour, alpha=0.13, linewidth=0)
         else:
-            axes.vlines(x, low, high, color=colour, alpha=0.5)
-        if first:  # its time is its own choice: from the quartile to the 95th percentile
+            axes.vlines(x, low, np.minimum(high, 10.0), color=colour, alpha=0.5)
+        if method == SERVICE:  # its time is its own choice: from the quartile to the 95th percentile
             axes.hlines(median[-1], curve[-1]["fast"], curve[-1]["slow"], color=colour, linewidth=1.2, zorder=4)
         if method in GRIDS:
             every = [row for row in own if np.isfinite(row["median"])]
@@ -285,14 +288,12 @@ def draw_curves(axes: Any, rows: Sequence[dict[str, Any]], small: bool) -> None:
 
 def draw_shares(axes: Any, rows: Sequence[dict[str, Any]]) -> None:
     """Share of cases below 1e-9 against time, one curve a method."""
-    for method, (colour, marker, _) in reversed(LOOK.items()):
+    for method in reversed(LOOK):
         best: list[dict[str, Any]] = []
         for row in sorted((row for row in rows if row["method"] == method), key=lambda row: row["ms"]):
             if not best or row["reached"] > best[-1]["reached"] or method == PYLINKAGE:
                 best.append(row)
-        points = [row["ms"] for row in best], [100 * row["reached"] for row in best]
-        look = {"markersize": 11 if method == PUBLISHED else 5, "linewidth": 2.2 if method == SERVICE else 1.5}
-        axes.plot(*points, color=colour, marker=marker, zorder=3 + (method == SERVICE), **look)
+        axes.plot([row["ms"] for row in best], [100 * row["reached"] for row in best], **look(method))
     axes.set(xscale="log", ylim=(-4, 104), xlim=(0.4, 5000), ylabel="cases that reach J < 1e-9 (%)")
     axes.minorticks_off()
 
@@ -311,20 +312,21 @@ def draw(results: dict[str, Any]) -> None:
             f"Error against run time: {results['cases'] * len(EXACT)} random motions that some four-bar performs exactly, "
             f"{len(EXACT)} classes"
         )
-        handles, labels = axes.get_legend_handles_labels()
-        drawing.legend(handles[::-1], labels[::-1], loc="outside lower center", ncols=3)
+        drawing.legend(
+            *(part[::-1] for part in axes.get_legend_handles_labels()), loc="outside lower center", ncols=3
+        )
     with report.figure("error_vs_runtime_classes.png", 4, 4, (11, 10), sharex=True) as (drawing, grid):
         for axes, kind in zip(grid, NAMES):
             draw_curves(axes, summarise(runs, [kind]), small=True)
             if kind not in EXACT:  # nothing falls below the noise: look closer
                 axes.set_ylim(*((8e-4, 0.3) if kind == "noise" else (0.05, 3.0)))
-            axes.set_title(
-                kind + {"noise": " of 1e-3", UNREACHABLE: "  (no exact answer)"}.get(kind, ""), fontsize=10
-            )
+            note = {"noise": " of 1e-3", UNREACHABLE: "  (no exact answer)"}.get(kind, "")
+            axes.set_title(kind + note, fontsize=10)
         drawing.supxlabel(clock, fontsize=10)
         drawing.supylabel("error J, median", fontsize=10)
-        handles, labels = grid[0].get_legend_handles_labels()
-        drawing.legend(handles[::-1], labels[::-1], loc="outside upper center", ncols=3)
+        drawing.legend(
+            *(part[::-1] for part in grid[0].get_legend_handles_labels()), loc="outside upper center", ncols=3
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

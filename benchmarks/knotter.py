@@ -1,49 +1,37 @@
-"""Measures the knotter and draws its pictures: ``python -m benchmarks.knotter``.
+"""Measures the knotter and draws its pictures: ``python -m benchmarks.knotter`` (about a minute).
 
-Writes ``benchmarks/results/knotter.json``, ``docs/img/knotter_*.png`` and the tables between the markers of
-``docs/knotter.md``. Seeded; only the times differ from run to run, and they are printed as ratios.
+Seeded; only the times differ from run to run. Every method works on arrays of all steps of many pairs at once, and gets
+the positions from the same chain: times compare ways to decide and to locate, not ways to program.
 """
 
 from __future__ import annotations
 
-import json
-import re
-import time
-from collections.abc import Callable
 from fractions import Fraction
-from pathlib import Path
+from functools import partial
+from typing import Any
 
 import mpmath as mp
 import numpy as np
 
-from synthesis.knotter import machine as knotter
-from synthesis.knotter.mechanism import Mechanism
-from synthesis.knotter.predicates import classify, crossing_point, inside, orientations
+from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, pairs_of
+from benchmarks.report import lines, paired, power, publish, ratio, repeat, significant, table
+from synthesis.knotter import d_knotter
+from synthesis.knotter.mechanism import Mechanism, as_array
+from synthesis.knotter.needle import Needle
+from synthesis.knotter.segment_triangle import classify, crossing_point, inside, orientations
 from synthesis.knotter.study import solve, study
+from tests.oracles.knotter import Exact
 
-ROOT = Path(__file__).parents[1]
-PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]
-PUBLISHED_FEASIBLE = {(0, 30), (10, 25), (10, 30), (20, 25), (20, 30)}
-LINE_1, LINE_3 = np.linspace(0.0, 20.0, 30), np.linspace(20.0, 30.0, 30)
-REPEATS = 5
+TRIANGLE = tuple(np.array(d_knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
 
 
-def machine(alpha1: float, alpha3: float, **others: float) -> Mechanism:
-    """The reference knotter at a pair in degrees."""
-    return knotter.knotter({"alpha1": float(np.radians(alpha1)), "alpha3": float(np.radians(alpha3)), **others})
+def grid_of(alpha1: np.ndarray, alpha3: np.ndarray) -> tuple[Mechanism, int]:
+    """All combinations, and how many there are."""
+    first, third = (axis.ravel() for axis in np.meshgrid(alpha1, alpha3))
+    return pairs_of(first, third), first.size
 
 
-def seconds(function: Callable[[], object]) -> float:
-    """The best of a few runs."""
-    best = np.inf
-    for _ in range(REPEATS):
-        start = time.process_time()
-        function()
-        best = min(best, time.process_time() - start)
-    return best
-
-
-# Predicates
+# -- does the rope cross the triangle? --------------------------------------------------------------------------------
 
 
 def angle_sum(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
@@ -60,7 +48,7 @@ def angle_sum(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) ->
 def predicate_errors() -> list[dict]:
     """Wrong verdicts beside the edge S3S4, in percent; the truth by rational arithmetic."""
     random = np.random.default_rng(2018)
-    a, b, c = (np.array(knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
+    a, b, c = TRIANGLE
     along = b - a
     inward = np.cross(along, (1.0, 0.0, 0.0))
     inward *= np.sign(inward @ (c - a)) / np.linalg.norm(inward)
@@ -71,8 +59,8 @@ def predicate_errors() -> list[dict]:
         truth = np.array([all(u > 0 for u in _exact_sides(row, a, b, c)) for row in point])
         total = angle_sum(point, a, b, c)
         row = {"distance_mm": distance, "equal_360": _percent((total == 360.0) != truth)}
-        for tolerance in (1e-9, 1e-6, 1e-3):
-            row[f"within_{tolerance:g}"] = _percent((np.abs(total - 360.0) <= tolerance) != truth)
+        for exponent in (-9, -6, -3):
+            row[f"within_1e{exponent}"] = _percent((np.abs(total - 360.0) <= 10.0**exponent) != truth)
         row["nan"] = _percent(np.isnan(total))
         p, q = np.add(point, (3.0, 0.0, 0.0)), np.subtract(point, (2.0, 0.0, 0.0))
         row["orientation"] = _percent(
@@ -99,70 +87,45 @@ def _percent(wrong: np.ndarray) -> float:
 
 def predicate_times() -> dict:
     """The sum of angles against the orientations on the same 100,000 crossings."""
-    random = np.random.default_rng(7)
-    a, b, c = (np.array(knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
-    point = random.dirichlet((1, 1, 1), 100_000) @ np.array([a, b, c])
+    point = np.random.default_rng(7).dirichlet((1, 1, 1), 100_000) @ np.array(TRIANGLE)
     p, q = tuple(np.add(point, (3.0, 0.0, 0.0)).T), tuple(np.subtract(point, (2.0, 0.0, 0.0)).T)
-    corners = tuple(a), tuple(b), tuple(c)
-    total = angle_sum(point, a, b, c)
+    corners = [tuple(corner) for corner in TRIANGLE]
+    total = angle_sum(point, *TRIANGLE)
+    summed, signed = paired(
+        [lambda: angle_sum(point, *TRIANGLE), lambda: inside(orientations(p, q, *corners))], rounds=7
+    )
     return {
-        "angle_sum_over_orientations": seconds(lambda: angle_sum(point, a, b, c))
-        / seconds(lambda: inside(orientations(p, q, *corners))),
+        "angle_sum_over_orientations": ratio(summed, signed)["median"],
         "inside_and_equal_360_percent": _percent(total == 360.0),
         "largest_miss_of_360_degrees": float(np.nanmax(np.abs(total - 360.0))),
         "inside_by_orientations_percent": _percent(inside(orientations(p, q, *corners))),
     }
 
 
-# Events: error against run time
+# -- where does it enter? ---------------------------------------------------------------------------------------------
 
 
-def exact_entry(alpha1: float, alpha3: float, guess: float, edge: int) -> mp.mpf:
-    """The wrap's entry in 40 digits, near a guess."""
-    names = ("S3", "S4", "S5")
-    (y0, z0), (y1, z1) = (knotter.POINTS[names[k % 3]][1:] for k in (edge, edge + 1))
-    first, third = mp.mpf(float(np.radians(alpha1))), mp.mpf(float(np.radians(alpha3)))
-
-    def side(alpha: mp.mpf) -> mp.mpf:
-        r = _rotation("j", -(mp.mpf(float(np.radians(23.5))) + alpha / 2)) * mp.matrix(knotter.POINTS["S0"])
-        r = _rotation("i", first) * (r - mp.matrix([0, 20, 0])) + mp.matrix([54, 0, -136])
-        r = _rotation("j", mp.mpf(knotter.ALPHA2)) * (_rotation("i", third) * r) + mp.matrix([0, 0, 142])
-        p, q = _rotation("k", alpha) * r, mp.matrix(knotter.POINTS["S1"])
-        at = p + p[0] / (p[0] - q[0]) * (q - p)
-        return (y1 - y0) * (at[2] - z0) - (z1 - z0) * (at[1] - y0)
-
-    with mp.workdps(40):
-        return mp.findroot(side, mp.mpf(guess))
-
-
-def _rotation(axis: str, angle: mp.mpf) -> mp.matrix:
-    c, s = mp.cos(angle), mp.sin(angle)
-    rows = {
-        "i": [[1, 0, 0], [0, c, -s], [0, s, c]],
-        "j": [[c, 0, s], [0, 1, 0], [-s, 0, c]],
-        "k": [[c, -s, 0], [s, c, 0], [0, 0, 1]],
-    }
-    return mp.matrix(rows[axis])
-
-
-def scanned_entries(items: Mechanism, count: int, step: float, interpolate: bool = False) -> np.ndarray:
+def scanned(items: Mechanism, count: int, step: float, way: str = "orientations") -> np.ndarray:
     """The entries by a scan of the whole range: the first step inside, or a straight line back from it.
 
-    All steps of a few items at once, which is as fast as numpy makes a scan.
+    Ways: ``orientations``, ``straight line`` (the same, interpolated), ``sum of angles`` (the source's, within 1e-6).
     """
     driver = np.radians(np.arange(0.0, 180.0, step))
     few = max(1, 50_000 // len(driver))
     found = []
     for start in range(0, count, few):
-        item = np.arange(start, min(start + few, count))[:, None]
-        shape = (len(item), len(driver))
-        positions = knotter.wrap().positions(items.item(item), driver)
-        signs = np.array([np.broadcast_to(u, shape) for u in orientations(*positions)])
-        hits = inside(tuple(signs))
+        item = np.arange(start, min(start + few, count))
+        shape, row = (len(item), len(driver)), np.arange(len(item))
+        corners = d_knotter.wrap().positions(items.item(item[:, None]), driver)
+        if way == "sum of angles":
+            points = as_array(crossing_point(*corners), shape).reshape(3, -1).T
+            hits = (np.abs(angle_sum(points, *TRIANGLE) - 360.0) <= 1e-6).reshape(shape)
+        else:
+            signs = as_array(orientations(*corners), shape)
+            hits = inside(signs)
         at = np.argmax(hits, axis=1)
-        row = np.arange(len(item))
         entry = np.where(hits[row, at], driver[at], np.nan)
-        if interpolate:
+        if way == "straight line":
             before, after = signs[:, row, at - 1], signs[:, row, at]
             with np.errstate(all="ignore"):
                 share = np.where(before * after < 0, before / (before - after), 0.0).max(axis=0)
@@ -171,453 +134,198 @@ def scanned_entries(items: Mechanism, count: int, step: float, interpolate: bool
     return np.concatenate(found)
 
 
-def summed_entry(item: Mechanism, step: float) -> float:
-    """The source's way: a loop over the steps, the crossing by the quotient, inside if the angles add up to 360."""
-    a, b, c = (np.array(knotter.POINTS[name]) for name in ("S3", "S4", "S5"))
-    condition = knotter.wrap()
-    for degrees in np.arange(0.0, 180.0, step):
-        corners = condition.positions(item, np.radians(degrees))
-        point = np.array([crossing_point(*corners)])
-        if abs(angle_sum(point, a, b, c)[0] - 360.0) <= 1e-6:
-            return np.radians(degrees)
-    return np.nan
+def cells(items: Mechanism, count: int) -> np.ndarray:
+    """The entries of the product."""
+    return d_knotter.wrap().evaluate(items, count).enter
+
+
+def one_by_one(items: Mechanism, count: int) -> np.ndarray:
+    """The same, a call for each pair."""
+    return np.concatenate([cells(items.item(np.array([row])), 1) for row in range(count)])
 
 
 def event_errors() -> list[dict]:
-    """Largest error over the nine pairs, and time per pair, of 900 pairs at once, as a multiple of the cells'."""
-    grid = {name: np.radians(values) for name, values in knotter.GRID_DEGREES.items()}
-    nine = {name: np.array(np.radians(column)) for name, column in zip(grid, np.transpose(PAIRS))}
-    many = {name: values.ravel() for name, values in zip(grid, np.meshgrid(*np.radians([LINE_1, LINE_3])))}
-    cells = knotter.wrap().evaluate(knotter.knotter(nine), 9)
-    exact = [
-        exact_entry(*pair, float(cells.enter[row]), int(cells.opened_by[row]) - 2) for row, pair in enumerate(PAIRS)
-    ]
-    methods = {}
-    for step in (1.0, 0.1, 0.01):
-        methods[f"scan, {step:g} deg"] = lambda of, count, step=step: scanned_entries(of, count, step)
-    for step in (1.0, 0.1):
-        methods[f"scan and straight line, {step:g} deg"] = lambda of, count, step=step: scanned_entries(
-            of, count, step, True
-        )
-    methods["cells, 900 pairs at once"] = lambda of, count: knotter.wrap().evaluate(of, count).enter
-
-    def error(found: np.ndarray) -> float:
-        return max(abs(float(mp.degrees(mp.mpf(float(at)) - truth))) for at, truth in zip(found, exact))
-
-    rows = [
+    """Largest error over the nine pairs against 40 digits, and time per pair of 900 pairs as a multiple of the cells'."""
+    nine = pairs_of(*map(np.array, zip(*PAIRS)))
+    many, count = grid_of(np.linspace(0, 20, 30), np.linspace(20, 30, 30))
+    found = d_knotter.wrap().evaluate(nine, 9)
+    with mp.workdps(40):
+        exact = [
+            Exact(*pair).root("wrap", int(edge) - 2, at)
+            for pair, edge, at in zip(PAIRS, found.opened_by, found.enter)
+        ]
+    methods: dict[str, Any] = {"cells, 900 pairs at once": cells, "cells, one pair at a time": one_by_one}
+    for way, steps in (("sum of angles", (1, 0.1)), ("orientations", (1, 0.1, 0.01)), ("straight line", (1, 0.1))):
+        methods |= {f"scan, {way}, {step:g} deg": partial(scanned, step=step, way=way) for step in steps}
+    times = {
+        name: repeat(lambda method=method: method(many, count), 1 if method is one_by_one else 5).least.processor
+        for name, method in methods.items()
+    }
+    return [
         {
             "method": name,
-            "max_error_deg": error(method(knotter.knotter(nine), 9)),
-            "ms_per_pair": 1e3 * seconds(lambda method=method: method(knotter.knotter(many), 900)) / 900,
+            "max_error_deg": max(abs(float(mp.degrees(float(at) - x))) for at, x in zip(method(nine, 9), exact)),
+            "ms_per_pair": 1e3 * times[name] / count,
+            "time_over_cells": times[name] / times["cells, 900 pairs at once"],
         }
         for name, method in methods.items()
     ]
-    items = [machine(*pair) for pair in PAIRS]
-    loop = [summed_entry(item, 1.0) for item in items]
-    spent = 1e3 * seconds(lambda: [summed_entry(item, 1.0) for item in items]) / 9
-    rows.insert(0, {"method": "loop and sum of angles, 1 deg", "max_error_deg": error(loop), "ms_per_pair": spent})
-    alone = 1e3 * seconds(lambda: [knotter.wrap().evaluate(item, 1) for item in items]) / 9
-    rows.append({"method": "cells, one pair", "max_error_deg": rows[-1]["max_error_deg"], "ms_per_pair": alone})
-    for row in rows:
-        row["time_over_cells"] = row["ms_per_pair"] / rows[-2]["ms_per_pair"]
-    return rows
 
 
-def short_windows() -> list[dict]:
+def short_windows(closing: float) -> list[dict]:
     """Which scan sees the window that closes as d5 grows, and what the cells find."""
-    (limit,), _ = solve(machine(10, 25), knotter.wrap(), "d5", (20.0, 120.0))
     rows = []
     for short_of in (1.0, 0.3, 0.03, 1e-2, 1e-4, 1e-6, 1e-8):
-        item = machine(10, 25, d5=limit.value - short_of)
-        found = knotter.wrap().evaluate(item, 1)
+        item = pairs_of(10, 25, d5=closing - short_of)
+        found = d_knotter.wrap().evaluate(item, 1)
         row = {"short_of_mm": short_of, "width_deg": float(np.degrees(found.leave[0] - found.enter[0]))}
-        for step in (2.0, 1.0, 0.1, 0.01):
-            row[f"scan_{step:g}"] = bool(np.isfinite(scanned_entries(item, 1, step)[0]))
-        row["cells"] = bool(found.holds[0])
-        rows.append(row)
+        row |= {f"scan_{step:g}": bool(np.isfinite(scanned(item, 1, step)[0])) for step in (2, 1, 0.1, 0.01)}
+        rows.append({**row, "cells": bool(found.holds[0])})
     return rows
 
 
 def grid_time() -> dict:
     """101 x 101 pairs under the three conditions, and under the wrap alone against a scan of 0.1 degrees."""
-    first, third = np.meshgrid(np.radians(np.linspace(0, 30, 101)), np.radians(np.linspace(15, 35, 101)))
-    items, count = knotter.knotter({"alpha1": first.ravel(), "alpha3": third.ravel()}), first.size
-    start = time.process_time()
-    holds = [condition.evaluate(items, count).holds for condition in knotter.conditions()]
-    whole = time.process_time() - start
-    start = time.process_time()
-    knotter.wrap().evaluate(items, count)
-    wrap = time.process_time() - start
-    start = time.process_time()
-    scanned_entries(items, count, 0.1)
-    scan = time.process_time() - start
+    items, count = grid_of(np.linspace(0, 30, 101), np.linspace(15, 35, 101))
+    conditions = d_knotter.conditions()
+    holds = np.logical_and.reduce([condition.evaluate(items, count).holds for condition in conditions])
+    whole = repeat(lambda: [condition.evaluate(items, count) for condition in conditions], 3, 0)
+    own, scan = paired([lambda: cells(items, count), lambda: scanned(items, count, 0.1)], 3, 0)
     return {
         "pairs": count,
-        "seconds": whole,
-        "feasible": int(np.logical_and.reduce(holds).sum()),
-        "scan_0.1_over_cells_wrap": scan / wrap,
+        "seconds": whole.median.processor,
+        "feasible": int(holds.sum()),
+        "scan_0.1_over_cells_wrap": ratio(scan, own)["median"],
     }
 
 
-# Published against ours
+# -- the source's figures and ours ------------------------------------------------------------------------------------
 
 
-def published() -> list[list[str]]:
-    """Rows of what the source prints and what comes out here."""
-    needle = knotter.Needle()
-    low, high = np.degrees(needle.free_range())
-    length = needle.lay(knotter.ALPHA2)
-    grid = {name: np.radians(values) for name, values in knotter.GRID_DEGREES.items()}
-    result = study(knotter.knotter(), grid, knotter.conditions())
-    feasible = ", ".join(f"({PAIRS[row][0]}, {PAIRS[row][1]})" for row in np.flatnonzero(result.feasible))
-    if {PAIRS[row] for row in np.flatnonzero(result.feasible)} != PUBLISHED_FEASIBLE:
-        raise ValueError(f"the feasible pairs are no longer the published ones: {feasible}")
-    return [
-        ["needle free (eq 4)", "alpha2 > 7 deg", f"{low:.6f} < alpha2 < {high:.6f} deg; 7 is the first whole degree"],
-        ["d5 at alpha2 = 8 deg (eq 5)", "54 mm", f"{length:.6f} mm; 54 is that cut off, not rounded"],
-        ["alpha2 for d5 = 54 mm", "8 deg", f"{np.degrees(needle.angles_for_lay(54.0)[0]):.6f} deg"],
-        ["wrap holds, 9 pairs", "7 of 9", f"{result.conditions['wrap'].holds.sum()} of 9, the same ones"],
-        ["clearance holds, 7 pairs", "5 of 7", "5 of 7, the same ones"],
-        ["feasible pairs", feasible, "the same five"],
-    ]
-
-
-# Pictures
-
-INK, PAPER, ROPE, DISC, BILL, HOOK = "#22303c", "#ffffff", "#c8553d", "#4a7c8c", "#8a6d3b", "#588157"
-
-
-def _style(plt) -> None:
-    plt.rcParams.update(
-        {
-            "font.family": "DejaVu Sans",
-            "font.size": 9,
-            "axes.edgecolor": INK,
-            "axes.labelcolor": INK,
-            "text.color": INK,
-            "xtick.color": INK,
-            "ytick.color": INK,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "figure.dpi": 150,
-        }
-    )
-
-
-AZIMUTH, ELEVATION = np.radians(-62.0), np.radians(18.0)
-RIGHT = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
-UP = np.array([-np.sin(ELEVATION) * np.cos(AZIMUTH), -np.sin(ELEVATION) * np.sin(AZIMUTH), np.cos(ELEVATION)])
-LABELS = {
-    "wrap": {"S0": (7, 5), "S1": (-4, -13), "S3": (-1, 9), "S4": (9, -9), "S5": (9, 9), "E1": (12, -3)},
-    "bite": {"S0": (9, -5), "S7": (1, -14), "O5": (15, 3), "S8": (-10, -8), "S9": (-2, 9), "E2": (9, -9)},
-}
-"""Offsets of the labels of the drawing, in points."""
-
-
-def draw_frames(plt, path: Path) -> None:
-    """The frames and the rope at the wrap and at the bite, pair (10, 25), in parallel projection from the bearing."""
-    item = machine(10, 25)
-    scenes = (
-        ("wrap", knotter.wrap(), BILL, "E1"),
-        ("bite", knotter.bite(), HOOK, "E2"),
-    )
-    figure, panels = plt.subplots(1, 2, figsize=(11.5, 4.7), sharex=True, sharey=True)
-    for axes, (name, condition, colour, mark) in zip(panels, scenes):
-        found = condition.evaluate(item, 1)
-        alpha = found.enter[0]
-
-        def drawn(point: tuple, frame: str, alpha=alpha) -> np.ndarray:
-            at = np.array([float(x) for x in item.carry(point, frame, "seat", np.float64(alpha))])
-            return np.array([RIGHT @ at, UP @ at])
-
-        turn = np.linspace(0, 2 * np.pi, 300)
-        rim = np.array([RIGHT, UP]) @ np.array([30 * np.cos(turn), 0 * turn, 30 * np.sin(turn)])
-        axes.fill(*rim, color=DISC, alpha=0.10, lw=0)
-        axes.plot(*rim, color=DISC, lw=1.8)
-        sweep = [np.broadcast_to(x, turn.shape) for x in item.position(condition.segment[1], "seat", turn)]
-        axes.plot(*(np.array([RIGHT, UP]) @ np.array(sweep)), color=BILL, lw=0.7, ls=(0, (5, 3)), alpha=0.8)
-        bodies = (
-            ("u3", DISC, "disc u3", (22, -46)),
-            ("u4", BILL, "bill u4", (-58, -4) if name == "wrap" else (-44, 8)),
-            ("u5", HOOK, "hook u5", (-56, 8)),
-        )
-        for frame, tone, label, offset in bodies:
-            origin = drawn((0.0, 0.0, 0.0), frame)
-            for axis, letter in zip(np.eye(3), "ijk"):
-                tip = drawn(tuple(17 * axis), frame)
-                axes.annotate(
-                    "",
-                    tip,
-                    origin,
-                    arrowprops={"arrowstyle": "-|>", "color": tone, "lw": 1.2, "shrinkA": 0, "shrinkB": 0},
-                )
-                beyond = origin + (tip - origin) * (1 + 3.0 / max(np.linalg.norm(tip - origin), 3.0))
-                axes.text(*beyond, letter, fontsize=8, color=tone, ha="center", va="center")
-            axes.annotate(label, origin, offset, textcoords="offset points", color=tone, fontsize=9, weight="bold")
-        axes.plot(
-            *np.transpose([drawn((0.0, 0.0, 0.0), "u4"), drawn((0.0, 0.0, 0.0), "u5")]), color=HOOK, lw=1.0, ls=":"
-        )
-        corners = {corner: drawn(*item.points[corner][::-1]) for corner in condition.triangle}
-        outline = np.array(list(corners.values()))
-        axes.fill(*outline.T, color=colour, alpha=0.30, lw=0)
-        axes.plot(*np.vstack([outline, outline[:1]]).T, color=colour, lw=1.2)
-        wanted = outline[[condition.enter, (condition.enter + 1) % 3]]
-        axes.plot(*wanted.T, color=colour, lw=3.2, solid_capstyle="round")
-        ends = {end: drawn(*item.points[end][::-1]) for end in condition.segment}
-        axes.plot(*np.transpose(list(ends.values())), color=ROPE, lw=2.2, marker="o", ms=4.5)
-        crossing = drawn(tuple(found.point[0]), condition.frame)
-        axes.plot(*crossing, "o", mfc=PAPER, mec=ROPE, ms=8, mew=1.8)
-        tones = {**dict.fromkeys(corners, colour), **dict.fromkeys(ends, ROPE), mark: ROPE}
-        for point, at in {**corners, **ends, mark: crossing}.items():
-            axes.annotate(
-                point,
-                at,
-                LABELS[name][point],
-                textcoords="offset points",
-                color=tones[point],
-                fontsize=8.5,
-                ha="center",
-                va="center",
-            )
-        edge = condition.edge_names[condition.enter]
-        axes.set_title(f"{name}: {mark} enters through {edge} at $\\alpha$ = {np.degrees(alpha):.4f}°", fontsize=11)
-        axes.set_aspect("equal")
-        axes.set_axis_off()
-    low = axes.get_xlim()[0]
-    axes.plot([low + 4, low + 24], [axes.get_ylim()[0] + 3] * 2, color=INK, lw=2)
-    axes.annotate(
-        "20 mm", (low + 14, axes.get_ylim()[0] + 3), (0, 7), textcoords="offset points", ha="center", fontsize=8
-    )
-    figure.tight_layout()
-    figure.savefig(path)
-    plt.close(figure)
-
-
-def draw_paths(plt, path: Path) -> None:
-    """Where the rope's crossing runs in the planes of the two triangles, at the nine pairs."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.8))
-    tones = plt.get_cmap("viridis")(np.linspace(0.05, 0.85, 3))
-    for axes, condition, plane, names in (
-        (left, knotter.wrap(), (1, 2), ("S3", "S4", "S5")),
-        (right, knotter.bite(), (0, 2), ("O5", "S8", "S9")),
-    ):
-        for (alpha1, alpha3), row in zip(PAIRS, range(9)):
-            item = machine(alpha1, alpha3)
-            driver = np.linspace(*condition.window, 1500)
-            corners = condition.positions(item, driver)
-            signs = orientations(*corners)
-            crossing = np.array([np.broadcast_to(x, driver.shape) for x in crossing_point(*corners)])[list(plane)]
-            crossing = np.where(signs[0] * signs[1] < 0, crossing, np.nan)
-            dash = ("-", "--", ":")[row % 3]
-            axes.plot(*crossing, color=tones[row // 3], ls=dash, lw=1.1, alpha=0.9)
-            found = condition.evaluate(item, 1)
-            if found.windows[0]:
-                spot = found.point[0][list(plane)]
-                fill = tones[row // 3] if found.holds[0] else PAPER
-                axes.plot(*spot, "o", ms=5.5, mfc=fill, mec=tones[row // 3], mew=1.3, zorder=5)
-        at = condition.evaluate(machine(10, 25), 1).enter[0]
-        corners = np.array([[float(x) for x in c] for c in condition.positions(machine(10, 25), np.float64(at))[2:]])
-        corners = corners[:, list(plane)]
-        axes.fill(*corners.T, color=BILL if axes is left else HOOK, alpha=0.18, lw=0)
-        axes.plot(*np.vstack([corners, corners[:1]]).T, color=BILL if axes is left else HOOK, lw=1.0)
-        wanted = corners[[condition.enter, (condition.enter + 1) % 3]]
-        axes.plot(*wanted.T, color=ROPE, lw=3, solid_capstyle="round", zorder=4)
-        for name, corner in zip(names, corners):
-            away = corner - corners.mean(axis=0)
-            axes.annotate(
-                name, corner, 13 * away / np.linalg.norm(away), textcoords="offset points", ha="center", va="center"
-            )
-        margin = 0.2 * np.ptp(corners, axis=0).max()
-        low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-        axes.grid(color="#dde3e6", lw=0.6)
-    left.set(title="Wrap: paths of E1 in the bill's plane", xlabel="j of u4, mm", ylabel="k of u4, mm")
-    right.set(title="Bite: paths of E2 in the hook's plane", xlabel="i of u5, mm", ylabel="k of u5, mm")
-    lines = [plt.Line2D([], [], color=tone, label=f"$\\alpha_1$ = {a}°") for tone, a in zip(tones, (0, 10, 20))]
-    lines += [
-        plt.Line2D([], [], color=INK, ls=dash, label=f"$\\alpha_3$ = {a}°")
-        for dash, a in zip(("-", "--", ":"), (20, 25, 30))
-    ]
-    lines += [plt.Line2D([], [], color=ROPE, lw=3, label="wanted edge")]
-    lines += [plt.Line2D([], [], ls="", marker="o", mfc=INK, mec=INK, label="entry, holds")]
-    lines += [plt.Line2D([], [], ls="", marker="o", mfc=PAPER, mec=INK, label="entry, fails")]
-    figure.legend(handles=lines, loc="lower center", ncol=9, frameon=False, fontsize=8)
-    figure.tight_layout(rect=(0, 0.06, 1, 1))
-    figure.savefig(path)
-    plt.close(figure)
-
-
-def draw_map(plt, path: Path) -> None:
-    """Feasible pairs and the smallest margin over (alpha1, alpha3), with the limit of each condition."""
-    first, third = np.linspace(-5, 30, 281), np.linspace(15, 40, 251)
+def figures() -> dict:
+    """What comes out for what the source prints, and the figures of single pairs that the page names."""
+    needle = Needle()
     result = study(
-        knotter.knotter(), {"alpha1": np.radians(first), "alpha3": np.radians(third)}, knotter.conditions()
+        d_knotter.mechanism(),
+        {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()},
+        d_knotter.conditions(),
     )
-    shape = (len(first), len(third))
-    margin = result.margin.reshape(shape)
-    figure, axes = plt.subplots(figsize=(8.2, 5.6))
-    axes.contourf(first, third, margin.T, [-1e9, 0], colors=["#f3efe9"])
-    levels = np.arange(0, np.ceil(margin.max()) + 0.5, 1.0)
-    filled = axes.contourf(first, third, margin.T, levels, cmap="YlGn", extend="max")
-    lines = axes.contour(first, third, margin.T, levels[1:], colors=INK, linewidths=0.5)
-    axes.clabel(lines, fmt="%g", fontsize=7)
-    for condition, colour in zip(knotter.conditions(), (BILL, DISC, HOOK)):
-        limits = []
-        for alpha1 in np.linspace(-5, 30, 36):
-            found, _ = solve(machine(alpha1, 25), condition, "alpha3", tuple(np.radians([15, 40])), samples=65)
-            limits += [(alpha1, np.degrees(limit.value)) for limit in found]
-        axes.plot(*np.transpose(limits), color=colour, lw=2.2)
-    label = {"boxstyle": "round,pad=0.15", "fc": PAPER, "ec": "none", "alpha": 0.8}
-    for pair in PAIRS:
-        good = pair in PUBLISHED_FEASIBLE
-        axes.plot(*pair, "o", ms=8, mfc=INK if good else PAPER, mec=INK, mew=1.4, zorder=5)
-        axes.annotate(
-            f"{pair[0]}, {pair[1]}", pair, (8, 5), textcoords="offset points", fontsize=8, zorder=6, bbox=label
-        )
-    handles = [
-        plt.Line2D([], [], color=c, lw=2.2, label=f"limit of the {n}")
-        for n, c in (("wrap", BILL), ("clearance", DISC), ("bite", HOOK))
-    ]
-    handles += [plt.Line2D([], [], ls="", marker="o", ms=7, mfc=INK, mec=INK, label="published: ties")]
-    handles += [plt.Line2D([], [], ls="", marker="o", ms=7, mfc=PAPER, mec=INK, label="published: fails")]
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.11), ncol=5, frameon=False, fontsize=8)
-    figure.colorbar(filled, ax=axes, label="smallest margin, mm", pad=0.02)
-    axes.set(xlabel=r"disc's spatial angle $\alpha_1$, degrees", ylabel=r"bill's spatial angle $\alpha_3$, degrees")
-    axes.set_title("Which pairs tie the knot, and how far they are from failing", fontsize=11)
-    figure.tight_layout()
-    figure.savefig(path)
-    plt.close(figure)
-
-
-def draw_errors(plt, path: Path, events: list[dict]) -> None:
-    """Error against run time of each way to find the entry."""
-    figure, axes = plt.subplots(figsize=(7.6, 4.6))
-    groups = {
-        "loop": ("#9a8c98", "loop and sum of angles"),
-        "scan,": (DISC, "scan"),
-        "scan and": (BILL, "scan and straight line"),
-        "cells": (ROPE, "cells"),
+    wrap, clearance = result.conditions["wrap"], result.conditions["clearance"]
+    chosen, best = PAIRS.index((10, 25)), int(np.argmax(result.margin))
+    limiting = min(result.conditions, key=lambda name: result.conditions[name].margin[chosen])
+    (closing,), _ = solve(pairs_of(10.0, 25.0), d_knotter.wrap(), "d5", (20.0, 120.0))
+    here = {f"{one},{three}": row for row, (one, three) in enumerate(PAIRS)}
+    return {
+        "alpha2_range": list(np.degrees(needle.free_range())),
+        "alpha2_whole": needle.smallest_whole_degree(),
+        "d5_at_8": float(needle.lay(d_knotter.ALPHA2)),
+        "alpha2_for_54": float(np.degrees(needle.angles_for_lay(54.0)[0])),
+        "wrap": {key: bool(wrap.holds[here[key]]) for key in PAPER_SAYS["wrap_pattern"]},
+        "clearance": {key: bool(clearance.value[here[key]] < 0) for key in PAPER_SAYS["clearance_pattern"]},
+        "feasible": [list(PAIRS[row]) for row in np.flatnonzero(result.feasible)],
+        "sample_mm": float(clearance.value[chosen]),
+        "worst_mm": float(clearance.worst[chosen]),
+        "worst_deg": float(np.degrees(clearance.worst_driver[chosen])),
+        "chosen": {"margin_mm": float(result.margin[chosen]), "limited_by": limiting},
+        "best": {"pair": list(PAIRS[best]), "margin_mm": float(result.margin[best])},
+        "closing_d5_mm": closing.value,
+        "closing_deg": float(np.degrees(closing.result.enter[0])),
     }
-    for start, (colour, label) in groups.items():
-        rows = [row for row in events if row["method"].startswith(start)]
-        axes.plot(
-            [r["ms_per_pair"] for r in rows],
-            [r["max_error_deg"] for r in rows],
-            "o-",
-            color=colour,
-            lw=1.2,
-            label=label,
-        )
-        for row in rows:
-            text = row["method"].split(", ")[-1]
-            axes.annotate(
-                text, (row["ms_per_pair"], row["max_error_deg"]), (6, 6), textcoords="offset points", fontsize=7.5
-            )
-    axes.set(
-        xscale="log",
-        yscale="log",
-        xlabel="time per pair, ms",
-        ylabel="largest error of the entry, degrees",
-        ylim=(1e-14, 30),
-    )
-    axes.margins(x=0.18)
-    axes.grid(color="#dde3e6", lw=0.6)
-    axes.legend(frameon=False, loc="center right")
-    figure.tight_layout()
-    figure.savefig(path)
-    plt.close(figure)
 
 
-# Tables into the docs
+# -- words ------------------------------------------------------------------------------------------------------------
 
 
-def table(head: list[str], rows: list[list[str]]) -> str:
-    """A Markdown table."""
-    return "\n".join(["| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows)])
+def agreement(ours: dict[str, bool], printed: dict[str, bool]) -> list[str]:
+    """How many hold in print and here, and whether they are the same pairs."""
+    wrong = [key for key in printed if ours[key] != printed[key]]
+    same = "the same ones" if not wrong else f"another verdict at {', '.join(wrong)}"
+    return [f"{sum(printed.values())} of {len(printed)}", f"{sum(ours.values())} of {len(ours)}, {same}"]
 
 
-def write_tables(tables: dict[str, str]) -> None:
-    """Replaces what stands between ``<!-- name -->`` and ``<!-- /name -->`` in the page."""
-    page = ROOT / "docs" / "knotter.md"
-    text = page.read_text()
-    for name, body in tables.items():
-        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-        text, count = pattern.subn(lambda found, body=body: f"{found[1]}{body}\n{found[2]}", text)
-        if count != 1:
-            raise ValueError(f"{page.name} has no place for the table {name}")
-    page.write_text(text)
+def pair_names(pairs: list) -> str:
+    """Pairs as a list in words."""
+    return ", ".join(f"({one}, {three})" for one, three in pairs)
+
+
+def blocks(results: dict) -> dict[str, str]:
+    """The page's tables and figures."""
+    found, times, grid = results["figures"], results["predicate_times"], results["grid"]
+    chosen, best, (low, high) = found["chosen"], found["best"], found["alpha2_range"]
+    whole, cut_off = PAPER_SAYS["alpha2_limit"], PAPER_SAYS["d5"]
+    kept = "that cut off, not rounded" if int(found["d5_at_8"]) == cut_off else "another length"
+    first = "the first whole degree" if found["alpha2_whole"] == whole else f"not the first, {found['alpha2_whole']}"
+    same = "the same" if found["feasible"] == PAPER_SAYS["feasible"] else pair_names(found["feasible"])
+    published = [
+        ["needle free (eq 4)", f"alpha2 > {whole} deg", f"{low:.6f} < alpha2 < {high:.6f} deg; {whole} is {first}"],
+        ["d5 at alpha2 = 8 deg (eq 5)", f"{cut_off} mm", f"{found['d5_at_8']:.6f} mm; {cut_off} is {kept}"],
+        ["alpha2 for d5 = 54 mm", "8 deg", f"{found['alpha2_for_54']:.6f} deg"],
+        ["wrap holds", *agreement(found["wrap"], PAPER_SAYS["wrap_pattern"])],
+        ["clearance holds at 270 deg", *agreement(found["clearance"], PAPER_SAYS["clearance_pattern"])],
+        ["feasible pairs", pair_names(PAPER_SAYS["feasible"]), same],
+    ]
+    heads = ("= 360", "± 1e-9°", "± 1e-6°", "± 1e-3°", "NaN", "orientations", "filtered")
+    names = ("equal_360", "within_1e-9", "within_1e-6", "within_1e-3", "nan", "orientation", "classify")
+    seen = {True: "found", False: "missed"}
+    windows = {"scan 2°": "scan_2", "1°": "scan_1", "0.1°": "scan_0.1", "0.01°": "scan_0.01", "cells": "cells"}
+    return {
+        "published": lines(["quantity", "published", "here"], published, 3),
+        "worst": f"{found['worst_mm']:.4f} mm at {found['worst_deg']:.4f}°, against {found['sample_mm']:.4f} mm at 270°",
+        "chosen": f"{chosen['margin_mm']:.1f} mm to spare, and what limits it is the {chosen['limited_by']}",
+        "best": f"{pair_names([best['pair']])} has most: {best['margin_mm']:.1f} mm",
+        "closing": (
+            f"d5 = {found['closing_d5_mm']:.9f} mm, where E1 passes through the vertex S4 at "
+            f"alpha = {found['closing_deg']:.9f}°"
+        ),
+        "predicates": table(
+            results["predicates"],
+            {"off the edge, mm": "{distance_mm:.0e}", **{h: f"{{{n}:.1f}}" for h, n in zip(heads, names)}},
+        ),
+        "predicate_times": (
+            "On 100,000 points inside the triangle the sum equals 360.0 for "
+            f"{times['inside_and_equal_360_percent']:.1f} % and misses it by up to "
+            f"{times['largest_miss_of_360_degrees']:.1e}°; the orientations are right for "
+            f"{times['inside_by_orientations_percent']:.0f} %. The sum takes "
+            f"{times['angle_sum_over_orientations']:.1f} times as long."
+        ),
+        "events": table(
+            results["events"],
+            {
+                "method": "{method}",
+                "largest error, degrees": lambda row: power(row["max_error_deg"]),
+                "time / cells": lambda row: significant(row["time_over_cells"], 2),
+            },
+        ),
+        "windows": table(
+            results["short_windows"],
+            {
+                "d5 short of closing, mm": "{short_of_mm:.0e}",
+                "window, degrees": "{width_deg:.3g}",
+                **{head: lambda row, name=name: seen[row[name]] for head, name in windows.items()},
+            },
+        ),
+        "grid": (
+            f"A grid of 101 × 101 pairs with the three conditions took {grid['seconds']:.1f} s of one core "
+            f"({grid['feasible']} pairs are feasible). Under the wrap alone a scan of 0.1° of the same pairs "
+            f"takes {grid['scan_0.1_over_cells_wrap']:.1f} times as long as the cells."
+        ),
+    }
 
 
 def main() -> None:
-    """Measure, draw, write."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    """Measure, save, draw, write."""
+    found = figures()
     results = {
+        "figures": found,
         "predicates": predicate_errors(),
         "predicate_times": predicate_times(),
         "events": event_errors(),
-        "short_windows": short_windows(),
+        "short_windows": short_windows(found["closing_d5_mm"]),
         "grid": grid_time(),
     }
-    (ROOT / "benchmarks" / "results" / "knotter.json").write_text(json.dumps(results, indent=2) + "\n")
-    _style(plt)
-    images = ROOT / "docs" / "img"
-    images.mkdir(parents=True, exist_ok=True)
-    draw_frames(plt, images / "knotter_frames.png")
-    draw_paths(plt, images / "knotter_paths.png")
-    draw_map(plt, images / "knotter_map.png")
-    draw_errors(plt, images / "knotter_errors.png", results["events"])
-
-    yes = {True: "found", False: "missed"}
-    times, grid = results["predicate_times"], results["grid"]
-    predicates = [
-        [f"{row['distance_mm']:.0e}", *(f"{value:.1f}" for name, value in row.items() if name != "distance_mm")]
-        for row in results["predicates"]
-    ]
-    write_tables(
-        {
-            "published": table(["quantity", "published", "here"], published()),
-            "predicates": table(
-                ["off the edge, mm", "= 360", "± 1e-9°", "± 1e-6°", "± 1e-3°", "NaN", "orientations", "filtered"],
-                predicates,
-            ),
-            "predicate_times": (
-                "On 100,000 points inside the triangle the sum equals 360.0 for "
-                f"{times['inside_and_equal_360_percent']:.1f} % and misses it by up to "
-                f"{times['largest_miss_of_360_degrees']:.1e}°; the orientations are right for "
-                f"{times['inside_by_orientations_percent']:.0f} %. The sum takes "
-                f"{times['angle_sum_over_orientations']:.1f} times as long."
-            ),
-            "grid": (
-                f"A grid of 101 × 101 pairs with the three conditions took {grid['seconds']:.1f} s of one core "
-                f"({grid['feasible']} pairs are feasible). Under the wrap alone a scan of 0.1° of the same pairs "
-                f"takes {grid['scan_0.1_over_cells_wrap']:.1f} times as long as the cells."
-            ),
-            "events": table(
-                ["method", "largest error, degrees", "time per pair / cells, 900 at once"],
-                [
-                    [r["method"], f"{r['max_error_deg']:.1e}", f"{float(format(r['time_over_cells'], '.2g')):g}"]
-                    for r in results["events"]
-                ],
-            ),
-            "windows": table(
-                ["d5 short of closing, mm", "window, degrees", "scan 2°", "1°", "0.1°", "0.01°", "cells"],
-                [
-                    [
-                        f"{r['short_of_mm']:.0e}",
-                        f"{r['width_deg']:.3g}",
-                        *(yes[r[f"scan_{s:g}"]] for s in (2.0, 1.0, 0.1, 0.01)),
-                        yes[r["cells"]],
-                    ]
-                    for r in results["short_windows"]
-                ],
-            ),
-        }
-    )
-    print(json.dumps(results, indent=2))
+    publish("knotter", results)
+    for text in blocks(results).values():
+        print(text, end="\n\n")
 
 
 if __name__ == "__main__":

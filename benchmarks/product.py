@@ -1,5 +1,7 @@
 """What the benchmarks call of the product, gathered: one place to change where its modules change."""
 
+# ruff: noqa: F401 - other benchmarks import these names from here
+
 from __future__ import annotations
 
 import json
@@ -31,51 +33,6 @@ from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import make_solutions
 from synthesis.search.search import DEFAULT_TOLERANCE, Levels, mirrored, search
 from synthesis.target import MIN_SPAN, Target, make_target
-
-__all__ = [
-    "DEFAULT_TOLERANCE",
-    "MAX_PERIMETER",
-    "MIN_SPAN",
-    "STARTS",
-    "TIE",
-    "TURN",
-    "AnyChart",
-    "Atlas",
-    "AtlasRule",
-    "Chart",
-    "FieldError",
-    "FullCrankChart",
-    "Levels",
-    "LimitedProblem",
-    "Limits",
-    "OrderRule",
-    "Problem",
-    "Scan",
-    "ServiceResources",
-    "Settings",
-    "Target",
-    "TypeRule",
-    "Windows",
-    "answer",
-    "atlas_of",
-    "best_rows",
-    "close_loop",
-    "count_types",
-    "counter_clockwise",
-    "coupler_angle",
-    "enumerate_types",
-    "family",
-    "limits_of",
-    "load_atlas",
-    "make_solutions",
-    "make_target",
-    "objective",
-    "prepared_service",
-    "refine",
-    "search",
-    "target_of",
-    "window_errors",
-]
 
 
 def prepared_service() -> ServiceResources:

@@ -2,16 +2,14 @@
 
 **A benchmark** is a module ``benchmarks/NAME.py``. Run as ``python -m benchmarks.NAME`` it measures and ends with
 ``publish(NAME, results)``: `save` writes ``benchmarks/results/NAME.json``, stamped with machine, commit and command, and
-`render` writes the documents. It has
+`render` writes the documents by two functions of the module, which take what the file holds and measure nothing:
 
     def blocks(results) -> dict[str, str]   # the text of each of its markers, by name
     def draw(results) -> None               # optional: its pictures, with `figure`
 
-which take what the JSON file holds and measure nothing.
-
 **A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md or docs/*.md. Where a line ends
 after the first, what stands between is a block of lines (a table); else it is a few words of the line. Every block stands
-in at least one place. The block ``made`` (machine, commit, command in words) is there without being written.
+in at least one place; ``made`` (machine, commit, command in words) is there without being written.
 
 **Again without measuring**: ``python -m benchmarks.report [NAME ...]`` draws the pictures and writes all markers from the
 committed JSON files. ``tests/benchmarks/test_report.py`` compares the documents with them.
@@ -51,6 +49,7 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 IMAGES = ROOT / "docs" / "img"
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 # -- time -------------------------------------------------------------------------------------------------------------
 
@@ -189,10 +188,9 @@ def size(value: float | None) -> str:
 
 def duration(seconds: float) -> str:
     """Seconds as ms, s, minutes or hours."""
-    for unit, name, least in ((3600, "hours", 2), (60, "minutes", 2), (1, "s", 1)):
-        if seconds >= unit * least:
-            return f"{significant(seconds / unit)} {name}"
-    return f"{significant(1000 * seconds)} ms"
+    units = ((7200, 3600, "hours"), (120, 60, "minutes"), (1, 1, "s"), (0, 1e-3, "ms"))
+    unit, name = next((unit, name) for least, unit, name in units if not seconds < least)
+    return f"{significant(seconds / unit)} {name}"
 
 
 def percent(share: float, digits: int = 2) -> str:
@@ -206,23 +204,16 @@ INK, GREY, SOFT, PAPER = "#1f2933", "#9aa5b1", "#e4e7eb", "#ffffff"
 GREEN, BLUE, ORANGE, RED, PURPLE, BROWN = "#0b6e4f", "#2563a8", "#d97706", "#b83232", "#a23b72", "#7a4a00"
 STYLE = {
     "font.family": "DejaVu Sans",
-    "font.size": 10,
     "axes.prop_cycle": f"cycler('color', {[BLUE, GREEN, ORANGE, RED, PURPLE, BROWN]})",
+    **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.color", "ytick.color"), INK),
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.frameon"), False),
+    **dict.fromkeys(("axes.grid", "axes.axisbelow"), True),
     "axes.edgecolor": GREY,
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
     "axes.titlelocation": "left",
     "axes.titlesize": 11,
     "grid.color": SOFT,
     "grid.linewidth": 0.7,
-    "text.color": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
     "lines.linewidth": 1.8,
-    "legend.frameon": False,
     "legend.fontsize": 9,
     "savefig.dpi": 150,
     "svg.hashsalt": "linkage-atlas",
@@ -275,11 +266,8 @@ def bare(axes: Any, **limits: Any) -> None:
 
 def machine() -> dict[str, Any]:
     """What times depend on: processor, cores, memory, Python and numpy."""
-    try:
-        text = Path("/proc/cpuinfo").read_text()
-    except OSError:
-        text = ""
-    model = re.search(r"^model name\s*:\s*(.*)$", text, re.MULTILINE)
+    told = Path("/proc/cpuinfo")
+    model = re.search(r"^model name\s*:\s*(.*)$", told.read_text() if told.exists() else "", re.MULTILINE)
     return {
         "processor": model[1] if model else platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
@@ -322,10 +310,8 @@ def save(results: Mapping[str, Any], name: str) -> None:
         return value.tolist()  # numpy's numbers and arrays
 
     text = json.dumps({"made": stamp(), **results}, indent=1, allow_nan=False, default=plain, ensure_ascii=False)
-    # innermost lists in one line each
-    text = re.sub(
-        r"\[\n([^\[\]{}]*?)\n\s*\]", lambda found: "[" + re.sub(r"\s*\n\s*", " ", found[1].strip()) + "]", text
-    )
+    innermost = re.compile(r"\[\n[^\[\]{}]*?\n\s*\]")  # a list of numbers or words: in one line
+    text = innermost.sub(lambda found: re.sub(r"\s*\n\s*", " ", found[0]).replace("[ ", "[").replace(" ]", "]"), text)
     RESULTS.mkdir(parents=True, exist_ok=True)
     (RESULTS / f"{name}.json").write_text(text + "\n")
 
@@ -333,21 +319,15 @@ def save(results: Mapping[str, Any], name: str) -> None:
 def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
     """In words where numbers come from: each machine, commit and command once."""
 
-    def on(machine: Mapping[str, Any]) -> str:
-        found = [machine["processor"], f"{machine['cores']} cores" if "cores" in machine else ""]
-        found += [size(machine["memory_bytes"])] if "memory_bytes" in machine else []
-        found += [f"{name} {machine[name.lower()]}" for name in ("Python", "numpy") if name.lower() in machine]
-        return ", ".join(filter(None, found))
-
-    machines = dict.fromkeys(on(one["machine"]) for one in stamps)
+    words = {"processor": str, "cores": "{} cores".format, "memory_bytes": size}
+    words |= {"python": "Python {}".format, "numpy": "numpy {}".format}
+    machines = dict.fromkeys(
+        ", ".join(say(one["machine"][name]) for name, say in words.items() if name in one["machine"])
+        for one in stamps
+    )
     commits = [re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", one["commit"]) for one in stamps]
     runs = dict.fromkeys(f"`{one['command']}` at commit {found}" for one, found in zip(stamps, commits))
     return f"Measured by {', '.join(runs)}; machine: {'; '.join(machines)}."
-
-
-def stored(name: str) -> bool:
-    """Whether there is a result of this name."""
-    return (RESULTS / f"{name}.json").exists()
 
 
 def load(name: str) -> Any:
@@ -358,11 +338,6 @@ def load(name: str) -> Any:
 # -- documents --------------------------------------------------------------------------------------------------------
 
 MARKER = re.compile(r"<!-- (\w+)\.(\w+) -->(\n?)(.*?)\n?<!-- /\1\.\2 -->", re.DOTALL)
-
-
-def documents() -> list[Path]:
-    """README.md and the pages of docs/."""
-    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def fill(text: str, parts: Mapping[str, Mapping[str, str]]) -> str:
@@ -382,8 +357,7 @@ def fill(text: str, parts: Mapping[str, Mapping[str, str]]) -> str:
             raise ValueError(f"no block {name}.{block}: benchmarks/{name}.py has {', '.join(parts[name])}")
         return f"<!-- {name}.{block} -->{line_end}{parts[name][block]}{line_end}<!-- /{name}.{block} -->"
 
-    single = re.search(r"<!-- /?(\w+\.\w+) -->", MARKER.sub("", text))
-    if single:
+    if single := re.search(r"<!-- /?(\w+\.\w+) -->", MARKER.sub("", text)):
         raise ValueError(f"the marker {single[1]} stands alone")
     return MARKER.sub(filled, text)
 
@@ -403,7 +377,7 @@ def render(names: Sequence[str] | None = None, pictures: bool = True) -> None:
         if pictures and hasattr(module, "draw"):
             module.draw(load(name))
     found = {name: parts(name) for name in names}
-    for path in documents():
+    for path in DOCUMENTS:
         path.write_text(fill(path.read_text(), found))
 
 
@@ -415,9 +389,7 @@ def publish(name: str, results: Mapping[str, Any]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Render from the committed results."""
-    parser = argparse.ArgumentParser(
-        description="Draws the pictures and fills the documents' markers from the results."
-    )
+    parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("names", nargs="*", help="results, without .json; all if none is named")
     render(parser.parse_args(arguments).names or None)
     return 0

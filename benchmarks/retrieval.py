@@ -16,303 +16,200 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.random import Generator
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks import report
 from benchmarks.baselines import flat_index, stumpy_mass
-from benchmarks.product import (
-    MIN_SPAN,
-    TIE,
-    TURN,
-    Atlas,
-    Scan,
-    Target,
-    Windows,
-    coupler_angle,
-    load_atlas,
-    make_target,
-)
-from benchmarks.report import paired, spread
+from benchmarks.product import STARTS, TIE, Scan, Target, Windows, load_atlas, make_target, window_errors
+from benchmarks.report import Times, repeat, significant, size, spread
 from benchmarks.service import build
-from tests.oracles.classes import SAMPLES, base_order, generator
-
-Floats = NDArray[np.float64]
+from tests.oracles.rotations import KINDS, SPANS, hard_target, reachable
 
 TOP = 10
-WIDE_REQUESTS = 16
-"""Requests to the wide atlas, of which the plain scan takes seconds each."""
-SPANS = (20, 30, 60, 100, 150, 200, 250, 300)
-FLAT_SPAN = 60
-MASS_REQUESTS = 3
-
-
-# -- requests ---------------------------------------------------------------------------------------------------------
-
-
-def atlas_lengths(random: Generator, smallest: float) -> Floats:
-    """Lengths of a crank-rocker of perimeter 1 with ``smallest`` <= L1 < L2 < L3 < L4, uniform: on no lattice."""
-    while (lengths := base_order(random))[0] < smallest:
-        pass
-    return lengths
-
-
-def folding_lengths(random: Generator) -> Floats:
-    """Lengths of a crank-rocker that almost folds: L1 + L4 is below L2 + L3 by 1e-9 to 1e-3 of the perimeter."""
-    while True:
-        l1, l2, l3, _ = base_order(random)
-        l4 = l2 + l3 - l1 - 10.0 ** random.uniform(-9, -3)
-        if l4 > l3:
-            return np.array([l1, l2, l3, l4])
-
-
-def crank_angles(random: Generator, span_deg: float, samples: int = SAMPLES, uneven: bool = False) -> Floats:
-    """Crank increments (samples,) in radians, from 0 on; uneven steps differ by up to a factor of nine."""
-    steps = random.uniform(0.2, 1.8, samples - 1) if uneven else np.ones(samples - 1)
-    crank = np.concatenate([[0.0], np.cumsum(steps)])
-    return crank / crank[-1] * np.deg2rad(span_deg)
-
-
-def any_order(random: Generator, smallest: float) -> Floats:
-    """Lengths as by `atlas_lengths`, the crank or the ground the shortest, the other three in any order."""
-    shortest, *others = atlas_lengths(random, smallest)
-    others = random.permutation(others)
-    return np.array([shortest, *others] if random.random() < 0.5 else [*others, shortest])
-
-
-def motion_of(
-    random: Generator, lengths: Floats, crank: Floats, start: float | None = None, positions: bool = False
-) -> Target:
-    """The motion of a linkage's coupler, from a random start and on a random branch unless told."""
-    start = random.uniform(0, TURN) if start is None else start
-    angle = coupler_angle(lengths, random.choice([-1, 1]), start + crank)
-    rotation = angle + random.uniform(-9, 9)
-    if not positions:
-        return make_target(rotation, crank_angle=crank)
-    arm = random.uniform(0.2, 2) * lengths[1] * np.exp(1j * random.uniform(0, TURN))
-    point = lengths[0] * np.exp(1j * (start + crank)) + arm * np.exp(1j * angle)
-    return make_target(rotation, point, crank_angle=crank)
-
-
-def _waves(random: Generator, share: Floats) -> Floats:
-    number = np.arange(1, 7)[:, None]
-    wave = random.standard_normal(6) @ np.cos(np.pi * number * share + random.uniform(0, TURN, (6, 1)))
-    return wave / np.max(np.abs(wave))
-
-
-SHAPES: dict[str, Callable[[Generator, Floats], Floats]] = {
-    "cosines": lambda random, x: random.uniform(0.1, 5) * _waves(random, x),
-    "steps": lambda random, x: (
-        random.uniform(0.1, 5) * np.searchsorted(np.sort(random.uniform(0, 1, random.integers(1, 5))), x)
-    ),
-    "saw teeth": lambda random, x: random.uniform(0.1, 5) * (random.integers(1, 9) * x % 1.0),
-    "constant": lambda random, x: np.full(x.size, random.uniform(-9, 9)),
-    "noise": lambda random, x: random.uniform(0.1, 5) * random.standard_normal(x.size),
-    "huge": lambda random, x: 10.0 ** random.uniform(3, 5) * _waves(random, x),
-    "line": lambda random, x: random.uniform(-5, 5) * x,
-}
-"""Rotations that come from no linkage, in radians over the share of the span."""
-KINDS = (*SHAPES, "change point", "tiny span", "full turn", "almost full turn", "3 samples", "1,000 samples")
-
-
-def hard_target(kind: str, seed: int, smallest: float) -> Target:
-    """A request that is far from every row, or near what makes a scan inexact; the same for the same arguments."""
-    random = generator(f"retrieval {kind}", seed)
-    span, samples = float(random.choice(SPANS)) * random.choice([-1, 1]), SAMPLES
-    if kind == "tiny span":
-        span = np.exp(random.uniform(np.log(1.001 * np.rad2deg(MIN_SPAN)), np.log(5)))
-    elif kind in ("full turn", "almost full turn"):
-        span = 360.0 if kind == "full turn" else 359.9
-    elif kind in ("3 samples", "1,000 samples"):
-        samples = 3 if kind == "3 samples" else 1000
-    crank = crank_angles(random, span, samples, uneven=bool(seed % 3 == 2))
-    if kind in SHAPES:
-        return make_target(SHAPES[kind](random, crank / crank[-1]), crank_angle=crank)
-    if kind == "change point":  # with the fold, at theta1 = pi, inside the span
-        return motion_of(random, folding_lengths(random), crank, np.pi - random.uniform(0, 1) * crank[-1])
-    if seed % 2:
-        return make_target(SHAPES["cosines"](random, crank / crank[-1]), crank_angle=crank)
-    return motion_of(random, atlas_lengths(random, smallest), crank)
+FLAT_SPAN, MASS_REQUESTS = 60, 3
+NAIVE_SPAN, NAIVE_TYPES = 60, 500
+POSITION_SPANS = (20, 100, 300)
 
 
 # -- scans ------------------------------------------------------------------------------------------------------------
 
 
-class Duel(NamedTuple):
-    """One request asked of both scans."""
-
-    kind: str
-    seed: int
-    ours: float
-    plain: float
-    evaluated: int
-    evaluated_plain: int
-    same: bool
-    windows: Windows
-
-    @property
-    def ratio(self) -> float:
-        """How many times the plain scan takes."""
-        return self.plain / self.ours
+Requests = Iterator[tuple[str, int, Target]]
+"""What a request is counted with (a span or a kind), its number, the request."""
 
 
-class Scans(NamedTuple):
-    """The scan and the plain scan of one atlas."""
-
-    atlas: Atlas
-    ours: Scan
-    plain: Scan
-
-    @classmethod
-    def of(cls, file: Path, cores: int) -> Scans:
-        atlas = load_atlas(file)
-        return cls(atlas, Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False))
-
-    @property
-    def smallest(self) -> float:
-        """The shortest link of the atlas over the perimeter."""
-        return self.atlas.rule.types.smallest / self.atlas.rule.types.perimeter
-
-    def duel(self, kind: str, seed: int, target: Target) -> Duel:
-        """Seconds of both, each the best of two, and whether their answers are identical."""
-        answers = {}
-
-        def ask(scan: Scan) -> None:
-            answers[scan] = scan.best(target, TOP)
-
-        ours, plain = paired([lambda: ask(self.ours), lambda: ask(self.plain)], rounds=2, warm_up=0)
-        (windows, told), (wanted, wanted_told) = answers[self.ours], answers[self.plain]
+def duels(ours: Scan, plain: Scan, requests: Requests) -> list[dict[str, Any]]:
+    """Of each request: seconds of both scans, the best of two, windows evaluated, and whether the answers are the same."""
+    done = []
+    for key, seed, target in requests:
+        times, answers = {ours: Times(), plain: Times()}, {}
+        for scan in (ours, plain, plain, ours):
+            answers[scan] = times[scan].run(scan.best, target, TOP)
+        (windows, told), (wanted, wanted_told) = answers[ours], answers[plain]
         same = told.exhaustive and all(np.array_equal(*pair) for pair in zip(windows[:3], wanted[:3]))
         # a fit of positions is a matrix product, whose last bits depend on how many windows are evaluated at a time
         near = 0 if target.position is None else TIE
         same = same and bool(np.all(np.abs(windows.error - wanted.error) <= near))
         if not same:
-            print(f"DIFFERS: {kind} {seed}: {windows} by the scan, {wanted} by the plain scan")
-        seconds = ours.least.wall, plain.least.wall
-        return Duel(kind, seed, *seconds, told.evaluated, wanted_told.evaluated, same, windows)
-
-    def by(self, name: str, requests: Iterator[tuple[str, int, Target]]) -> dict[str, list[Duel]]:
-        """Duels over requests (key, seed, target), by key."""
-        found: dict[str, list[Duel]] = {}
-        for key, seed, target in requests:
-            found.setdefault(key, []).append(self.duel(name or key, seed, target))
-        return found
+            print(f"DIFFERS: {key} {seed}: {windows} by the scan, {wanted} by the plain scan")
+        mine, other = times[ours].least.wall, times[plain].least.wall
+        row = {"key": key, "seed": seed, "same": same, "windows": windows, "ours": mine, "plain": other}
+        done.append(
+            row | {"ratio": other / mine, "evaluated": told.evaluated, "evaluated_plain": wanted_told.evaluated}
+        )
+    return done
 
 
-def summary(duels: Sequence[Duel]) -> dict[str, Any]:
-    """What is told of some requests: seconds of both, their ratio, and windows evaluated exactly."""
+def summary(duels: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What is told of some requests."""
     columns = ("ours", "plain", "ratio", "evaluated", "evaluated_plain")
-    told = {column: spread([getattr(done, column) for done in duels]) for column in columns}
-    return {"requests": len(duels), "differ": sum(not done.same for done in duels), **told}
+    told = {column: spread([done[column] for done in duels]) for column in columns}
+    return {"requests": len(duels), "differ": sum(not done["same"] for done in duels), **told}
 
 
-def summaries(duels: dict[str, list[Duel]]) -> dict[str, Any]:
-    """`summary` of each key; spans in order."""
-    keys = sorted(duels, key=int) if all(key.isdigit() for key in duels) else duels
-    return {key: summary(duels[key]) for key in keys}
+def summaries(duels: Sequence[dict[str, Any]], keys: Sequence[Any]) -> dict[str, Any]:
+    """`summary` of each key that occurs."""
+    groups = {str(key): [done for done in duels if done["key"] == str(key)] for key in keys}
+    return {key: summary(group) for key, group in groups.items() if group}
 
 
-def spans(
-    requests: int, name: str, make: Callable[[Generator, int, int], Target]
-) -> Iterator[tuple[str, int, Target]]:
-    """Requests over `SPANS` in turn."""
-    for seed in range(requests):
-        span = SPANS[seed % len(SPANS)]
-        yield str(span), seed, make(generator(f"retrieval {name}", seed), span, seed)
-
-
-def measure_wide(cores: int) -> dict[str, Any]:
-    """The same duel on the wider atlas: crank or ground the shortest, the others in all orders; built for it."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "wide.h5"
-        build(file, order="full_crank", samples=128)
-        both = Scans.of(file, cores)
-
-    def motion(random: Generator, span: int, seed: int) -> Target:
-        return motion_of(random, any_order(random, both.smallest), crank_angles(random, span))
-
-    with threadpool_limits(1, "blas"):
-        duels = both.by("wide", spans(WIDE_REQUESTS, "wide", motion))
-    return {
-        "types": len(both.atlas),
-        "windows": both.ours.windows,
-        "scan_bytes": both.ours.nbytes,
-        "spans": summaries(duels),
+def measure_atlas(file: Path, smallest: float, cores: int) -> dict[str, Any]:
+    """Loading and preparing; requests of positions alone; how many times the processor works for each window one by one."""
+    atlas = load_atlas(file)
+    found = {
+        "load_s": repeat(lambda: load_atlas(file)).median.wall,
+        "prepare_s": repeat(lambda: Scan(atlas), 3, warm_up=0).median.wall,
+        "details_bytes": atlas.details.nbytes,
     }
+    scan = Scan(atlas, threads=cores)
+    found["scan_bytes"] = scan.nbytes
+    for span in POSITION_SPANS:
+        target = reachable("position", span, span, smallest, positions=True)
+        target = make_target(None, target.position, crank_angle=target.crank)
+        seconds = repeat(lambda target=target: scan.best(target, TOP), 3).median.wall
+        found.setdefault("position_only", {})[str(span)] = seconds
+    found["positions_bytes"] = scan.nbytes - found["scan_bytes"]  # prepared by the first request with positions
+    rows = np.linspace(0, len(atlas) - 1, NAIVE_TYPES).astype(int)
+    row, start, branch = (v.ravel() for v in np.meshgrid(rows, np.arange(STARTS), [1, -1], indexing="ij"))
+    windows, target = Windows(row, start, branch, np.zeros(row.size)), reachable("naive", 0, NAIVE_SPAN, smallest)
+    naive = repeat(lambda: window_errors(scan.lengths, target, windows), 1, warm_up=0).median.processor
+    ours = repeat(lambda: scan.best(target, TOP)).median.processor
+    return found | {"one_by_one_ratio": naive * len(atlas) / NAIVE_TYPES / ours}
+
+
+def measure_wide(smallest: float, cores: int) -> tuple[dict[str, Any], int]:
+    """The duels on the wider atlas (crank or ground the shortest, the others in all orders), and how many answers differ."""
+    with tempfile.TemporaryDirectory() as folder:
+        build(Path(folder) / "wide.h5", order="full_crank", samples=128)
+        atlas = load_atlas(Path(folder) / "wide.h5")
+    ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
+    turns = enumerate(2 * SPANS)
+    done = duels(
+        ours, plain, ((str(span), n, reachable("wide", n, span, smallest, orders=True)) for n, span in turns)
+    )
+    told = {"types": len(atlas), "windows": ours.windows, "scan_bytes": ours.nbytes, "spans": summaries(done, SPANS)}
+    return told, sum(not one["same"] for one in done)
 
 
 def measure(file: Path, requests: int, hard: int, cores: int) -> dict[str, Any]:
     """All of it."""
-    both = Scans.of(file, cores)
-
-    def motion(random: Generator, span: int, seed: int) -> Target:
-        uneven = seed // len(SPANS) % 3 == 2
-        return motion_of(random, atlas_lengths(random, both.smallest), crank_angles(random, span, uneven=uneven))
-
-    def with_positions(random: Generator, span: int, seed: int) -> Target:
-        lengths = atlas_lengths(random, both.smallest)
-        return motion_of(random, lengths, crank_angles(random, span), positions=True)
-
-    def at_flat_span(name: str, seed: int, samples: int) -> Target:
-        random = generator(f"retrieval {name}", seed)
-        return motion_of(random, atlas_lengths(random, both.smallest), crank_angles(random, FLAT_SPAN, samples))
-
-    flat_targets = [at_flat_span("flat", seed, SAMPLES) for seed in range(requests)]
-    mass_targets = [at_flat_span("mass", seed, FLAT_SPAN + 1) for seed in range(MASS_REQUESTS)]
-    places = (divmod(number, len(KINDS)) for number in range(hard))
-    hard_ones = ((KINDS[place], seed, hard_target(KINDS[place], seed, both.smallest)) for seed, place in places)
+    atlas = load_atlas(file)
+    smallest = atlas.rule.types.smallest / atlas.rule.types.perimeter
+    ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
+    turns = [(seed, SPANS[seed % len(SPANS)]) for seed in range(requests)]
+    flat = [reachable("flat", seed, FLAT_SPAN, smallest) for seed in range(requests)]
+    hard_ones = [(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(hard)]
+    groups: dict[str, Requests] = {
+        "spans": ((str(s), n, reachable("span", n, s, smallest, uneven=n // len(SPANS) % 3 == 2)) for n, s in turns),
+        "joint": ((str(s), n, reachable("joint", n, s, smallest, positions=True)) for n, s in turns),
+        "flat": (("flat", n, target) for n, target in enumerate(flat)),
+        "hard": ((kind, n, hard_target(kind, n, smallest)) for kind, n in hard_ones),
+    }
     with threadpool_limits(1, "blas"):  # as the service does: threads are the scan's own
-        by_span = both.by("reachable", spans(requests, "span", motion))
-        joint = both.by("joint", spans(requests, "joint", with_positions))
-        flat = both.by("flat", (("flat", seed, target) for seed, target in enumerate(flat_targets)))["flat"]
-        by_kind = both.by("", hard_ones)
-    everything = [done for part in (*by_span.values(), *joint.values(), flat, *by_kind.values()) for done in part]
-    worst = min(everything, key=lambda done: done.ratio)
-    if indexed := flat_index(both.atlas, flat_targets, TOP, cores):
+        done = {name: duels(ours, plain, some) for name, some in groups.items()}
+        parts = {"atlas": measure_atlas(file, smallest, cores)}
+        wide, differ_wide = measure_wide(smallest, cores)
+    everything = [one for part in done.values() for one in part]
+    worst = min(everything, key=lambda one: one["ratio"])
+    if indexed := flat_index(atlas, flat, TOP, cores):
         indexed["single_s"] = spread(indexed["single_s"])
+        ids = [set(zip(*(column.tolist() for column in one["windows"][:3]))) for one in done["flat"]]
         for found, same in (("found", "same_windows"), ("found_in_batch", "same_windows_in_batch")):
-            pairs = zip(indexed.pop(found), flat)
-            indexed[same] = sum(ids == _window_ids(done.windows) for ids, done in pairs)
-    if profiled := stumpy_mass(both.atlas, [target.rotation for target in mass_targets], cores):
+            indexed[same] = sum(one == two for one, two in zip(indexed.pop(found), ids))
+    motions = [reachable("mass", seed, FLAT_SPAN, smallest, samples=FLAT_SPAN + 1) for seed in range(MASS_REQUESTS)]
+    if profiled := stumpy_mass(atlas, [target.rotation for target in motions], cores):
         profiled["seconds"] = spread(profiled["seconds"])
-    wide = measure_wide(cores)
     return {
-        "types": len(both.atlas),
-        "windows": both.ours.windows,
-        "scan_bytes": both.ours.nbytes,
-        "plain_scan_bytes": both.plain.nbytes,
-        "differ": sum(not done.same for done in everything) + sum(part["differ"] for part in wide["spans"].values()),
-        "spans": summaries(by_span),
-        "joint": summaries(joint),
-        "flat_requests": summary(flat),
+        "types": len(atlas),
+        "windows": ours.windows,
+        "scan_bytes": ours.nbytes,
+        "plain_scan_bytes": plain.nbytes,
+        "differ": sum(not one["same"] for one in everything) + differ_wide,
+        "spans": summaries(done["spans"], SPANS),
+        "joint": summaries(done["joint"], SPANS),
+        "hard": summaries(done["hard"], KINDS),
+        "flat_requests": summary(done["flat"]),
         "flat_index": indexed,
         "stumpy_mass": profiled,
-        "hard": summaries(by_kind),
-        "worst": {name: getattr(worst, name) for name in ("kind", "seed", "ours", "plain", "evaluated")},
+        "worst": {name: worst[name] for name in ("key", "seed", "ours", "plain", "evaluated")},
         "wide": wide,
+        "parts": parts,
     }
-
-
-def _window_ids(windows: Windows) -> set[tuple[int, int, int]]:
-    return {(int(row), int(start), int(branch)) for row, start, branch, _ in zip(*windows)}
 
 
 # -- document ---------------------------------------------------------------------------------------------------------
 
 
+def file_figures(results: dict[str, Any]) -> str:
+    """The table of docs/file_format.md; what concerns build and service comes from `growth` and `throughput`."""
+    built = next(row for row in report.load("growth")["rows"] if row["types"] == results["types"])
+    loaded = report.load("throughput")["services"][0]
+    atlas = results["parts"]["atlas"]
+
+    def between(seconds: Sequence[float]) -> str:
+        return (
+            " to ".join(dict.fromkeys(significant(1000 * value, 2) for value in (min(seconds), max(seconds)))) + " ms"
+        )
+
+    faster = ""
+    if "one_by_one_ratio" in atlas:
+        faster = f"; {significant(atlas['one_by_one_ratio'], 1)} times less work than one window at a time"
+    medians = {name: [part["ours"]["median"] for part in results[name].values()] for name in ("spans", "joint")}
+    million = f"scan of {results['windows'] / 1e6:.0f} million windows, exact, spans {SPANS[0]}..{SPANS[-1]} degrees"
+    rows = [
+        ["build", f"{significant(built['build_s'], 2)} s, largest process {size(built['build_peak_bytes'])}"],
+        ["file", size(built["file_bytes"])],
+        ["load and verify", report.duration(atlas["load_s"])],
+        [
+            "prepare the scan, one thread",
+            f"{significant(atlas['prepare_s'], 2)} s, {size(atlas['scan_bytes'])}; "
+            f"the details stay in memory with {size(atlas['details_bytes'])}",
+        ],
+        ["the series for requests with positions, behind the readiness", f"{size(atlas['positions_bytes'])} more"],
+        [
+            "service: start until ready",
+            f"{significant(built['ready_s'], 2)} s; {size(built['resident_bytes'])} then, "
+            f"{size(built['peak_bytes'])} at most on the way; {size(loaded['peak_bytes'])} at most with positions, under load",
+        ],
+        [million, between(medians["spans"]) + faster],
+        ["the same with positions", between(medians["joint"])],
+        ["positions only", between(list(atlas["position_only"].values()))],
+    ]
+    return report.lines(["what", "figure"], rows, 2)
+
+
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """By span, the other baselines, hard requests (docs/scaling.md), and the headline of README.md."""
+    """By span, the other baselines, hard requests (docs/scaling.md); figures of docs/file_format.md; headline of README.md."""
 
     def ms(seconds: float) -> str:
         return f"{1000 * seconds:,.1f}"
 
-    def duels(name: str, parts: dict[str, Any]) -> str:
+    def compared(name: str, parts: dict[str, Any]) -> str:
         columns = {
             name: "{key}",
             "requests": "{requests}",
@@ -353,19 +250,21 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "all windows by matrix products"
     )
     if flat:
-        times = report.significant(flat["single_s"]["median"] / ours, 2)
+        times = significant(flat["single_s"]["median"] / ours, 2)
         headline += f", {times} times faster than a single query of a flat index made for one span"
     return {
         "sizes": f"{results['types']:,} types, {results['windows']:,} windows, the best {TOP}; wall clock on {cores} cores.",
-        "spans": duels("span", results["spans"]),
-        "joint": duels("span", results["joint"]),
+        "spans": compared("span", results["spans"]),
+        "joint": compared("span", results["joint"]),
         "wide_sizes": f"{wide['types']:,} types, {wide['windows']:,} windows",
-        "wide": duels("span", wide["spans"]),
+        "wide": compared("span", wide["spans"]),
         "others": report.lines([f"at {FLAT_SPAN} degrees", "ms a request", "what it answers"], others) + same,
-        "hard": duels("kind", results["hard"]),
-        "worst": f"The worst: {worst['kind']} (number {worst['seed']}), {ms(worst['ours'])} ms, "
+        "hard": compared("kind", results["hard"]),
+        "worst": f"The worst: {worst['key']} (number {worst['seed']}), {ms(worst['ours'])} ms, "
         f"the plain scan {ms(worst['plain'])} ms.",
         "headline": headline,
+        "file": file_figures(results),
+        "file_made": report.made_text([results["made"], results["parts"]["atlas"].get("made", results["made"])]),
     }
 
 

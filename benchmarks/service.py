@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -114,14 +114,11 @@ class Service:
     process: subprocess.Popen[bytes]
     port: int
     log: Path
+    connection: http.client.HTTPConnection
+    """Kept; a request after it was closed opens it again."""
     ready_seconds: float = np.nan
     """From the start of the process to its first answer at /readyz."""
     ready: Answer | None = None
-    connection: http.client.HTTPConnection = field(init=False, repr=False)
-    """Kept; a request after it was closed opens it again."""
-
-    def __post_init__(self) -> None:
-        self.connection = http.client.HTTPConnection("127.0.0.1", self.port)
 
     def ask(self, method: str, path: str, body: bytes | None = None) -> Answer:
         """The reply to one request on the kept connection."""
@@ -181,13 +178,6 @@ def environment(**settings: Any) -> dict[str, str]:
     return {**inherited, "OMP_NUM_THREADS": "1", **given}
 
 
-def free_port() -> int:
-    """A port that nothing listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 @contextmanager
 def running(command: Callable[[int], list[str]], workers: int = 1, **settings: Any) -> Iterator[Service]:
     """A service from its first answer at /readyz, by all its workers, to the end of the block.
@@ -208,13 +198,16 @@ def running(command: Callable[[int], list[str]], workers: int = 1, **settings: A
     """
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
-        port = free_port()
-        begin = time.perf_counter()
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))  # a port that nothing listens on
+            port = probe.getsockname()[1]
+        begin, options = (
+            time.perf_counter(),
+            {"cwd": ROOT, "env": environment(**settings), "stderr": subprocess.STDOUT},
+        )
         with log.open("wb") as file:
-            process = subprocess.Popen(
-                command(port), cwd=ROOT, env=environment(**settings), stdout=file, stderr=subprocess.STDOUT
-            )
-        service = Service(process, port, log)
+            process = subprocess.Popen(command(port), stdout=file, **options)
+        service = Service(process, port, log, http.client.HTTPConnection("127.0.0.1", port))
         try:
             service.ready = _first_answer(service, begin, workers)
             service.ready_seconds = time.perf_counter() - begin
@@ -259,53 +252,42 @@ class Load(NamedTuple):
     """Processor seconds of all clients together."""
 
 
-class _Connection:
-    """One kept connection."""
-
-    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self.reader, self.writer = reader, writer
-
-    @classmethod
-    async def open(cls, port: int) -> _Connection:
-        return cls(*await asyncio.open_connection("127.0.0.1", port))
-
-    async def ask(self, path: str, body: bytes | None) -> tuple[int, float | None]:
-        """Status and Retry-After of one reply, read whole; GET without a body, POST with one."""
-        head = f"{'GET' if body is None else 'POST'} {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
-        if body is not None:
-            head += f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n"
-        self.writer.write(head.encode() + b"\r\n" + (body or b""))
-        first, *lines = (await self.reader.readuntil(b"\r\n\r\n")).decode("latin-1").split("\r\n")
-        fields = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
-        await self.reader.readexactly(int(fields["content-length"]))
-        after = fields.get("retry-after")
-        return int(first.split()[1]), float(after) if after else None
+async def _ask(connection: Any, path: str, body: bytes | None) -> tuple[int, float | None]:
+    """Status and Retry-After of one reply, read whole; GET without a body, POST with one."""
+    reader, writer = connection
+    head = f"{'GET' if body is None else 'POST'} {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    if body is not None:
+        head += f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n"
+    writer.write(head.encode() + b"\r\n" + (body or b""))
+    first, *lines = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1").split("\r\n")
+    fields = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
+    await reader.readexactly(int(fields["content-length"]))
+    after = fields.get("retry-after")
+    return int(first.split()[1]), float(after) if after else None
 
 
 async def _clients(
     ports: Sequence[int], path: str, bodies: Sequence[bytes | None], clients: int, seconds: float, patient: bool
 ) -> Load:
-    connections = [await _Connection.open(ports[number % len(ports)]) for number in range(clients)]
+    opened = [await asyncio.open_connection("127.0.0.1", ports[number % len(ports)]) for number in range(clients)]
     seen: list[tuple[int, float, float | None]] = []
     cpu, begin = time.process_time(), time.perf_counter()
     end = begin + seconds
 
-    async def client(number: int, connection: _Connection) -> None:
-        turn = number
+    async def client(turn: int, connection: Any) -> None:
         while time.perf_counter() < end:
             sent = time.perf_counter()
-            status, after = await connection.ask(path, bodies[turn % len(bodies)])
+            status, after = await _ask(connection, path, bodies[turn % len(bodies)])
             seen.append((status, time.perf_counter() - sent, after))
             turn += clients
             if patient and status == 503:
                 await asyncio.sleep(min(after or 0.0, max(end - time.perf_counter(), 0.0)))
 
-    await asyncio.gather(*(client(number, connection) for number, connection in enumerate(connections)))
+    await asyncio.gather(*(client(number, connection) for number, connection in enumerate(opened)))
     elapsed, used = time.perf_counter() - begin, time.process_time() - cpu
-    for connection in connections:
-        connection.writer.close()
-    status, taken, after = (list(column) for column in zip(*seen))
-    return Load(status, taken, after, elapsed, used)
+    for _, writer in opened:
+        writer.close()
+    return Load(*map(list, zip(*seen)), elapsed, used)
 
 
 def _run_clients(*arguments: Any) -> Load:
@@ -314,24 +296,19 @@ def _run_clients(*arguments: Any) -> Load:
 
 async def _beats(ports: Sequence[int], over: Callable[[], bool]) -> list[float]:
     seconds: list[float] = []
-    pending: set[asyncio.Task[None]] = set()
 
     async def beat(due: float, port: int) -> None:
-        connection = await _Connection.open(port)
-        await connection.ask("/livez", None)
+        connection = await asyncio.open_connection("127.0.0.1", port)
+        await _ask(connection, "/livez", None)
         seconds.append(time.perf_counter() - due)  # from when it was due: a late start is waiting too
-        connection.writer.close()
+        connection[1].close()
 
     due = time.perf_counter()
-    for port in itertools.cycle(ports):
-        if over():
-            break
-        task = asyncio.create_task(beat(due, port))
-        pending.add(task)
-        task.add_done_callback(pending.discard)
-        due += BEAT_SECONDS
-        await asyncio.sleep(max(due - time.perf_counter(), 0))
-    await asyncio.gather(*pending)
+    async with asyncio.TaskGroup() as group:
+        for port in itertools.takewhile(lambda _: not over(), itertools.cycle(ports)):
+            group.create_task(beat(due, port))
+            due += BEAT_SECONDS
+            await asyncio.sleep(max(due - time.perf_counter(), 0))
     return seconds
 
 

@@ -6,6 +6,7 @@ Every solver works on arrays and treats each member by itself: a batch gives to 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -15,6 +16,7 @@ Floats = NDArray[np.floating]
 Flags = NDArray[np.bool_]
 
 EPSILON = float(np.finfo(float).eps)
+GOLDEN = (math.sqrt(5) - 1) / 2
 MAX_ITERATIONS = 200
 SMALL_STEP = 1e-9
 """A Newton step this small beside the distance to the bracket's ends squares to less than rounding."""
@@ -95,6 +97,30 @@ def rising_root(
     return np.clip(x, first, last)
 
 
+def secant(
+    function: Callable[[Floats], Floats], place: float, value: float
+) -> Callable[[Floats], tuple[Floats, Floats]]:
+    """A function of one member without a derivative, for `rising_root`: the slope is that from the place before.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> value``, both of shape (1,).
+    place, value : float
+        A place where the function is known, other than the first one that is asked for.
+    """
+    before, known = np.array([place]), np.array([value])
+
+    def with_slope(x: Floats) -> tuple[Floats, Floats]:
+        nonlocal before, known
+        here, way = function(x), x - before
+        slope = np.divide(here - known, way, out=np.full(1, np.nan), where=way != 0)
+        before, known = x, here
+        return here, slope
+
+    return with_slope
+
+
 def closer_looks(
     function: Callable[[Floats], Floats], left: Floats, right: Floats, nodes: tuple[int, ...]
 ) -> tuple[Floats, Floats]:
@@ -121,3 +147,35 @@ def closer_looks(
         value, place = values[rows, best], looks[rows, best]
         left, right = looks[rows, np.maximum(best - 1, 0)], looks[rows, np.minimum(best + 1, count - 1)]
     return value, place
+
+
+def golden_section(
+    function: Callable[[Floats], Floats], left: Floats, right: Floats, steps: int
+) -> tuple[Floats, Floats]:
+    """The least values of functions with one minimum in an interval, by one evaluation a step.
+
+    For functions that are dear and may have kinks; `closer_looks` takes fewer and larger steps.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> values``, both of the shape of ``left``.
+    left, right : ndarray
+    steps : int
+        Each leaves 0.618 of an interval.
+
+    Returns
+    -------
+    value, place : ndarray
+    """
+    low, high = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
+    at_low, at_high = function(low), function(high)
+    for _ in range(steps):
+        lower = at_low <= at_high
+        left, right = np.where(lower, left, low), np.where(lower, high, right)
+        kept, known = np.where(lower, low, high), np.where(lower, at_low, at_high)
+        fresh = np.where(lower, right - GOLDEN * (right - left), left + GOLDEN * (right - left))
+        value = function(fresh)
+        low, high = np.where(lower, fresh, kept), np.where(lower, kept, fresh)
+        at_low, at_high = np.where(lower, value, known), np.where(lower, known, value)
+    return np.minimum(at_low, at_high), np.where(at_low <= at_high, low, high)

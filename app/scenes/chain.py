@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from math import degrees, isfinite, pi, radians
-from typing import TYPE_CHECKING, Any
+from math import isfinite, pi
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from app.query import Export, Query
+from app.query import Angles, Export, Query
 from app.scenes.chain_models import (
     MAX_LINKS,
     MAX_PINS,
@@ -24,24 +24,38 @@ from app.scenes.chain_models import (
     TrackSlotReply,
     WithoutSlotReply,
 )
+from app.scenes.chain_text import table_slot, table_track
 from synthesis.errors import FieldError
 
 if TYPE_CHECKING:
+    from synthesis.chain.crescent import Crescent
+    from synthesis.chain.report import Report
     from synthesis.chain.slot import Slot
     from synthesis.chain.track import Track
 
 CHECK_PHASES = 9001
 """Phases at which a fit's errors are measured."""
-WHEEL_NAMES = ("left_wheel", "lower_arc", "right_wheel", "upper_arc")
+SEGMENT_NAMES = ("left_wheel", "lower_arc", "right_wheel", "upper_arc")
+"""Of the crescent, in the order of travel."""
+
+
+class PhaseAxis(NamedTuple):
+    """How a reply counts the phase: as P1's angle on the left wheel, or as its way along the driving segment."""
+
+    name: str
+    unit: float
+    """P1's way in one unit of the reply."""
+
+
+def _theta1(request: ChainSlotRequest, crescent: Crescent) -> PhaseAxis:
+    return PhaseAxis("theta1", crescent.wheel_radius * Angles(request.angle_unit).radian)
+
+
+POSITION = PhaseAxis("position", 1.0)
 
 
 def _finite(value: float) -> float | None:
     return value if isfinite(value) else None
-
-
-def _angle(request: SlotOptions) -> Any:
-    """From radians to the request's unit."""
-    return degrees if request.angle_unit == "deg" else float
 
 
 def _phases(slot: Slot, samples: int) -> Any:
@@ -56,8 +70,7 @@ def _check_size(request: SlotOptions, links: int) -> None:
         raise FieldError("/samples", f"with {links} links at most {most} samples are computed in one request")
 
 
-def _fit(slot: Slot, request: SlotOptions, scale: float) -> FitReply | None:
-    """The fit's reply; its phases are multiplied by ``scale``, and slopes by the phase divided."""
+def _fit(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> FitReply | None:
     from synthesis.chain.fit import fit_error, fit_slot
 
     if request.fit is None:
@@ -65,24 +78,18 @@ def _fit(slot: Slot, request: SlotOptions, scale: float) -> FitReply | None:
     fit = fit_slot(slot, request.fit.kind, request.fit.order, _phases(slot, request.samples))
     error = fit_error(slot, fit, _phases(slot, CHECK_PHASES))
     data = dict(fit.data)
-    name = "theta1" if isinstance(request, ChainSlotRequest) else "position"
-    extra: dict[str, Any] = {}
     if fit.kind == "chebyshev":
-        extra["origin"] = data["origin"]
-        extra["pieces"] = [
-            {name: [bound * scale for bound in piece["phase"]], "x": piece["x"], "y": piece["y"]}
-            for piece in data["pieces"]
-        ]
+        for piece in data["pieces"]:
+            piece[axis.name] = [bound / axis.unit for bound in piece.pop("phase")]
     else:
+        if fit.kind == "polynomial":
+            data["angle"] = Angles(request.angle_unit).outward(data["angle"])
+        else:
+            data["slope"] *= axis.unit
+            data[f"{axis.name}_start"], data["period"] = slot.start / axis.unit, slot.chain.period / axis.unit
         if "phase" in data:
-            data[name] = [phase * scale for phase in data.pop("phase")]
-        if "slope" in data:
-            data["slope"] /= scale
-            data[f"{name}_start"], data["period"] = slot.start * scale, slot.chain.period * scale
-            del data["segment"]
-        if "angle" in data:
-            data["angle"] = _angle(request)(data["angle"])
-        extra["coefficients"] = data
+            data[axis.name] = [phase / axis.unit for phase in data.pop("phase")]
+        data = {"coefficients": data}
     return FitReply(
         kind=fit.kind,
         order=fit.order,
@@ -90,16 +97,17 @@ def _fit(slot: Slot, request: SlotOptions, scale: float) -> FitReply | None:
         condition=fit.condition,
         max_normal=error.normal,
         max_chord=error.chord,
-        **extra,
+        **data,
     )
 
 
-def _common(slot: Slot, request: SlotOptions, scale: float) -> tuple[Any, dict[str, Any]]:
-    """The report on a slot, and the reply's fields that do not depend on the kind of track."""
+def _common(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> tuple[Report, dict[str, Any], dict[str, Any]]:
+    """The report on a slot, and the fields of reply and locus that do not depend on the kind of track."""
     from synthesis.chain.closure import STRETCH_TOLERANCE
     from synthesis.chain.report import report
 
-    facts = report(slot, _phases(slot, request.samples))
+    phases = _phases(slot, request.samples)
+    facts, points = report(slot, phases), slot.path(phases)
     slack = facts.slack_min > STRETCH_TOLERANCE * request.pitch
     roller = request.roller_radius
     common = {
@@ -107,7 +115,7 @@ def _common(slot: Slot, request: SlotOptions, scale: float) -> tuple[Any, dict[s
         "pitch": request.pitch,
         "links": slot.chain.links,
         "angle_unit": request.angle_unit,
-        "fit": _fit(slot, request, scale),
+        "fit": _fit(slot, request, axis),
         "without_slot": WithoutSlotReply(
             chord_error_max=facts.held_chord_error, slack_max=max(facts.slack_max.value, 0.0)
         ),
@@ -123,16 +131,22 @@ def _common(slot: Slot, request: SlotOptions, scale: float) -> tuple[Any, dict[s
             free_pin_speed=list(facts.free_speed),
         ),
     }
-    return facts, common
+    locus = {
+        axis.name: (phases / axis.unit).tolist(),
+        "xy": [[point.real, point.imag] for point in points.tolist()],
+        "free_pin": slot.free,
+        "depth_max": facts.depth_max.value,
+        "radius_min": _finite(facts.radius_min),
+        "end_step": facts.end_step,
+    }
+    return facts, common, locus
 
 
-def _crescent(request: ChainSlotRequest) -> Any:
+def _crescent(request: ChainSlotRequest) -> tuple[Crescent, Slot]:
     from synthesis.chain.crescent import crescent_slot
 
     _check_size(request, request.links)
     start = request.phase_start
-    if start is not None and request.angle_unit == "deg":
-        start = radians(start)
     return crescent_slot(
         request.pitch,
         request.links,
@@ -140,7 +154,7 @@ def _crescent(request: ChainSlotRequest) -> Any:
         request.wheel_radius,
         request.lower_radius,
         request.eccentricity,
-        start,
+        None if start is None else Angles(request.angle_unit).inward(start),
     )
 
 
@@ -150,17 +164,14 @@ def answer_slot(request: ChainSlotRequest, resources: Any) -> ChainSlotReply:
     from synthesis.chain.report import wheel_conflict
 
     crescent, slot = _crescent(request)
-    angle = _angle(request)
-    radius = crescent.wheel_radius
-    # theta1 is P1's way along the left wheel over the wheel's radius.
-    facts, common = _common(slot, request, angle(1.0) / radius)
+    angle, axis = Angles(request.angle_unit).outward, _theta1(request, crescent)
+    facts, common, locus = _common(slot, request, axis)
     wheel, upper, lower = crescent.link_angles(request.pitch)
-    phases = _phases(slot, request.samples)
-    conflict = wheel_conflict(slot, RIGHT_WHEEL).value * wheel
+    theta1 = [crossing.phase / axis.unit for crossing in slot.crossings]
     return ChainSlotReply(
         **common,
         geometry=GeometryReply(
-            wheel_radius=radius,
+            wheel_radius=crescent.wheel_radius,
             upper_radius=crescent.upper_radius,
             lower_radius=crescent.lower_radius,
             eccentricity=crescent.eccentricity,
@@ -170,33 +181,28 @@ def answer_slot(request: ChainSlotRequest, resources: Any) -> ChainSlotReply:
             delta_wheel=angle(wheel),
             delta_upper=angle(upper),
             delta_lower=angle(lower),
-            phase_start=angle(slot.start / radius),
+            phase_start=slot.start / axis.unit,
             tangency_residual=crescent.tangency_residual,
             track_length=slot.chain.track.total,
         ),
-        events=[angle(crossing.phase / radius) for crossing in slot.crossings],
+        events=theta1,
         crossings=[
-            CrossingReply(theta1=angle(crossing.phase / radius), pin=crossing.pin, to=WHEEL_NAMES[crossing.segment])
-            for crossing in slot.crossings
+            CrossingReply(theta1=at, pin=crossing.pin, to=SEGMENT_NAMES[crossing.segment])
+            for at, crossing in zip(theta1, slot.crossings)
         ],
         slot=SlotReply(
-            theta1=[angle(phase / radius) for phase in phases.tolist()],
-            xy=slot.path(phases).tolist(),
-            free_pin=slot.free,
-            depth_max=facts.depth_max.value,
+            **locus,
             defect_max=angle(facts.slack_max.value / crescent.upper_radius),
             defect_min=angle(facts.slack_min / crescent.upper_radius),
-            defect_max_theta1=angle(facts.slack_max.phase / radius),
-            radius_min=_finite(facts.radius_min),
-            end_step=facts.end_step,
+            defect_max_theta1=facts.slack_max.phase / axis.unit,
         ),
-        wheel_phase_conflict=angle(conflict),
+        wheel_phase_conflict=angle(wheel_conflict(slot, RIGHT_WHEEL).value * wheel),
     )
 
 
 def _track(request: ChainTrackRequest) -> Track:
-    from synthesis.chain.crescent import critical_stadium
-    from synthesis.chain.track import Track, TrackError, arc, line, stadium
+    from synthesis.chain.crescent import critical_stadium, stadium
+    from synthesis.chain.track import Track, arc, line
 
     if (request.stadium is None) == (request.segments is None):
         raise FieldError("/segments", "either 'segments' or 'stadium' is wanted, and not both")
@@ -206,8 +212,7 @@ def _track(request: ChainTrackRequest) -> Track:
         if request.links is None:
             raise FieldError("/links", "the critical straight of a stadium needs the number of links")
         return critical_stadium(request.pitch, request.links, request.stadium.radius)
-    rows = []
-    unit = pi / 180 if request.angle_unit == "deg" else 1.0
+    rows, unit = [], Angles(request.angle_unit).radian
     for index, part in enumerate(request.segments or ()):
         if isinstance(part, LineSegment):
             rows.append(line(*part.start, *part.end))
@@ -215,19 +220,15 @@ def _track(request: ChainTrackRequest) -> Track:
             raise FieldError(f"/segments/{index}/sweep", "an arc turns by more than 0 and at most once round")
         else:
             rows.append(arc(*part.centre, part.radius, part.start_angle * unit, part.sweep * unit))
-    try:
-        return Track(rows)
-    except TrackError as error:
-        raise FieldError(
-            f"/segments/{error.segment}", str(error), constraint="closed_tangent_track", amount=error.amount
-        ) from None
+    return Track(rows)
 
 
 def _track_slot(request: ChainTrackRequest) -> tuple[Slot, int, int]:
     """The slot, and the driving and the free segment in the request's own numbering."""
-    from synthesis.chain.closure import closing_links
-    from synthesis.chain.crescent import RADIUS_RATIO, driving_segment, tightest_room, track_slot
-    from synthesis.chain.track import ChordError
+    from synthesis.chain.closure import Chain, closing_links
+    from synthesis.chain.crescent import RADIUS_RATIO, driving_segment, tightest_room
+    from synthesis.chain.errors import ChordError
+    from synthesis.chain.slot import find_slot
 
     if request.links is not None:
         _check_size(request, request.links)
@@ -253,21 +254,20 @@ def _track_slot(request: ChainTrackRequest) -> tuple[Slot, int, int]:
         try:
             links = closing_links(turned, request.pitch)
         except ChordError as error:
-            raise FieldError("/pitch", str(error), constraint=error.fault.name.lower()) from None
+            raise FieldError("/pitch", error.message, constraint=error.fault.name.lower()) from None
         if not 3 <= links <= MAX_LINKS:
             raise FieldError("/links", f"{links} links close; between 3 and {MAX_LINKS} are computed")
         _check_size(request, links)
     index = (free - driver) % track.count
     middle = float(turned.joints[index] + 0.5 * turned.length[index])
     side = 1 if request.side == "left" else -1
-    return track_slot(turned, request.pitch, links, middle, side), driver, free
+    return find_slot(Chain(turned, request.pitch, links), middle, side), driver, free
 
 
 def answer_track(request: ChainTrackRequest, resources: Any) -> ChainTrackReply:
     """Closure and slot on any track."""
     slot, driver, free = _track_slot(request)
-    facts, common = _common(slot, request, 1.0)
-    phases = _phases(slot, request.samples)
+    facts, common, locus = _common(slot, request, POSITION)
     track = slot.chain.track
     straight = None
     if request.stadium is not None:
@@ -286,120 +286,37 @@ def answer_track(request: ChainTrackRequest, resources: Any) -> ChainTrackReply:
             )
             for crossing in slot.crossings
         ],
-        slot=TrackSlotReply(
-            position=phases.tolist(),
-            xy=slot.path(phases).tolist(),
-            free_pin=slot.free,
-            depth_max=facts.depth_max.value,
-            slack_max=facts.slack_max.value,
-            slack_min=facts.slack_min,
-            radius_min=_finite(facts.radius_min),
-            end_step=facts.end_step,
-        ),
+        slot=TrackSlotReply(**locus, slack_max=facts.slack_max.value, slack_min=facts.slack_min),
     )
 
 
-def _slot_of(request: Any) -> tuple[Slot, str, float]:
-    """The slot, and name and scale of the phase."""
+def _slot_of(request: Any) -> tuple[Slot, PhaseAxis]:
     if isinstance(request, ChainSlotRequest):
         crescent, slot = _crescent(request)
-        return slot, f"theta1_{request.angle_unit}", _angle(request)(1.0) / crescent.wheel_radius
-    return _track_slot(request)[0], "position", 1.0
-
-
-def _walls(slot: Slot, request: Any) -> Any:
-    from synthesis.chain.export import roller_walls
-    from synthesis.chain.report import smallest_radius
-
-    if request.roller_radius is None:
-        return None
-    return roller_walls(slot, _phases(slot, request.samples), request.roller_radius, smallest_radius(slot))
+        return slot, _theta1(request, crescent)._replace(name=f"theta1_{request.angle_unit}")
+    return _track_slot(request)[0], POSITION
 
 
 def render_csv(request: Any, resources: Any) -> bytes:
     """The slot and a roller's walls as a table."""
     from synthesis.chain.export import to_csv
 
-    slot, name, scale = _slot_of(request)
-    return to_csv(slot, _phases(slot, request.samples), name, scale, _walls(slot, request)).encode()
+    slot, axis = _slot_of(request)
+    return to_csv(slot, _phases(slot, request.samples), *axis, request.roller_radius).encode()
 
 
 def render_svg(request: Any, resources: Any) -> bytes:
     """Track, pins, slot and a roller's walls as a drawing."""
     from synthesis.chain.export import to_svg
 
-    slot, *_ = _slot_of(request)
-    _walls(slot, request)
-    return to_svg(slot, request.samples, request.roller_radius).encode()
+    return to_svg(_slot_of(request)[0], request.samples, request.roller_radius).encode()
 
 
 def render_dxf(request: Any, resources: Any) -> bytes:
     """Track, pins, slot and a roller's walls for CAD."""
     from synthesis.chain.export import to_dxf
 
-    slot, *_ = _slot_of(request)
-    _walls(slot, request)
-    return to_dxf(slot, request.samples, request.roller_radius).encode()
-
-
-def _rows(rows: list[tuple[str, str]]) -> str:
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
-
-
-def _shared_rows(reply: Any) -> list[tuple[str, str]]:
-    checks = reply.checks
-    rows = [("largest depth", f"{reply.slot.depth_max:.6f}"), ("step at the ends", f"{reply.slot.end_step:.3g}")]
-    radius = "straight" if reply.slot.radius_min is None else f"{reply.slot.radius_min:.6g}"
-    rows.append(("smallest curvature radius", radius))
-    if checks.roller_fits is not None:
-        rows.append(("roller", "fits" if checks.roller_fits else "too large for the slot"))
-    rows.append(("slot is a function y(x)", "yes" if checks.single_valued else "no"))
-    rows.append(("largest chord error", f"{checks.chord_error_max:.2g}"))
-    rows.append(("without the slot", f"chords {reply.without_slot.chord_error_max:.6g} too short"))
-    rows.append(("", f"{reply.without_slot.slack_max:.6g} slack"))
-    if reply.fit is not None:
-        fit = reply.fit
-        rows.append((f"{fit.kind} fit, order {fit.order}", f"{fit.unknowns} numbers"))
-        rows.append(("", f"normal error {fit.max_normal:.3g}, chord error {fit.max_chord:.3g}"))
-    return rows
-
-
-def table_slot(reply: ChainSlotReply) -> str:
-    """The crescent as text."""
-    geometry, unit = reply.geometry, reply.angle_unit
-    return _rows(
-        [
-            ("status", reply.status),
-            ("links, pitch", f"{reply.links}, {reply.pitch:g}"),
-            ("wheel radius R0", f"{geometry.wheel_radius:.6f}"),
-            ("upper radius R1", f"{geometry.upper_radius:.6f}"),
-            ("lower radius R2", f"{geometry.lower_radius:.6f}"),
-            ("eccentricity b", f"{geometry.eccentricity:.6f}"),
-            ("xi, alpha", f"{geometry.xi:.6f}, {geometry.alpha:.6f} {unit}"),
-            ("window of theta1", f"{geometry.phase_start:.6f} + {geometry.delta_wheel:.6f} {unit}"),
-            ("joint crossings", ", ".join(f"{event:.4f}" for event in reply.events)),
-            ("free pin", f"P{reply.slot.free_pin}"),
-            ("closure defect", f"{reply.slot.defect_min:.3g} .. {reply.slot.defect_max:.6f} {unit}"),
-            *_shared_rows(reply),
-            ("wheel phase conflict", f"{reply.wheel_phase_conflict:.6g} {unit}"),
-        ]
-    )
-
-
-def table_track(reply: ChainTrackReply) -> str:
-    """The slot of any track as text."""
-    rows = [
-        ("status", reply.status),
-        ("links, pitch", f"{reply.links}, {reply.pitch:g}"),
-        ("track length", f"{reply.track_length:.6f}"),
-        ("free pin", f"P{reply.slot.free_pin} on segment {reply.free_segment}"),
-        ("slack", f"{reply.slot.slack_min:.3g} .. {reply.slot.slack_max:.6g}"),
-        *_shared_rows(reply),
-    ]
-    if reply.straight is not None:
-        rows.insert(3, ("straight", f"{reply.straight:.6f}"))
-    return _rows(rows)
+    return to_dxf(_slot_of(request)[0], request.samples, request.roller_radius).encode()
 
 
 EXPORTS = {

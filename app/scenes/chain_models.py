@@ -136,18 +136,23 @@ class CrossingReply(ReplyModel):
     to: Literal["left_wheel", "lower_arc", "right_wheel", "upper_arc"]
 
 
-class SlotReply(ReplyModel):
-    """The slot over one period."""
+class LocusReply(ReplyModel):
+    """The free pin's path over one period."""
 
-    theta1: list[float]
     xy: list[list[float]]
     free_pin: int
     depth_max: float
+    radius_min: float | None = Field(description="Smallest curvature radius of the path; null: straight.")
+    end_step: float = Field(description="Distance of the slot's ends from the bare track.")
+
+
+class SlotReply(LocusReply):
+    """The slot over one period."""
+
+    theta1: list[float]
     defect_max: float = Field(description="Largest 2 delta_upper - (theta13 - theta15).")
     defect_min: float
     defect_max_theta1: float
-    radius_min: float | None = Field(description="Smallest curvature radius of the path; null: straight.")
-    end_step: float = Field(description="Distance of the slot's ends from the bare track.")
 
 
 class FitReply(ReplyModel):
@@ -185,8 +190,8 @@ class ChecksReply(ReplyModel):
     free_pin_speed: list[float] = Field(description="Least and largest, per speed of P1.")
 
 
-class ChainSlotReply(ReplyModel):
-    """The crescent's slot."""
+class ClosureReply(ReplyModel):
+    """What a reply says of every track."""
 
     status: Literal["closed", "slack"] = Field(
         description="closed: the slot's ends lie on the track. slack: they have a step."
@@ -194,14 +199,19 @@ class ChainSlotReply(ReplyModel):
     pitch: float
     links: int
     angle_unit: AngleUnit
+    fit: FitReply | None
+    without_slot: WithoutSlotReply
+    checks: ChecksReply
+
+
+class ChainSlotReply(ClosureReply):
+    """The crescent's slot."""
+
     geometry: GeometryReply
     events: list[float]
     crossings: list[CrossingReply]
     slot: SlotReply
-    fit: FitReply | None
-    without_slot: WithoutSlotReply
     wheel_phase_conflict: float
-    checks: ChecksReply
 
 
 class TrackCrossingReply(ReplyModel):
@@ -212,26 +222,17 @@ class TrackCrossingReply(ReplyModel):
     to_segment: int
 
 
-class TrackSlotReply(ReplyModel):
+class TrackSlotReply(LocusReply):
     """The slot over one period; the phase is the way of P1 along the driving segment."""
 
     position: list[float]
-    xy: list[list[float]]
-    free_pin: int
-    depth_max: float
     slack_max: float
     slack_min: float
-    radius_min: float | None
-    end_step: float
 
 
-class ChainTrackReply(ReplyModel):
+class ChainTrackReply(ClosureReply):
     """The slot of a chain on any track."""
 
-    status: Literal["closed", "slack"]
-    pitch: float
-    links: int
-    angle_unit: AngleUnit
     track_length: float
     straight: float | None = Field(description="Of a stadium.")
     driver_segment: int
@@ -240,6 +241,3 @@ class ChainTrackReply(ReplyModel):
     position_start: float
     crossings: list[TrackCrossingReply]
     slot: TrackSlotReply
-    fit: FitReply | None
-    without_slot: WithoutSlotReply
-    checks: ChecksReply

@@ -1,14 +1,12 @@
-"""The knotter over HTTP and on the command line: answers made from `synthesis.knotter.machine`."""
+"""The knotter over HTTP and on the command line: answers made from `synthesis.knotter.d_knotter`."""
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 import math
 from typing import Any
 
-from app.query import Export, Query, RequestModel, Resources
+from app.query import Angles, Export, Query, RequestModel, Resources
 from app.scenes.knotter_models import (
     ANGLES,
     MAX_PAIRS,
@@ -27,35 +25,25 @@ from app.scenes.knotter_models import (
     ScanReply,
     ScanRequest,
 )
+from app.scenes.knotter_tables import limit_table, needle_table, scan_csv, scan_table
 from synthesis.errors import FieldError
 
 MIN_SLOPE = 1e-12
 """Slope of eq 5 against its amplitude, below which the angle for a length is undetermined."""
-
-
-class _Angles:
-    """Angles of a request to radians, and back."""
-
-    def __init__(self, unit: str) -> None:
-        self.degrees = unit == "deg"
-
-    def inward(self, angle: float) -> float:
-        return math.radians(angle) if self.degrees else angle
-
-    def outward(self, angle: float) -> float:
-        """The angle in the request's unit; the short decimal where that is the same angle, so 240 stays 240."""
-        if not self.degrees:
-            return angle
-        degrees = math.degrees(angle)
-        short = round(degrees, 9)
-        return short if math.radians(short) == angle else degrees
+DECIMALS = 9
+"""Of an angle in degrees where they are the angle itself."""
 
 
 def _given(model: RequestModel) -> dict[str, Any]:
     return {name: value for name in type(model).model_fields if (value := getattr(model, name)) is not None}
 
 
-def _law(name: str, model: LawModel, angles: _Angles) -> Any:
+def _inward(name: str, value: float, angles: Angles) -> float:
+    """A parameter's value in radians if it is an angle."""
+    return angles.inward(value) if name in ANGLES else value
+
+
+def _law(name: str, model: LawModel, angles: Angles) -> Any:
     from synthesis.knotter.mechanism import Linear, Table
 
     field = f"/laws/{name}"
@@ -76,53 +64,53 @@ def _law(name: str, model: LawModel, angles: _Angles) -> Any:
         raise FieldError(field, f"the law {name} is not defined: {error}", constraint="law_table") from error
 
 
-def _range(field: str, found: list[float] | None, default: tuple[float, float], angles: _Angles, empty: bool):
+def _range(
+    field: str, found: list[float] | None, default: tuple[float, float], angles: Angles, may_be_empty: bool = False
+) -> tuple[float, float]:
     if found is None:
         return default
     low, high = (angles.inward(at) for at in found)
-    if not (low <= high if empty else low < high):
+    if not (low <= high if may_be_empty else low < high):
         raise FieldError(field, "the range must run from a smaller to a larger angle")
     if high - low > MAX_RANGE_TURNS * math.tau * (1 + 1e-12):
         raise FieldError(field, f"the range covers more than {MAX_RANGE_TURNS} turns", constraint="turns")
     return low, high
 
 
-def _machine(request: MachineRequest, angles: _Angles) -> tuple[Any, dict[str, Any]]:
+def _machine(request: MachineRequest, angles: Angles) -> tuple[Any, dict[str, Any]]:
     """The mechanism of a request and its three conditions by name."""
-    from synthesis.knotter import machine as knotter
+    from synthesis.knotter import d_knotter
 
-    lengths = _given(request.parameters)
-    mechanism = knotter.knotter(
-        {name: angles.inward(value) if name in ANGLES else value for name, value in lengths.items()},
+    mechanism = d_knotter.mechanism(
+        {name: _inward(name, value, angles) for name, value in _given(request.parameters).items()},
         _given(request.senses),
         {name: _law(name, law, angles) for name, law in _given(request.laws).items()},
         {name: tuple(point) for name, point in _given(request.points).items()},
     )
-    options = request.clearance
-    windows, over = request.windows, options.over
+    options, windows = request.clearance, request.windows
     conditions = {
-        "wrap": knotter.wrap(_range("/windows/wrap", windows.wrap, knotter.WRAP_WINDOW, angles, False)),
-        "clearance": knotter.clearance(
-            knotter.CLEARANCE_AT if options.at is None else angles.inward(options.at),
-            _range("/clearance/over", over, knotter.CLEARANCE_OVER, angles, True),
+        "wrap": d_knotter.wrap(_range("/windows/wrap", windows.wrap, d_knotter.WRAP_WINDOW, angles)),
+        "clearance": d_knotter.clearance(
+            d_knotter.CLEARANCE_AT if options.at is None else angles.inward(options.at),
+            _range("/clearance/over", options.over, d_knotter.CLEARANCE_OVER, angles, True),
             math.inf if options.disc_radius is None else options.disc_radius,
             options.hook == "locked",
         ),
-        "bite": knotter.bite(_range("/windows/bite", windows.bite, knotter.BITE_WINDOW, angles, False)),
+        "bite": d_knotter.bite(_range("/windows/bite", windows.bite, d_knotter.BITE_WINDOW, angles)),
     }
     return mechanism, conditions
 
 
-def _provenance(request: MachineRequest, given_angles: set[str]) -> dict[str, Any]:
-    from synthesis.knotter import machine as knotter
+def _provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
+    from synthesis.knotter import d_knotter
 
     given = [*_given(request.parameters), *_given(request.laws), *_given(request.points)]
-    given += [name for name in given_angles if name not in given]
+    given += [name for name in searched if name not in given]
     given += [f"senses.{name}" for name in _given(request.senses)]
-    assumed = [*knotter.ASSUMED_PARAMETERS, "beta", "alpha4"]
-    assumed += [f"senses.{name}" for name in knotter.SENSES]
-    assumed += [name for name in knotter.POINTS if name not in knotter.PUBLISHED_POINTS]
-    published = ["alpha1", "alpha2", "alpha3", "d5", "d6", *knotter.PUBLISHED_POINTS]
+    assumed = [*d_knotter.ASSUMED_PARAMETERS, "beta", "alpha4"]
+    assumed += [f"senses.{name}" for name in d_knotter.SENSES]
+    assumed += [name for name in d_knotter.POINTS if name not in d_knotter.PUBLISHED_POINTS]
+    published = ["alpha1", "alpha2", "alpha3", "d5", "d6", *d_knotter.PUBLISHED_POINTS]
     partly = {
         "S0": "radius 30 and starting angle 15 degrees are published, the sign of its k coordinate is assumed",
         "S1": "22 along i and -39 along k are published, its j coordinate is assumed",
@@ -132,13 +120,13 @@ def _provenance(request: MachineRequest, given_angles: set[str]) -> dict[str, An
         "published": [name for name in published if name not in given],
         "given": given,
         "partly_published": {name: text for name, text in partly.items() if name not in given},
-        "frames": {**knotter.POINT_FRAMES, "E1": "u4", "E2": "u5"},
+        "frames": {**d_knotter.POINT_FRAMES, "E1": "u4", "E2": "u5"},
     }
 
 
-def _entry(condition: Any, result: Any, row: int, angles: _Angles) -> EntryReply:
+def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
     from synthesis.knotter.entry import Found
-    from synthesis.knotter.predicates import Crossing
+    from synthesis.knotter.segment_triangle import Crossing
 
     enters = result.windows[row] > 0
     opened = int(result.opened_by[row])
@@ -160,7 +148,7 @@ def _entry(condition: Any, result: Any, row: int, angles: _Angles) -> EntryReply
     )
 
 
-def _condition(name: str, condition: Any, result: Any, row: int, angles: _Angles) -> EntryReply | ClearanceReply:
+def _condition(name: str, condition: Any, result: Any, row: int, angles: Angles) -> EntryReply | ClearanceReply:
     if name != "clearance":
         return _entry(condition, result, row, angles)
     return ClearanceReply(
@@ -174,15 +162,15 @@ def _condition(name: str, condition: Any, result: Any, row: int, angles: _Angles
 
 def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     """Every combination of the grid under the conditions that are asked for."""
-    from synthesis.knotter import machine as knotter
+    from synthesis.knotter import d_knotter
     from synthesis.knotter.study import study
 
     work = resources.work()
-    angles = _Angles(request.angle_unit)
+    angles = Angles(request.angle_unit, DECIMALS)
     given = _given(request.grid)
     grid = {
         name: given.get(name) or [angles.outward(math.radians(x)) for x in values]
-        for name, values in knotter.GRID_DEGREES.items()
+        for name, values in d_knotter.GRID_DEGREES.items()
     }
     grid |= {name: values for name, values in given.items() if name not in grid}
     if twice := sorted(set(grid) & set(_given(request.parameters))):
@@ -197,7 +185,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
         )
     mechanism, conditions = _machine(request, angles)
     asked = [name for name in conditions if name in request.conditions]
-    inward = {name: [angles.inward(x) if name in ANGLES else x for x in values] for name, values in grid.items()}
+    inward = {name: [_inward(name, x, angles) for x in values] for name, values in grid.items()}
     result = study(mechanism, inward, [conditions[name] for name in asked])
     rows = []
     for row, values in enumerate(itertools.product(*grid.values())):
@@ -218,7 +206,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
         axes=list(grid),
         pairs=rows,
         feasible=feasible,
-        **_provenance(request, set(given)),
+        **_provenance(request, list(given)),
         report=Report(pairs=pairs, elapsed_ms=1e3 * work.elapsed),
     )
 
@@ -227,11 +215,10 @@ def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
     """The values of one parameter at which a condition's verdict changes."""
     from synthesis.knotter.study import solve
 
-    angles = _Angles(request.angle_unit)
+    angles = Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = _machine(request, angles)
     condition = conditions[request.condition]
-    is_angle = request.parameter in ANGLES
-    low, high = ((angles.inward(x) if is_angle else x) for x in request.between)
+    low, high = (_inward(request.parameter, x, angles) for x in request.between)
     if not low < high:
         raise FieldError("/between", "the range must run from a smaller to a larger value")
     asked = {name: value for name in ("alpha1", "alpha3") if (value := getattr(request, name)) is not None}
@@ -247,7 +234,7 @@ def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
         verdict = _condition(request.condition, condition, limit.result, 0, angles)
         rows.append(
             LimitRow(
-                value=angles.outward(limit.value) if is_angle else limit.value,
+                value=angles.outward(limit.value) if request.parameter in ANGLES else limit.value,
                 holds="above" if limit.holds_above else "below",
                 **{name: verdict if name == request.condition else None for name in conditions},
             )
@@ -256,21 +243,23 @@ def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
         status="limited" if limits else "always" if holds else "never",
         parameter=request.parameter,
         limits=rows,
-        **_provenance(request, {*asked, request.parameter}),
+        **_provenance(request, [*asked, request.parameter]),
     )
 
 
 def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
     """Clearance and length at the needle's angle, and the angles for a given clearance or length."""
-    from synthesis.knotter import machine as knotter
+    from synthesis.knotter import d_knotter
 
-    angles = _Angles(request.angle_unit)
-    alpha2 = knotter.ALPHA2 if request.alpha2 is None else angles.inward(request.alpha2)
+    angles = Angles(request.angle_unit, DECIMALS)
+    alpha2 = d_knotter.ALPHA2 if request.alpha2 is None else angles.inward(request.alpha2)
     if not abs(alpha2) < math.radians(90.0):
         raise FieldError("/alpha2", "the needle's angle must lie between -90 and 90 degrees", constraint="range")
-    needle = knotter.Needle(
+    from synthesis.knotter.needle import Needle
+
+    needle = Needle(
         **{name: getattr(request, name) for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")},
-        beta0=knotter.BETA0 if request.beta0 is None else angles.inward(request.beta0),
+        beta0=d_knotter.BETA0 if request.beta0 is None else angles.inward(request.beta0),
     )
     clearance, length, best = float(needle.clearance(alpha2)), float(needle.lay(alpha2)), needle.best()
     free = needle.free_range()
@@ -301,69 +290,6 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
     )
 
 
-def _cell(condition: EntryReply | ClearanceReply | None) -> str:
-    if condition is None:
-        return f"{'':33}"
-    if isinstance(condition, ClearanceReply):
-        where = f"{condition.worst:+.4f} at {condition.worst_angle:.4f}"
-    elif condition.angle is None:
-        where = "never"
-    else:
-        where = f"{condition.angle:.6f} {condition.edge or condition.entered_by}"
-    return f"{'yes' if condition.holds else 'no ':<3} {where:<20} {condition.margin:+9.3f}"
-
-
-def scan_table(reply: ScanReply) -> str:
-    """The pairs as rows: of each condition the verdict, where, and the margin."""
-    rows = [[pair.alpha1, pair.alpha3, *(pair.parameters or {}).values()] for pair in reply.pairs]
-    labels = ["  ".join(reply.axes), *("  ".join(f"{value:g}" for value in row) for row in rows)]
-    width = max(map(len, labels)) + 2
-    lines = [f"{labels[0]:<{width}}{'wrap':<35}{'clearance (worst)':<35}{'bite':<35}tied"]
-    for label, pair in zip(labels[1:], reply.pairs):
-        cells = "  ".join(_cell(part) for part in (pair.wrap, pair.clearance, pair.bite))
-        lines.append(f"{label:<{width}}{cells}  {'yes' if pair.feasible else 'no'}")
-    lines.append(f"feasible: {len(reply.feasible)} of {len(reply.pairs)}")
-    lines.append(f"assumed, not published: {', '.join(reply.assumed) or 'nothing'}")
-    return "\n".join(lines)
-
-
-def limit_table(reply: LimitReply) -> str:
-    """The limits as rows."""
-    lines = [f"{reply.parameter}: {reply.status}"]
-    for row in reply.limits:
-        lines.append(f"  {row.value:.9f}, holds {row.holds}  {_cell(row.wrap or row.clearance or row.bite)}")
-    lines.append(f"assumed, not published: {', '.join(reply.assumed) or 'nothing'}")
-    return "\n".join(lines)
-
-
-def needle_table(reply: NeedleReply) -> str:
-    """The needle's figures, one a row."""
-    rows = {
-        name: value for name, value in reply.model_dump().items() if name not in ("assumed", "published", "given")
-    }
-    return "\n".join(f"{name:<22}{value}" for name, value in rows.items())
-
-
-def scan_csv(request: ScanRequest, resources: Resources) -> bytes:
-    """The pairs as comma-separated values; empty where something does not exist."""
-    reply = answer_scan(request, resources)
-    columns = [
-        f"{name}.{field}"
-        for name, model in (("wrap", EntryReply), ("clearance", ClearanceReply), ("bite", EntryReply))
-        if getattr(reply.pairs[0], name) is not None
-        for field in model.model_fields
-    ]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*reply.axes, *columns, "feasible", "margin"])
-    for pair in reply.pairs:
-        cells = [getattr(getattr(pair, name), field) for name, field in (column.split(".") for column in columns)]
-        cells = [" ".join(map(repr, cell)) if isinstance(cell, list) else cell for cell in cells]
-        values = [pair.alpha1, pair.alpha3, *(pair.parameters or {}).values()]
-        writer.writerow([*values, *cells, pair.feasible, pair.margin])
-    return text.getvalue().encode()
-
-
 QUERIES = (
     Query(
         path="/v1/knotter/scan",
@@ -378,7 +304,7 @@ QUERIES = (
             "wrap_only": {"conditions": ["wrap"], "grid": {"alpha1": [10], "alpha3": [20, 25, 30]}},
             "finite_disc": {"conditions": ["clearance"], "clearance": {"disc_radius": 35, "hook": "moving"}},
         },
-        exports={"csv": Export("text/csv", scan_csv)},
+        exports={"csv": Export("text/csv", lambda *asked: scan_csv(answer_scan(*asked)).encode())},
     ),
     Query(
         path="/v1/knotter/limit",

@@ -1,13 +1,11 @@
-"""The lift over HTTP and on the command line: answers made from `synthesis.lift.motion`."""
+"""The lift over HTTP and on the command line: answers made from `synthesis.lift`."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from typing import TYPE_CHECKING, Any
 
-from app.query import Export, Query, Resources
+from app.query import Angles, Export, Query, Resources
 from app.scenes.lift_models import (
     MAX_BATCH_STEPS,
     MIN_MAGNITUDE,
@@ -17,7 +15,6 @@ from app.scenes.lift_models import (
     BatchRow,
     ConditionModel,
     CylinderModel,
-    DesignModel,
     DesignReply,
     DiscreteObjective,
     MotionReply,
@@ -27,24 +24,15 @@ from app.scenes.lift_models import (
     OptimumMotion,
     PublishedReply,
 )
+from app.scenes.lift_tables import batch_table, motion_table, optimize_table
 from synthesis.errors import FieldError
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from synthesis.lift.motion import Motion
     from synthesis.lift.objective import Task
     from synthesis.lift.optimum import Optimum
-    from synthesis.lift.pose import Cylinder, Design
-
-TABLE_ROWS = 21
-"""Times that the terminal's table shows."""
-
-
-def _design(model: DesignModel) -> Design:
-    from synthesis.lift.pose import Design
-
-    return Design(model.l2, model.l3, model.l4, model.l5, model.b)
+    from synthesis.lift.pose import Cylinder
+    from synthesis.lift.published import Published
 
 
 def _cylinder(model: CylinderModel) -> Cylinder:
@@ -52,19 +40,32 @@ def _cylinder(model: CylinderModel) -> Cylinder:
 
     for name, value in (("speed", model.speed), ("acceleration", model.acceleration)):
         if 0 < abs(value) < MIN_MAGNITUDE:
-            raise FieldError(
-                f"/cylinder/{name}", f"too small: 0 or at least {MIN_MAGNITUDE:g}, found {value:g}", constraint=name
-            )
+            message = f"too small: 0 or at least {MIN_MAGNITUDE:g}, found {value:g}"
+            raise FieldError(f"/cylinder/{name}", message, constraint=name)
     return Cylinder(model.length, model.speed, model.acceleration)
 
 
 def _move(request: MotionRequest) -> Motion:
     from synthesis.lift.motion import motion
+    from synthesis.lift.pose import Design
 
     if request.times is not None and request.samples is not None:
         raise FieldError("/times", "give either `times` or `samples`, not both")
-    design, cylinder = _design(request.design), _cylinder(request.cylinder)
-    return motion(design, cylinder, request.times, request.samples or 201)
+    design = Design(**request.design.model_dump())
+    return motion(design, _cylinder(request.cylinder), request.times, request.samples or 201)
+
+
+def _columns(moved: Motion) -> dict[str, list[float]]:
+    """What every reply and every file lists over the time."""
+    columns = {
+        "time": moved.time,
+        "height": moved.pose.height,
+        "velocity": moved.velocity,
+        "acceleration": moved.acceleration,
+        "cylinder_length": moved.cylinder_length,
+        "cylinder_speed": moved.cylinder_speed,
+    }
+    return {name: column.tolist() for name, column in columns.items()}
 
 
 def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
@@ -73,135 +74,99 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
     from synthesis.lift.pose import pose_at_turn
 
     moved = _move(request)
-    limits, design = moved.stroke, moved.design
+    limits, design = moved.stroke, moved.pose.design
+    # from the start to the end of the motion
+    ends = [(limits.height_bottom, limits.turn_bottom), (limits.height_top, 0.0)]
     rising = request.cylinder.speed > 0
-    bottom, top = (float(value) for value in condition(design, [limits.turn_bottom, 0.0]))
-    heights = (float(limits.height_bottom), float(limits.height_top))
+    heights, turns = zip(*(ends if rising else ends[::-1]))
+    start, end = (float(value) for value in condition(design, turns))
+    bottom, top = (start, end) if rising else (end, start)
     return MotionReply(
         status="ok",
         direction="rising" if rising else "lowering",
         rise_time=float(limits.duration),
-        height_start=heights[0] if rising else heights[1],
-        height_end=heights[1] if rising else heights[0],
-        height_top=heights[1],
+        height_start=float(heights[0]),
+        height_end=float(heights[1]),
+        height_top=float(limits.height_top),
         dead_point_length=float(limits.length_dead),
         dead_point_height=float(pose_at_turn(design, limits.turn_dead).height),
         length_top=float(limits.length_top),
-        condition=ConditionModel(
-            start=bottom if rising else top, top=top, bottom=bottom, min=smallest_condition(design, limits)[0]
-        ),
+        condition=ConditionModel(start=start, top=top, bottom=bottom, min=smallest_condition(design, limits)[0]),
         angle_unit=request.angle_unit,
-        time=moved.time.tolist(),
-        height=moved.pose.height.tolist(),
-        velocity=moved.velocity.tolist(),
-        acceleration=moved.acceleration.tolist(),
-        cylinder_length=moved.cylinder_length.tolist(),
-        cylinder_speed=moved.cylinder_speed.tolist(),
+        **_columns(moved),
         **_extras(request, moved),
     )
 
 
 def _extras(request: MotionRequest, moved: Motion) -> dict[str, Any]:
     """Only what ``include`` asks for."""
-    from synthesis.lift import loops as lift_loops
-    from synthesis.lift import pose as lift_pose
+    from synthesis.lift import loops, pose
 
-    wanted = set(request.include)
-    design, pose, speed = moved.design, moved.pose, moved.cylinder_speed
-    unit = 180 / math.pi if request.angle_unit == "deg" else 1.0
+    at, speed, design = moved.pose, moved.cylinder_speed, moved.pose.design
+    radian = Angles(request.angle_unit).radian
 
-    def per_link(prefix: str, values: np.ndarray) -> dict[str, list[float]]:
-        return {f"{prefix}{k + 1}": (unit * values[:, k]).tolist() for k in range(lift_loops.ANGLE_COUNT)}
+    def per_link(prefix: str, angles: Any) -> dict[str, list[float]]:
+        return {f"{prefix}{k}": (column / radian).tolist() for k, column in enumerate(angles.T, 1)}
 
-    extras: dict[str, Any] = {}
-    if "angles" in wanted:
-        extras["angles"] = per_link("theta", lift_loops.link_angles(design, pose))
-    if "angular_velocities" in wanted:
-        extras["angular_velocities"] = per_link("link", lift_loops.angular_velocities(design, pose, speed))
-    if "angular_accelerations" in wanted:
-        rates = lift_loops.angular_accelerations(design, pose, speed, moved.cylinder_acceleration)
-        extras["angular_accelerations"] = per_link("link", rates)
-    if "points" in wanted:
-        extras["points"] = _points(moved)
-    if "conditions" in wanted:
-        extras["conditions"] = lift_loops.condition(design, pose.turn).tolist()
-    if "residual" in wanted:
-        extras["residual"] = lift_loops.largest_residual(moved)
-    if "instant_centre" in wanted:
-        speeds = lift_loops.velocity_by_instant_centre(design, speed, pose.height).tolist()
-        extras["instant_centre"] = [value if math.isfinite(value) else None for value in speeds]
-    if "assemblies" in wanted:
-        turns = lift_pose.turns_at_length(design, request.cylinder.length)
-        heights = lift_pose.pose_at_turn(design, turns).height
-        extras["assemblies"] = [
-            Assembly(
-                height=float(height),
-                theta3=unit * (float(turn) + math.pi / 2),
-                working=bool(turn < moved.stroke.turn_dead),
-            )
-            for height, turn in zip(heights, turns)
+    def points() -> dict[str, Any]:
+        heights, link = at.height.tolist(), design.l3 * at.sin_turn - design.b
+        return {
+            "A": [(-design.b, height) for height in heights],
+            "B": list(zip(at.x.tolist(), at.y.tolist())),
+            "C": list(zip(link.tolist(), at.root.tolist())),
+            "D": (-design.b, 0.0),
+        }
+
+    def instant_centre() -> list[float | None]:
+        speeds = loops.velocity_by_instant_centre(design, speed, at.height).tolist()
+        return [value if math.isfinite(value) else None for value in speeds]
+
+    def assemblies() -> list[Assembly]:
+        turns = pose.turns_at_length(design, request.cylinder.length)
+        rows = zip(pose.pose_at_turn(design, turns).height.tolist(), turns.tolist())
+        return [
+            Assembly(height=height, theta3=(turn + math.pi / 2) / radian, working=turn < moved.stroke.turn_dead)
+            for height, turn in rows
         ]
-    return extras
 
-
-def _points(moved: Motion) -> dict[str, Any]:
-    design, pose = moved.design, moved.pose
-    heights = pose.height.tolist()
-    link = design.l3 * pose.sin_turn - design.b, pose.root
-    return {
-        "A": [(-design.b, height) for height in heights],
-        "B": list(zip(pose.x.tolist(), pose.y.tolist())),
-        "C": list(zip(link[0].tolist(), link[1].tolist())),
-        "D": (-design.b, 0.0),
+    extras = {
+        "angles": lambda: per_link("theta", loops.link_angles(at)),
+        "angular_velocities": lambda: per_link("link", loops.angular_velocities(at, speed)),
+        "angular_accelerations": lambda: per_link(
+            "link", loops.angular_accelerations(at, speed, moved.cylinder_acceleration)
+        ),
+        "points": points,
+        "conditions": lambda: loops.condition(design, at.turn).tolist(),
+        "residual": lambda: loops.largest_residual(moved),
+        "instant_centre": instant_centre,
+        "assemblies": assemblies,
     }
-
-
-def motion_table(reply: MotionReply) -> str:
-    """The motion as text: the figures first, then at most `TABLE_ROWS` times."""
-    lines = [
-        f"{reply.direction} from {reply.height_start:.6g} to {reply.height_end:.6g} in {reply.rise_time:.6f} s",
-        f"dead point at cylinder length {reply.dead_point_length:.6g} (height {reply.dead_point_height:.6g}), "
-        f"top at {reply.length_top:.6g}",
-        f"condition: start {reply.condition.start:.4g}, top {reply.condition.top:.4g}, min {reply.condition.min:.4g}",
-    ]
-    if reply.residual is not None:
-        lines.append(f"largest loop residual {reply.residual:.2g}")
-    for pose in reply.assemblies or []:
-        lines.append(f"assembly at height {pose.height:.6g}{' (working branch)' if pose.working else ''}")
-    lines += ["", f"{'time':>12} {'height':>14} {'velocity':>14} {'acceleration':>14} {'cylinder':>14}"]
-    last = len(reply.time) - 1
-    rows = sorted({round(k * last / (TABLE_ROWS - 1)) for k in range(TABLE_ROWS)})
-    for k in rows:
-        values = (reply.height[k], reply.velocity[k], reply.acceleration[k], reply.cylinder_length[k])
-        lines.append(f"{reply.time[k]:12.6g} " + " ".join(f"{value:14.8g}" for value in values))
-    if len(rows) <= last:
-        lines.append(f"({len(rows)} of {last + 1} times; --json shows all)")
-    return "\n".join(lines)
+    return {name: extras[name]() for name in set(request.include)}
 
 
 def _task(cylinder: CylinderModel, request: OptimizeRequest | BatchRequest) -> Task:
     from synthesis.lift.objective import Objective, Task
 
-    wanted = request.objective
-    if isinstance(wanted, DiscreteObjective):
-        objective = Objective("discrete", wanted.n, wanted.include_start)
-    else:
-        objective = Objective(wanted.kind)
+    objective = Objective(**request.objective.model_dump())
     return Task(_cylinder(cylinder), *request.stroke, objective, request.upper_bound)
 
 
-def _design_reply(design: Design) -> DesignReply:
-    return DesignReply(**design.as_dict())
-
-
-def _optimum_motion(optimum: Optimum, cylinder: CylinderModel) -> OptimumMotion:
-    return OptimumMotion(
-        rise_time=optimum.duration,
-        velocity_start=optimum.velocity_bottom if cylinder.speed > 0 else 0.0,
-        velocity_bottom=optimum.velocity_bottom,
-        velocity_mean=optimum.mean_velocity,
-        dead_point_length=optimum.dead_point_length,
-    )
+def _optimum(optimum: Optimum, published: Published | None, cylinder: CylinderModel) -> dict[str, Any]:
+    """What a reply and a row of a batch say of an optimum."""
+    return {
+        "status": "optimal",
+        "design": DesignReply(**optimum.design.as_dict()),
+        "objective": optimum.objective,
+        "active": list(optimum.active),
+        "motion": OptimumMotion(
+            rise_time=optimum.duration,
+            velocity_start=optimum.velocity_bottom if cylinder.speed > 0 else 0.0,
+            velocity_bottom=optimum.velocity_bottom,
+            velocity_mean=optimum.mean_velocity,
+            dead_point_length=optimum.dead_point_length,
+        ),
+        "objective_of_published": published.objective if published else None,
+    }
 
 
 NOTES = {
@@ -220,50 +185,23 @@ def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeR
     from synthesis.lift.published import published_for
 
     task = _task(request.cylinder, request)
-    optimum = optimize(task, clock_of(resources))
+    optimum = optimize(task, resources.work())
     published = published_for(task, optimum)
+    beside = None
+    if published:
+        design = DesignReply(**published.design.as_dict())
+        beside = PublishedReply(
+            design=design, objective=published.objective, slope=published.slope, reason=published.reason
+        )
     return OptimizeReply(
-        status="optimal",
-        design=_design_reply(optimum.design),
-        objective=optimum.objective,
+        **_optimum(optimum, published, request.cylinder),
         objective_kind=task.objective.kind,
-        active=list(optimum.active),
         slacks=optimum.slacks,
         equations=optimum.equations,
-        motion=_optimum_motion(optimum, request.cylinder),
-        objective_of_published=published.objective if published else None,
-        published=PublishedReply(
-            design=_design_reply(published.design),
-            objective=published.objective,
-            slope=published.slope,
-            reason=published.reason,
-        )
-        if published
-        else None,
+        published=beside,
         note=NOTES[task.objective.kind],
         evaluations=optimum.evaluations,
     )
-
-
-def optimize_table(reply: OptimizeReply) -> str:
-    """The optimum as text, the published design beside it."""
-    columns: list[tuple[str, DesignReply, float]] = [("optimum", reply.design, reply.objective)]
-    if reply.published:
-        columns.append(("published", reply.published.design, reply.published.objective))
-    lines = [f"{'':>10} " + " ".join(f"{name:>14}" for name, _, _ in columns)]
-    for name in ("l2", "l3", "l4", "l5", "b"):
-        lines.append(f"{name:>10} " + " ".join(f"{getattr(design, name):14.6f}" for _, design, _ in columns))
-    lines.append(f"{'objective':>10} " + " ".join(f"{value:14.7g}" for _, _, value in columns))
-    lines += [
-        "",
-        f"active: {', '.join(reply.active) or 'none'}",
-        f"rise time {reply.motion.rise_time:.6f} s, speed at the start {reply.motion.velocity_start:.6g}, "
-        f"mean over height {reply.motion.velocity_mean:.6g}",
-    ]
-    if reply.published:
-        lines.append(f"published: {reply.published.reason}")
-    lines.append(reply.note)
-    return "\n".join(lines)
 
 
 def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
@@ -274,73 +212,25 @@ def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
     if isinstance(request.objective, DiscreteObjective):
         steps = request.objective.n * len(request.cylinders)
         if steps > MAX_BATCH_STEPS:
-            raise FieldError(
-                "/objective/n",
-                f"n times cylinders must be at most {MAX_BATCH_STEPS}, found {steps}",
-                constraint="batch_steps",
-                amount=steps - MAX_BATCH_STEPS,
-            )
+            message = f"n times cylinders must be at most {MAX_BATCH_STEPS}, found {steps}"
+            raise FieldError("/objective/n", message, constraint="batch_steps", amount=steps - MAX_BATCH_STEPS)
     tasks = [_task(cylinder, request) for cylinder in request.cylinders]
     rows = []
-    for cylinder, task, found in zip(request.cylinders, tasks, optimize_batch(tasks, clock_of(resources))):
+    for cylinder, task, found in zip(request.cylinders, tasks, optimize_batch(tasks, resources.work())):
         if isinstance(found, FieldError):
-            rows.append(
-                BatchRow(
-                    cylinder=cylinder.model_dump(),
-                    status="infeasible",
-                    constraint=found.details.get("constraint"),
-                    amount=found.details.get("amount"),
-                    detail=found.message,
-                )
-            )
-            continue
-        published = published_for(task, found)
-        rows.append(
-            BatchRow(
-                cylinder=cylinder.model_dump(),
-                status="optimal",
-                design=_design_reply(found.design),
-                objective=found.objective,
-                active=list(found.active),
-                motion=_optimum_motion(found, cylinder),
-                objective_of_published=published.objective if published else None,
-            )
-        )
+            reason = {name: found.details.get(name) for name in ("constraint", "amount")}
+            row = {"status": "infeasible", "detail": found.message, **reason}
+        else:
+            row = _optimum(found, published_for(task, found), cylinder)
+        rows.append(BatchRow(cylinder=cylinder.model_dump(), **row))
     return BatchReply(status="ok", rows=rows)
-
-
-def batch_table(reply: BatchReply) -> str:
-    """One line for each cylinder."""
-    names = ("length", "speed", "l2", "l3", "l4", "l5", "b", "objective", "published", "rise time")
-    lines = [" ".join(f"{name:>11}" for name in names)]
-    for row in reply.rows:
-        head = f"{row.cylinder['length']:11.6g} {row.cylinder['speed']:11.6g} "
-        if row.design is None or row.motion is None or row.objective is None:
-            lines.append(head + f"{row.constraint}: {row.detail}")
-            continue
-        design = row.design
-        values = [f"{value:11.4f}" for value in (design.l2, design.l3, design.l4, design.l5, design.b)]
-        published = "-" if row.objective_of_published is None else f"{row.objective_of_published:.4f}"
-        lines.append(head + " ".join(values) + f" {row.objective:11.4f} {published:>11} {row.motion.rise_time:11.6f}")
-    return "\n".join(lines)
 
 
 def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
     """The motion as comma-separated values, one time a line."""
-    moved = _move(request)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["time", "height", "velocity", "acceleration", "cylinder_length", "cylinder_speed"])
-    columns = (
-        moved.time,
-        moved.pose.height,
-        moved.velocity,
-        moved.acceleration,
-        moved.cylinder_length,
-        moved.cylinder_speed,
-    )
-    writer.writerows(zip(*(column.tolist() for column in columns)))
-    return text.getvalue().encode()
+    from synthesis.sheet import csv_text
+
+    return csv_text(_columns(_move(request)), "\n").encode()
 
 
 INITIAL_DESIGN = {"l2": 300.0, "l3": 180.0, "l4": 240.0, "l5": 330.0, "b": 480.0}
@@ -412,9 +302,3 @@ QUERIES = (
         },
     ),
 )
-
-
-def clock_of(resources: Resources) -> Any:
-    """Seconds of a watch over this request."""
-    work = resources.work()
-    return lambda: work.elapsed

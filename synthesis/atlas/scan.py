@@ -247,7 +247,7 @@ class Scan:
 
     def start_angles(self, windows: Windows) -> Floats:
         """theta1 at the first sample of windows, radians."""
-        return windows.start * (TURN / self.starts)
+        return np.multiply(windows.start, TURN / self.starts, dtype=np.float64)
 
     def angles(self, target: Target, windows: Windows) -> Floats:
         """Body angle of windows at the samples of a target, (n, N), from the lengths alone."""
@@ -272,8 +272,7 @@ class Scan:
         for part in self._requested(target, Work()):
             table[part.cells.bucket.rows] = part.squared(slice(None))
         np.maximum(table, 0.0, out=table)
-        shaped: Floats = table.reshape(-1, 2, self.starts)
-        return shaped
+        return table.reshape(-1, 2, self.starts)
 
     # -- answers ------------------------------------------------------------------------------------------------------
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synthesis.chain.closure import Chain, NotClosing, critical_parameter
-from synthesis.chain.slot import NoSlot, Slot, Stretched, find_slot
-from synthesis.chain.track import ChordError, Segment, Track, arc, stadium
+from synthesis.chain.closure import Chain, critical_parameter
+from synthesis.chain.errors import check_link_fits
+from synthesis.chain.slot import Slot, find_slot
+from synthesis.chain.track import Segment, Track, arc, line
 from synthesis.errors import FieldError
 
 FLATTEST = 1e-6
@@ -70,30 +71,27 @@ class Crescent:
         """
         r0, r1, r2 = self.wheel_radius, self.upper_radius, self.lower_radius
         xi, eps = self.xi, self.eps
-        cx, cy = (r1 + r0) * np.cos(eps), (r1 + r0) * np.sin(eps)
+        centre = (r1 + r0) * np.exp(1j * eps)
         turn = np.pi + xi + eps
-        lower, upper = np.pi + xi, np.pi + eps
+
+        def from_wheel(x: float, angle: float, curvature: float, sweep: float) -> Segment:
+            start = complex(x, centre.imag) + r0 * np.exp(1j * angle)
+            return Segment(start.real, start.imag, angle + np.pi / 2, curvature, sweep / abs(curvature))
+
         return Track(
             [
-                arc(-cx, cy, r0, -eps, turn),
-                Segment(
-                    -cx + r0 * np.cos(lower), cy + r0 * np.sin(lower), lower + np.pi / 2, 1 / r2, 2 * self.alpha * r2
-                ),
-                arc(cx, cy, r0, -xi, turn),
-                Segment(
-                    cx + r0 * np.cos(upper),
-                    cy + r0 * np.sin(upper),
-                    upper + np.pi / 2,
-                    -1 / r1,
-                    (np.pi + 2 * eps) * r1,
-                ),
+                arc(-centre.real, centre.imag, r0, -eps, turn),
+                from_wheel(-centre.real, np.pi + xi, 1 / r2, 2 * self.alpha),
+                arc(centre.real, centre.imag, r0, -xi, turn),
+                from_wheel(centre.real, np.pi + eps, -1 / r1, np.pi + 2 * eps),
             ]
         )
 
     def link_angles(self, pitch: float) -> tuple[float, float, float]:
         """Angle of one link on the wheel, the upper and the lower arc: dq, du, dd = 2 asin(L/2R)."""
-        half = [pitch / (2 * radius) for radius in (self.wheel_radius, self.upper_radius, self.lower_radius)]
-        return tuple(2 * float(np.arcsin(min(1.0, h))) for h in half)  # the models hold h < 1
+        radii = (self.wheel_radius, self.upper_radius, self.lower_radius)
+        wheel, upper, lower = (2 * float(np.arcsin(pitch / (2 * radius))) for radius in radii)
+        return wheel, upper, lower
 
 
 def level_crescent(wheel_radius: float, upper_radius: float, alpha: float) -> Crescent:
@@ -142,13 +140,28 @@ def critical_crescent(pitch: float, links: int, upper_radius: float, wheel_radiu
     FieldError
         No crescent of these radii closes; with the nearest number of links and the missing or excess length.
     """
-    try:
-        alpha = critical_parameter(
-            lambda alpha: level_crescent(wheel_radius, upper_radius, alpha).track, pitch, links, np.pi / 2, FLATTEST
-        )
-    except NotClosing as error:
-        raise not_closing(links, error.nearest_links, error.missing, "on any lower radius") from None
-    return level_crescent(wheel_radius, upper_radius, alpha)
+
+    def family(alpha: float) -> Crescent:
+        return level_crescent(wheel_radius, upper_radius, alpha)
+
+    where = "on any lower radius"
+    return family(critical_parameter(lambda alpha: family(alpha).track, pitch, links, np.pi / 2, FLATTEST, where))
+
+
+def stadium(radius: float, straight: float) -> Track:
+    """Two half circles, centres ``straight`` apart on the x axis, joined by lines.
+
+    It is travelled to the left, from the joint of the lower line with the right half circle.
+    """
+    half = straight / 2
+    return Track(
+        [
+            Segment(half, -radius, 0.0, 1 / radius, np.pi * radius),
+            line(half, radius, -half, radius),
+            Segment(-half, radius, np.pi, 1 / radius, np.pi * radius),
+            line(-half, -radius, half, -radius),
+        ]
+    )
 
 
 def critical_stadium(pitch: float, links: int, radius: float) -> Track:
@@ -159,39 +172,10 @@ def critical_stadium(pitch: float, links: int, radius: float) -> Track:
     FieldError
         The chain is shorter than the two half circles.
     """
-    if not pitch < 2 * radius * (1 - 1e-9):
-        raise link_on_arc("/stadium/radius", pitch, radius)
-    longest = links * pitch
-    least = 1e-6 * pitch
-    try:
-        straight = critical_parameter(lambda x: stadium(radius, x), pitch, links, longest, least)
-    except NotClosing as error:
-        raise not_closing(links, error.nearest_links, error.missing, "on any straight of this stadium") from None
+    check_link_fits("/stadium/radius", pitch, radius)
+    where = "on any straight of this stadium"
+    straight = critical_parameter(lambda x: stadium(radius, x), pitch, links, links * pitch, 1e-6 * pitch, where)
     return stadium(radius, straight)
-
-
-def link_on_arc(field: str, pitch: float, radius: float) -> FieldError:
-    """The error of an arc whose diameter is no longer than a link."""
-    return FieldError(
-        field,
-        f"a link does not fit on an arc of radius {radius:.6g}; more than {pitch / 2:.6g} is wanted",
-        constraint="link_on_arc",
-        amount=pitch / 2 - radius,
-    )
-
-
-def not_closing(links: int, nearest: int, missing: float, where: str) -> FieldError:
-    """The error of a chain that is too short (``missing`` > 0) or too long for its track."""
-    word = "missing" if missing > 0 else "in excess"
-    verb = "would be stretched" if missing > 0 else "does not close"
-    return FieldError(
-        "/links",
-        f"a chain of {links} links {verb} {where}: {abs(missing):.6g} of length is {word}; {nearest} links close",
-        constraint="closure",
-        amount=abs(missing),
-        nearest_links=nearest,
-        **({"missing_length": missing} if missing > 0 else {"excess_length": -missing}),
-    )
 
 
 def crescent_slot(
@@ -223,64 +207,36 @@ def crescent_slot(
     wheel_radius = pitch / np.sqrt(2) if wheel_radius is None else wheel_radius
     named = {"upper_radius": upper_radius, "wheel_radius": wheel_radius, "lower_radius": lower_radius}
     for name, radius in named.items():
-        if radius is not None and not pitch < 2 * radius * (1 - 1e-9):
-            raise link_on_arc(f"/{name}", pitch, radius)
-        if radius is not None and radius > RADIUS_RATIO * pitch:
+        if radius is None:
+            continue
+        check_link_fits(f"/{name}", pitch, radius)
+        if radius > RADIUS_RATIO * pitch:
             raise FieldError(
                 f"/{name}",
                 f"the radius may be at most {RADIUS_RATIO:.0e} pitches, found {radius / pitch:.6g}",
                 constraint="radius_ratio",
                 amount=radius - RADIUS_RATIO * pitch,
             )
-    if lower_radius is None and eccentricity is None:
+    c = upper_radius + wheel_radius
+    if eccentricity is not None:
+        lower_radius = float(wheel_radius + np.hypot(c, eccentricity)) if lower_radius is None else lower_radius
+        crescent = given_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
+    elif lower_radius is None:
         crescent = critical_crescent(pitch, links, upper_radius, wheel_radius)
     else:
-        c = upper_radius + wheel_radius
-        if lower_radius is None:
-            lower_radius = float(wheel_radius + np.hypot(c, eccentricity))
-        elif eccentricity is None:
-            a = lower_radius - wheel_radius
-            if not a > c:
-                raise FieldError(
-                    "/lower_radius",
-                    f"with the wheels at the height of the upper arc's centre it must exceed {wheel_radius + c:.6g}",
-                    constraint="tangency",
-                    amount=c - a,
-                )
-            eccentricity = float(np.sqrt((a - c) * (a + c)))
-        crescent = given_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
+        a = lower_radius - wheel_radius
+        if not a > c:
+            raise FieldError(
+                "/lower_radius",
+                f"with the wheels at the height of the upper arc's centre it must exceed {wheel_radius + c:.6g}",
+                constraint="tangency",
+                amount=c - a,
+            )
+        crescent = given_crescent(wheel_radius, upper_radius, lower_radius, float(np.sqrt((a - c) * (a + c))))
     track = crescent.track
     middle = float(track.joints[UPPER_ARC] + 0.5 * track.length[UPPER_ARC])
     phase = None if start is None else start * wheel_radius
-    return crescent, track_slot(track, pitch, links, middle, start=phase, place_field="/upper_radius")
-
-
-def track_slot(
-    track: Track,
-    pitch: float,
-    links: int,
-    middle: float,
-    side: int | None = None,
-    start: float | None = None,
-    place_field: str = "/free_segment",
-) -> Slot:
-    """The slot of a chain on any track, nearest to the arc length ``middle``; see `chain_slot.find_slot`.
-
-    ``place_field`` is the request's field that decides where the slot lies.
-
-    Raises
-    ------
-    FieldError
-        The chain would be stretched, does not close, or a link does not fit on the track.
-    """
-    try:
-        return find_slot(Chain(track, pitch, links), middle, side, start)
-    except Stretched as error:
-        raise not_closing(links, error.nearest_links, error.missing, "on this track") from None
-    except NoSlot as error:
-        raise FieldError(place_field, str(error), constraint="no_slot") from None
-    except ChordError as error:
-        raise FieldError("/pitch", str(error), constraint=error.fault.name.lower(), amount=error.position) from None
+    return crescent, find_slot(Chain(track, pitch, links), middle, start=phase, place_field="/upper_radius")
 
 
 def tightest_room(track: Track, pitch: float, driver: int) -> int:

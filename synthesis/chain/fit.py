@@ -14,8 +14,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from synthesis.chain.slot import Slot
-from synthesis.chain.track import Floats
+from synthesis.chain.track import Place, Points, dot
 from synthesis.errors import FieldError
+from synthesis.one_variable import Floats
 
 FitKind = Literal["chebyshev", "spline", "fourier", "polynomial"]
 
@@ -47,10 +48,10 @@ class Fit:
     data : dict
         The numbers, as plain lists, phases as arc length of P1.
     evaluate : callable
-        ``evaluate(phase) -> points``, shapes (n,) and (n, 2).
+        ``evaluate(phase) -> points``, both of shape (n,).
     slide : callable, optional
         Of a curve that does not say where on it the pin is: ``slide(near, centre) -> points`` on the curve, one pitch
-        from ``centre`` and near ``near``, all of shape (n, 2).
+        from ``centre`` and near ``near``, all of shape (n,).
     """
 
     kind: str
@@ -58,8 +59,8 @@ class Fit:
     unknowns: int
     condition: float
     data: dict[str, Any]
-    evaluate: Callable[[Floats], Floats]
-    slide: Callable[[Floats, Floats], Floats] | None = None
+    evaluate: Callable[[Floats], Points]
+    slide: Callable[[Points, Points], Points] | None = None
 
 
 @dataclass(frozen=True)
@@ -100,16 +101,12 @@ def fit_slot(slot: Slot, kind: FitKind, order: int, phases: Floats | None = None
 
 def fit_error(slot: Slot, fit: Fit, phases: Floats) -> FitError:
     """Errors of a fit at phases of shape (n,)."""
-    before, _, after, _ = slot.neighbours(phases)
-    track, pitch = slot.chain.track, slot.chain.pitch
     found = fit.evaluate(phases)
-    off = found - slot.path(phases)
-    normal = np.abs(np.sum(off * slot.normals(phases), axis=1)).max()
-    first, last = track.points(before), track.points(after)
+    normal = np.abs(dot(found - slot.path(phases), slot.normals(phases))).max()
+    first, last = slot.held(phases)
     if fit.slide is not None:
         found = fit.slide(found, first)
-    chords = [np.hypot(*(found - pin).T) for pin in (first, last)]
-    return FitError(float(normal), float(np.abs(np.array(chords) - pitch).max()))
+    return FitError(float(normal), float(np.abs(np.abs([found - first, found - last]) - slot.chain.pitch).max()))
 
 
 def _chebyshev(slot: Slot, degree: int) -> Fit:
@@ -123,105 +120,91 @@ def _chebyshev(slot: Slot, degree: int) -> Fit:
     # About the middle of the slot, so that an origin far away costs no digits.
     origin = slot.frame[0]
     middle, half = 0.5 * (breaks[1:] + breaks[:-1]), 0.5 * np.diff(breaks)
-    points = slot.path((middle[:, None] + half[:, None] * nodes).ravel()).reshape(len(half), degree + 1, 2) - origin
-    series = np.einsum("cn,pnd->pcd", weights, points)
+    points = slot.path((middle[:, None] + half[:, None] * nodes).ravel()).reshape(len(half), degree + 1) - origin
+    series = points @ weights.T
 
-    def evaluate(phase: Floats) -> Floats:
+    def evaluate(phase: Floats) -> Any:
         piece = np.clip(np.searchsorted(breaks, phase, side="right") - 1, 0, len(half) - 1)
-        out = np.empty((len(phase), 2))
-        for index in np.unique(piece):
-            rows = piece == index
-            u = (phase[rows] - middle[index]) / half[index]
-            out[rows] = chebyshev.chebval(u, series[index]).T
-        return out + origin
+        u = (phase - middle[piece]) / half[piece]
+        return origin + chebyshev.chebval(u, series[piece].T, tensor=False)
 
     data = {
-        "origin": origin.tolist(),
+        "origin": [origin.real, origin.imag],
         "pieces": [
-            {"phase": [float(a), float(b)], "x": xy[:, 0].tolist(), "y": xy[:, 1].tolist()}
+            {"phase": [float(a), float(b)], "x": xy.real.tolist(), "y": xy.imag.tolist()}
             for a, b, xy in zip(breaks[:-1], breaks[1:], series)
         ],
     }
-    return Fit("chebyshev", degree, series.size, float(np.linalg.cond(basis)), data, evaluate)
+    return Fit("chebyshev", degree, 2 * series.size, float(np.linalg.cond(basis)), data, evaluate)
 
 
-def _along_base(slot: Slot, phase: Floats) -> tuple[Floats, float, float]:
-    """The slot as the track's own coordinates, periodic in the phase: arc length less its linear part, and depth."""
-    along, depth = slot.foot(slot.path(phase))
-    (start, end), _ = slot.foot(slot.path(np.array([slot.start, slot.end])))
-    slope = float(end - start) / slot.chain.period
-    return np.stack([along - start - slope * (phase - slot.start), depth], axis=1), float(start), slope
+class _AlongBase:
+    """A slot in the coordinates of the one segment that it replaces, periodic in the phase.
 
+    They are arc length less its linear part ``start + slope * phase``, phase from the window's start, and depth.
+    """
 
-def _from_base(slot: Slot, phase: Floats, values: Floats, start: float, slope: float) -> Floats:
-    segment = slot.base[0][0]
-    along = values[:, 0] + start + slope * (phase - slot.start)
-    place = slot.chain.track.place(0.0)
-    place = place._replace(
-        segment=np.full(len(phase), segment), along=along, lap=np.zeros(len(phase), dtype=np.int64)
-    )
-    return slot.chain.track.beside(place, slot.outward * values[:, 1])
+    def __init__(self, slot: Slot) -> None:
+        if len(slot.base) > 1:
+            raise FieldError(
+                "/fit/kind",
+                "this slot replaces pieces of several segments, so it is not periodic in the coordinates of one; "
+                "take 'chebyshev'",
+            )
+        (start, end), _ = slot.foot(slot.path(np.array([slot.start, slot.end])))
+        self.slot = slot
+        self.line = {"start": float(start), "slope": float(end - start) / slot.chain.period}
 
+    def _linear(self, phase: Floats) -> Floats:
+        return self.line["start"] + self.line["slope"] * (phase - self.slot.start)
 
-def _needs_one_segment(slot: Slot) -> None:
-    if len(slot.base) > 1:
-        raise FieldError(
-            "/fit/kind",
-            "this slot replaces pieces of several segments, so it is not periodic in the coordinates of one; "
-            "take 'chebyshev'",
-        )
+    def values(self, phase: Floats) -> Floats:
+        """Both coordinates, shape (n, 2)."""
+        along, depth = self.slot.foot(self.slot.path(phase))
+        return np.stack([along - self._linear(phase), depth], axis=1)
+
+    def points(self, phase: Floats, values: Floats) -> Points:
+        """The drawing's points of coordinates."""
+        segment = np.full(len(phase), self.slot.base[0][0])
+        place = Place(segment, values[:, 0] + self._linear(phase), np.zeros_like(segment))
+        return self.slot.chain.track.beside(place, self.slot.outward * values[:, 1])
 
 
 def _spline(slot: Slot, knots: int) -> Fit:
     """Periodic cubic spline of depth and arc length along the base (on an arc: of r and phi) over the phase."""
     from scipy.interpolate import CubicSpline
 
-    _needs_one_segment(slot)
+    base = _AlongBase(slot)
     phases = slot.start + slot.chain.period * np.arange(knots + 1) / knots
-    values, start, slope = _along_base(slot, phases)
+    values = base.values(phases)
     values[-1] = values[0]  # equal but for rounding; the periodic end condition asks for equal numbers
     spline = CubicSpline(phases, values, bc_type="periodic")
-    data = {
-        "segment": slot.base[0][0],
-        "start": start,
-        "slope": slope,
-        "phase": phases[:-1].tolist(),
-        "along": values[:-1, 0].tolist(),
-        "depth": values[:-1, 1].tolist(),
-    }
+    along, depth = values[:-1].T.tolist()
+    data = {**base.line, "phase": phases[:-1].tolist(), "along": along, "depth": depth}
     # Evenly spaced knots: the circulant matrix [1 4 1] has eigenvalues 4 + 2 cos(2 pi j/n).
     eigenvalues = 4 + 2 * np.cos(2 * np.pi * np.arange(knots) / knots)
     condition = float(eigenvalues.max() / eigenvalues.min())
-    return Fit("spline", knots, 2 * knots, condition, data, lambda p: _from_base(slot, p, spline(p), start, slope))
+    return Fit("spline", knots, 2 * knots, condition, data, lambda phase: base.points(phase, spline(phase)))
 
 
 def _fourier(slot: Slot, harmonics: int) -> Fit:
     """Fourier series of depth and arc length along the base over the period."""
-    _needs_one_segment(slot)
-    period = slot.chain.period
-    phases = slot.start + period * np.arange(FOURIER_SAMPLES) / FOURIER_SAMPLES
-    values, start, slope = _along_base(slot, phases)
+    base, period = _AlongBase(slot), slot.chain.period
+    values = base.values(slot.start + period * np.arange(FOURIER_SAMPLES) / FOURIER_SAMPLES)
     spectrum = np.fft.rfft(values, axis=0)[: harmonics + 1] / FOURIER_SAMPLES
     spectrum[1:] *= 2
 
-    def evaluate(phase: Floats) -> Floats:
+    def evaluate(phase: Floats) -> Points:
         # Clenshaw's recurrence for the sum of c_m z^m: one complex product a harmonic, no table of powers.
         z = np.exp(2j * np.pi * (phase - slot.start) / period)[:, None]
         total = np.zeros((len(phase), 2), dtype=complex)
         for coefficient in spectrum[::-1]:
             total = total * z + coefficient
-        return _from_base(slot, phase, total.real, start, slope)
+        return base.points(phase, total.real)
 
-    data = {
-        "segment": slot.base[0][0],
-        "start": start,
-        "slope": slope,
-        **{
-            f"{name}_{part}": values.tolist()
-            for column, name in enumerate(("along", "depth"))
-            for part, values in (("cos", spectrum[:, column].real), ("sin", -spectrum[1:, column].imag))
-        },
-    }
+    data: dict[str, Any] = dict(base.line)
+    for name, series in zip(("along", "depth"), spectrum.T):
+        data |= {f"{name}_cos": series.real.tolist(), f"{name}_sin": (-series[1:].imag).tolist()}
     # Columns 1, cos, sin on an even grid are orthogonal; only their lengths differ.
     return Fit("fourier", harmonics, 2 * (2 * harmonics + 1), float(np.sqrt(2)), data, evaluate)
 
@@ -235,30 +218,38 @@ def _polynomial(slot: Slot, degree: int, phases: Floats) -> Fit:
         raise FieldError(
             "/fit/order", f"a polynomial of degree {degree} needs at least {degree + 1} samples, found {len(phases)}"
         )
-    x, y = slot.in_frame(slot.path(phases)).T
-    if not np.all(np.diff(x) < 0):
+    points = slot.in_frame(slot.path(phases))
+    if not np.all(np.diff(points.real) < 0):
         raise FieldError("/fit/kind", "this slot is no function y(x): it turns back; take 'chebyshev'")
-    ends = slot.in_frame(slot.path(np.array([slot.start, slot.end])))[:, 0]
+    ends = slot.in_frame(slot.path(np.array([slot.start, slot.end]))).real
     low, high = float(ends.min()), float(ends.max())
     stretch = 2 / (high - low)
-    design = chebyshev.chebvander(stretch * (x - low) - 1, degree)
-    series, _, _, singular = np.linalg.lstsq(design, y, rcond=None)
+    design = chebyshev.chebvander(stretch * (points.real - low) - 1, degree)
+    series, _, _, singular = np.linalg.lstsq(design, points.imag, rcond=None)
     slope = chebyshev.chebder(series) * stretch
 
-    def evaluate(phase: Floats) -> Floats:
-        x = slot.in_frame(slot.path(phase))[:, 0]
-        return slot.from_frame(np.stack([x, chebyshev.chebval(stretch * (x - low) - 1, series)], axis=1))
+    def curve(x: Floats) -> Points:
+        return slot.from_frame(x + 1j * chebyshev.chebval(stretch * (x - low) - 1, series))
 
-    def slide(near: Floats, centre: Floats) -> Floats:
-        centre, x = slot.in_frame(centre), slot.in_frame(near)[:, 0]
-        for _ in range(6):  # Newton; the start is off by the fit's error only
+    def slide(near: Points, centre: Points) -> Points:
+        centre, x = slot.in_frame(centre), slot.in_frame(near).real
+        # Newton without brackets: the start is off by the fit's error only, which is small beside the pitch
+        for _ in range(6):
             u = stretch * (x - low) - 1
-            dx, dy = x - centre[:, 0], chebyshev.chebval(u, series) - centre[:, 1]
-            away = dx + dy * chebyshev.chebval(u, slope)
-            error = 0.5 * ((dx**2 + dy**2) - slot.chain.pitch**2)
+            link = x + 1j * chebyshev.chebval(u, series) - centre
+            away = link.real + link.imag * chebyshev.chebval(u, slope)
+            error = 0.5 * (np.abs(link) ** 2 - slot.chain.pitch**2)
             x = np.clip(x - error / np.where(away == 0, np.inf, away), low - 0.5 / stretch, high + 0.5 / stretch)
-        return slot.from_frame(np.stack([x, chebyshev.chebval(stretch * (x - low) - 1, series)], axis=1))
+        return curve(x)
 
-    origin, angle = slot.frame
-    data = {"origin": origin.tolist(), "angle": angle, "x": [low, high], "coefficients": series.tolist()}
-    return Fit("polynomial", degree, degree + 1, float(singular[0] / singular[-1]), data, evaluate, slide)
+    origin, direction = slot.frame
+    data = {
+        "origin": [origin.real, origin.imag],
+        "angle": float(np.angle(direction)),
+        "x": [low, high],
+        "coefficients": series.tolist(),
+    }
+    condition = float(singular[0] / singular[-1])
+    return Fit(
+        "polynomial", degree, degree + 1, condition, data, lambda p: curve(slot.in_frame(slot.path(p)).real), slide
+    )

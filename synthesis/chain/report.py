@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.chain.closure import Extreme, highest, lowest
-from synthesis.chain.slot import SINGULAR, Slot, repeated
-from synthesis.chain.track import ChordError, ChordFault, Floats
+from synthesis.chain.errors import ChordError, ChordFault
+from synthesis.chain.slot import SINGULAR, Slot, polished
+from synthesis.chain.track import cross
+from synthesis.one_variable import Floats
 
 TIGHTEST = 4
 """Pieces of a slot that are searched closely for its smallest curvature radius."""
@@ -39,25 +41,23 @@ class Report(NamedTuple):
 
 def report(slot: Slot, phases: Floats) -> Report:
     """Extremes of a slot over its window; the chords are checked at ``phases``, shape (n,)."""
-    chain, track = slot.chain, slot.chain.track
-    cells = chain.cells
-    slack_max = highest(slot.slack, slot.start, slot.end, cells)
-    slack_min = lowest(slot.slack, slot.start, slot.end, cells)
+    track, cells = slot.chain.track, slot.chain.cells
+    most = highest(slot.slack, slot.start, slot.end, cells)
+    slack_max = Extreme(polished(slot, most.phase, -1), most.value)
     grid = np.concatenate([np.linspace(a, b, 33) for a, b in _smooth_pieces(slot)])
     points, velocity, _ = slot.motion(grid)
-    known = np.isfinite(velocity).all(axis=1)
-    speed = np.hypot(velocity[known, 0], velocity[known, 1])
-    _, angle = slot.frame
-    along = velocity[known, 0] * np.cos(angle) + velocity[known, 1] * np.sin(angle)
+    known = velocity[np.isfinite(velocity)]
+    speed = np.abs(known)
+    _, direction = slot.frame
     replaced = {segment for segment, _ in slot.base}
     others = [track.distance(index, points).min() for index in range(track.count) if index not in replaced]
     return Report(
-        slack_min=slack_min.value,
+        slack_min=lowest(slot.slack, slot.start, slot.end, cells).value,
         slack_max=slack_max,
         depth_max=highest(slot.depth, slot.start, slot.end, cells),
         end_step=float(np.abs(slot.depth(np.array([slot.start, slot.end]))).max()),
         radius_min=smallest_radius(slot),
-        single_valued=bool(np.all(along < 0)),
+        single_valued=bool(np.all((known / direction).real < 0)),
         condition=_condition(slot, np.concatenate([[slot.start], grid, [slot.end]])),
         clearance=float(min(others, default=np.inf)),
         chord_error=chord_error(slot, phases),
@@ -84,24 +84,20 @@ def smallest_radius(slot: Slot) -> float:
     coarse = radius(np.concatenate([np.linspace(a, b, 33) for a, b in pieces])).reshape(len(pieces), 33).min(axis=1)
     # Only the pieces that may hold the smallest one are searched closely: a track may have hundreds.
     tightest = np.argsort(coarse, kind="stable")[:TIGHTEST]
-    return min(lowest(radius, *pieces[index], 32, 3).value for index in tightest)
+    return min(lowest(radius, start, end, 32, 3).value for start, end in (pieces[index] for index in tightest))
 
 
 def chord_error(slot: Slot, phases: Floats) -> float:
     """Largest difference between any of the chain's chords and the pitch, at phases of shape (n,)."""
     pins = slot.pins(phases)
-    chords = pins - np.roll(pins, -1, axis=1)
-    return float(np.abs(np.hypot(chords[..., 0], chords[..., 1]) - slot.chain.pitch).max())
+    return float(np.abs(np.abs(pins - np.roll(pins, -1, axis=1)) - slot.chain.pitch).max())
 
 
 def _condition(slot: Slot, phases: Floats) -> float:
     """1/|sin| of the angle between the free pin's links, at its worst; infinite where they are in line."""
-    track = slot.chain.track
-    before, _, after, _ = slot.neighbours(phases)
-    first, last = track.points(before), track.points(after)
+    first, last = slot.held(phases)
     point = slot.hung(first, last)
-    e1, e2 = point - first, point - last
-    sine = np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]).min() / slot.chain.pitch**2
+    sine = np.abs(cross(point - first, point - last)).min() / slot.chain.pitch**2
     return float(1 / sine) if sine > SINGULAR else np.inf
 
 
@@ -110,13 +106,11 @@ def _held_chord_error(slot: Slot, phase: float, cells: int) -> float:
     track = slot.chain.track
 
     def shortfall(phase: Floats) -> Floats:
-        before, _, after, _ = slot.neighbours(phase)
-        a = track.position(before)
-        b = track.position(after) + track.total
-        held = track.points(track.place(0.5 * (a + b)))
-        ends = [track.points(before), track.points(after)]
-        chords = [np.hypot(*(held - end).T) for end in ends]
-        return np.abs(slot.chain.pitch - np.stack(chords)).max(axis=0)
+        (before, _), (after, _) = slot.neighbours(phase)
+        middle = 0.5 * (track.position(before) + (track.position(after) + track.total))
+        held = track.points(track.place(middle))
+        chords = np.abs([held - track.points(end) for end in (before, after)])
+        return np.abs(slot.chain.pitch - chords).max(axis=0)
 
     return highest(shortfall, slot.start, slot.end, cells, 3).value
 
@@ -137,14 +131,14 @@ def wheel_conflict(slot: Slot, wheel: int) -> Extreme:
     if not own <= track.length[wheel]:
         raise ChordError(ChordFault.NO_POINT, float(track.joints[wheel]))
     first, _ = chain.drive(np.array([slot.start]))
-    places, _ = track.advance(repeated(first, chain.links + 1), chain.pitch, np.arange(chain.links + 1))
+    places = track.advance(first.repeated(chain.links + 1), chain.pitch, np.arange(chain.links + 1))
     onto = track.joints[wheel] + track.total * (track.joints[wheel] < track.position(first)[0])
     # The last pin that is still short of the wheel enters it within the period.
     short = int(np.count_nonzero(track.position(places) < onto)) - 1
 
     def lead(phase: Floats) -> Floats:
         start, _ = chain.drive(phase)
-        entering, _ = track.advance(start, chain.pitch, short)
+        entering = track.advance(start, chain.pitch, short)
         entered = track.position(entering) >= onto
         later = track.step(entering, chain.pitch)
         along = np.where(entered, track.position(entering) - onto, track.position(later) - onto - own)

@@ -1,8 +1,8 @@
 """The slot that takes a chain's free pin: its locus, its depth and curvature, and what it does to the chain.
 
 All pins but one stay on the track. The free pin P_k hangs between its two neighbours, both one pitch away, and over
-one period it moves from one place of the track to the next pin's: its locus is the slot that replaces this piece of
-track, and every pin of the chain runs through it in turn.
+one period it moves from one place of the track to the next pin's: its locus is the slot that replaces this part of
+the track, and every pin of the chain runs through it in turn.
 """
 
 from __future__ import annotations
@@ -14,7 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.chain.closure import STRETCH_TOLERANCE, Chain, closing_links, lowest
-from synthesis.chain.track import ChordError, ChordFault, Floats, Motion, Place
+from synthesis.chain.errors import ChordError, ChordFault, NotClosing
+from synthesis.chain.track import Motion, Place, Points, cross, dot
+from synthesis.errors import FieldError
+from synthesis.one_variable import Floats, rising_root
 
 MIDDLE = 1e-6
 """Distance from the wanted middle of the slot, in pitches, within which a pin counts as not past it."""
@@ -33,35 +36,6 @@ class Crossing(NamedTuple):
     phase: float
     pin: int
     segment: int
-
-
-class Stretched(ValueError):
-    """The chain is too short or too long for its track by so much that another number of links would close.
-
-    Parameters
-    ----------
-    nearest_links : int
-        The number of links that closes.
-    missing : float
-        Length that is missing at the worst phase; negative: excess at the least slack phase.
-    """
-
-    def __init__(self, nearest_links: int, missing: float) -> None:
-        super().__init__(f"{nearest_links} links close; missing length {missing:.6g}")
-        self.nearest_links = nearest_links
-        self.missing = missing
-
-
-class NoSlot(ValueError):
-    """The track bends one way where the free pin starts and the other way where it ends.
-
-    On its way it would have to pass the straight line between its neighbours, which its slack does not allow.
-    """
-
-    def __init__(self) -> None:
-        super().__init__(
-            "the track bends to both sides within one link of the free pin: no slot can lead it from one to the other"
-        )
 
 
 @dataclass(frozen=True)
@@ -95,96 +69,91 @@ class Slot:
 
     # The pins
 
-    def neighbours(self, phase: Floats) -> tuple[Place, Motion, Place, Motion]:
-        """Places and motions of P(k-1) and P(k+1)."""
+    def neighbours(self, phase: Floats) -> tuple[tuple[Place, Motion], tuple[Place, Motion]]:
+        """Places and motions of P(k-1) and of P(k+1)."""
         track, pitch = self.chain.track, self.chain.pitch
         first, motion = self.chain.drive(phase)
-        before, before_motion = track.advance(first, pitch, self.free - 2, 1, motion)
-        after, after_motion = track.advance(first, pitch, self.chain.links - self.free, -1, motion)
-        return before, before_motion, after, after_motion
+        before = track.carry(first, motion, pitch, self.free - 2)
+        return before, track.carry(first, motion, pitch, self.chain.links - self.free, -1)
 
-    def path(self, phase: Floats) -> Floats:
-        """Points of the slot, shape (n, 2)."""
-        before, _, after, _ = self.neighbours(phase)
-        return self.hung(self.chain.track.points(before), self.chain.track.points(after))
+    def held(self, phase: Floats) -> tuple[Points, Points]:
+        """Points of P(k-1) and P(k+1), between which the free pin hangs."""
+        (before, _), (after, _) = self.neighbours(phase)
+        return self.chain.track.points(before), self.chain.track.points(after)
 
-    def pins(self, phase: Floats) -> Floats:
-        """All pins, shape (n, links, 2), each stepped from the one before it."""
-        track, pitch, links = self.chain.track, self.chain.pitch, self.chain.links
-        place, _ = self.chain.drive(phase)
-        points = np.empty((len(phase), links, 2))
-        points[:, 0] = track.points(place)
-        for pin in range(1, self.free - 1):
-            place = track.step(place, pitch)
-            points[:, pin] = track.points(place)
-        place, _ = self.chain.drive(phase)
-        for pin in range(links - 1, self.free - 1, -1):
-            place = track.step(place, pitch, -1)
-            points[:, pin] = track.points(place)
-        k = self.free - 1
+    def path(self, phase: Floats) -> Points:
+        """Points of the slot, shape (n,)."""
+        return self.hung(*self.held(phase))
+
+    def pins(self, phase: Floats) -> Points:
+        """All pins, shape (n, links), each stepped from the one before it."""
+        track, links, k = self.chain.track, self.chain.links, self.free - 1
+        points = np.empty((len(phase), links), dtype=complex)
+        first, _ = self.chain.drive(phase)
+        points[:, 0] = track.points(first)
+        for pins, direction in ((range(1, k), 1), (range(links - 1, k, -1), -1)):
+            place = first
+            for pin in pins:
+                place = track.step(place, self.chain.pitch, direction)
+                points[:, pin] = track.points(place)
         points[:, k] = self.hung(points[:, k - 1], points[:, (k + 1) % links])
         return points
 
-    def hung(self, before: Floats, after: Floats) -> Floats:
+    def hung(self, before: Points, after: Points) -> Points:
         """The point one pitch from both neighbours: from the middle of their chord, square to it.
 
         The height is sqrt((L - h)(L + h)), h half the chord; below the chord for the crescent's upper arc.
         """
-        half = 0.5 * (after - before)
-        h = np.hypot(half[:, 0], half[:, 1])
-        pitch = self.chain.pitch
+        half, pitch = 0.5 * (after - before), self.chain.pitch
+        h = np.abs(half)
         if np.any(h > pitch * (1 + STRETCH_TOLERANCE)):
             raise ChordError(ChordFault.NO_POINT, self.start)
         height = np.sqrt(np.maximum((pitch - h) * (pitch + h), 0.0))
-        square = np.stack([-half[:, 1], half[:, 0]], axis=1) / h[:, None]
-        return before + half + (self.side * height)[:, None] * square
+        return before + half * (1 + 1j * self.side * height / h)
 
-    def motion(self, phase: Floats) -> tuple[Floats, Floats, Floats]:
-        """The free pin, its velocity and its acceleration by the phase, shape (n, 2) each.
+    def motion(self, phase: Floats) -> tuple[Points, Points, Points]:
+        """The free pin, its velocity and its acceleration by the phase, shape (n,) each.
 
         For either neighbour Q: (P - Q).(P' - Q') = 0 and (P - Q).(P'' - Q'') = -|P' - Q'|^2. Where both links are in
         line (a free pin on a straight run without slack) the velocity has no limit; NaN there.
         """
-        track = self.chain.track
-        before, before_motion, after, after_motion = self.neighbours(phase)
-        point = self.hung(track.points(before), track.points(after))
-        links, velocities, accelerations = [], [], []
-        for place, (rate, bend) in ((before, before_motion), (after, after_motion)):
-            tangent = track.tangents(place)
-            left = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-            links.append((point - track.points(place)) / self.chain.pitch)
-            velocities.append(tangent * rate[:, None])
-            accelerations.append(tangent * bend[:, None] + left * (track.curvature[place.segment] * rate**2)[:, None])
-        (e1, e2), (v1, v2), (a1, a2) = links, velocities, accelerations
-        sine = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
-        sine = np.where(np.abs(sine) < SINGULAR, np.nan, sine)
+        track, pitch = self.chain.track, self.chain.pitch
+        neighbours = self.neighbours(phase)
+        ends = [track.points(place) for place, _ in neighbours]
+        tangents = [track.tangents(place) for place, _ in neighbours]
+        point = self.hung(*ends)
+        e1, e2 = ((point - end) / pitch for end in ends)
+        v1, v2 = (tangent * moved.rate for tangent, (_, moved) in zip(tangents, neighbours))
+        a1, a2 = (
+            tangent * (moved.bend + 1j * track.curvature[place.segment] * moved.rate**2)
+            for tangent, (place, moved) in zip(tangents, neighbours)
+        )
+        sine = cross(e1, e2)
+        inverse = 1 / np.where(np.abs(sine) < SINGULAR, np.nan, sine)
 
-        def solve(right1: Floats, right2: Floats) -> Floats:
-            x = (right1 * e2[:, 1] - right2 * e1[:, 1]) / sine
-            y = (right2 * e1[:, 0] - right1 * e2[:, 0]) / sine
-            return np.stack([x, y], axis=1)
+        def solve(along1: Floats, along2: Floats) -> Points:
+            """The vector with these components along both links."""
+            return 1j * (along2 * e1 - along1 * e2) * inverse
 
-        velocity = solve(_dot(e1, v1), _dot(e2, v2))
-        turn1, turn2 = velocity - v1, velocity - v2
-        pitch = self.chain.pitch
-        acceleration = solve(_dot(e1, a1) - _dot(turn1, turn1) / pitch, _dot(e2, a2) - _dot(turn2, turn2) / pitch)
-        return point, velocity, acceleration
+        velocity = solve(dot(e1, v1), dot(e2, v2))
+        turn1, turn2 = np.abs(velocity - v1) ** 2 / pitch, np.abs(velocity - v2) ** 2 / pitch
+        return point, velocity, solve(dot(e1, a1) - turn1, dot(e2, a2) - turn2)
 
     def curvature(self, phase: Floats) -> Floats:
         """Signed curvature of the slot, left positive; NaN where the free pin stands still or is not determined."""
-        _, v, a = self.motion(phase)
-        speed = np.hypot(v[:, 0], v[:, 1])
-        return (v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.where(speed > 0, speed, np.nan) ** 3
+        _, velocity, acceleration = self.motion(phase)
+        speed = np.abs(velocity)
+        return cross(velocity, acceleration) / np.where(speed > 0, speed, np.nan) ** 3
 
-    def normals(self, phase: Floats) -> Floats:
-        """Unit normals of the slot, to the left of travel, shape (n, 2); at an end without one, from just inside."""
-        _, v, _ = self.motion(phase)
-        lost = ~np.isfinite(v).all(axis=1)
+    def normals(self, phase: Floats) -> Points:
+        """Unit normals of the slot, to the left of travel, shape (n,); at an end without one, from just inside."""
+        velocity = self.motion(phase)[1]
+        lost = ~np.isfinite(velocity)
         if lost.any():
             inward = np.where(phase[lost] < 0.5 * (self.start + self.end), 1.0, -1.0)
-            v[lost] = self.motion(phase[lost] + 1e-6 * self.chain.period * inward)[1]
-        v = np.where(np.isfinite(v), v, [1.0, 0.0])
-        return np.stack([-v[:, 1], v[:, 0]], axis=1) / np.hypot(v[:, 0], v[:, 1])[:, None]
+            velocity[lost] = self.motion(phase[lost] + 1e-6 * self.chain.period * inward)[1]
+        velocity = np.where(np.isfinite(velocity), velocity, 1.0)
+        return 1j * velocity / np.abs(velocity)
 
     # Slack and depth
 
@@ -193,20 +162,21 @@ class Slot:
 
         On an arc of radius R it is R (2 du - G), with G the angle between the neighbours: R times the defect D.
         """
-        return self._slack(phase)[0]
-
-    def _slack(self, phase: Floats) -> tuple[Floats, Floats]:
-        """Slack and its derivative by the phase."""
         track = self.chain.track
-        before, before_motion, after, after_motion = self.neighbours(phase)
-        on, on_motion = track.advance(before, self.chain.pitch, 2, 1, before_motion)
-        # P(k+1) is counted backwards from P1: one lap behind.
-        after = after._replace(lap=after.lap + 1)
-        # Only differences of the same segment keep the digits of a long track.
-        gap = track.joints[on.segment] - track.joints[after.segment] + track.total * (on.lap - after.lap)
-        return gap + (on.along - after.along), on_motion.rate - after_motion.rate
+        (before, _), (after, _) = self.neighbours(phase)
+        on = track.advance(before, self.chain.pitch, 2)
+        # Only differences of the same segment keep the digits of a long track. P(k+1) is counted backwards from P1:
+        # one lap behind.
+        laps = on.lap - (after.lap + 1)
+        return track.joints[on.segment] - track.joints[after.segment] + track.total * laps + (on.along - after.along)
 
-    def foot(self, points: Floats) -> tuple[Floats, Floats]:
+    def slack_rate(self, phase: Floats) -> tuple[Floats, Floats]:
+        """First and second derivative of the slack by the phase."""
+        before, (_, after) = self.neighbours(phase)
+        _, on = self.chain.track.carry(*before, self.chain.pitch, 2)
+        return on.rate - after.rate, on.bend - after.bend
+
+    def foot(self, points: Points) -> tuple[Floats, Floats]:
         """Arc length along the base and depth of points; the base's segments meet where the feet change over."""
         track = self.chain.track
         along, depth = np.zeros(len(points)), np.full(len(points), np.inf)
@@ -236,8 +206,7 @@ class Slot:
         """The segments that the slot replaces, each with the arc length of its start from that of the first."""
         track = self.chain.track
         first, _ = self.chain.drive(np.array([self.start]))
-        from_, _ = track.advance(first, self.chain.pitch, self.free - 1)
-        to, _ = track.advance(first, self.chain.pitch, self.free)
+        from_, to = (track.advance(first, self.chain.pitch, links) for links in (self.free - 1, self.free))
         # A pin at a joint, up to rounding, does not belong to the segment that it only touches.
         tiny = MIDDLE * self.chain.pitch
         begin = track.place(track.position(from_) + tiny)
@@ -256,9 +225,9 @@ class Slot:
         """
         track, pitch, links, k = self.chain.track, self.chain.pitch, self.chain.links, self.free
         first, _ = self.chain.drive(np.array([self.start]))
-        ahead = track.position(track.advance(repeated(first, k), pitch, np.arange(k))[0])
-        behind, _ = track.advance(repeated(first, links - k), pitch, np.arange(links - k, 0, -1), -1)
-        behind = track.position(behind) + track.total
+        ahead = track.position(track.advance(first.repeated(k), pitch, np.arange(k)))
+        places = track.advance(first.repeated(links - k), pitch, np.arange(links - k, 0, -1), -1)
+        behind = track.position(places) + track.total
         found = []
         for joint in range(track.count):
             s = float(track.joints[joint])
@@ -267,10 +236,10 @@ class Slot:
             at = Place(np.array([joint]), np.zeros(1), np.array([lap]))
             if s < ahead[-1]:
                 pin = int(np.searchsorted(ahead, s, side="right"))
-                first_pin, _ = track.advance(at, pitch, pin - 1, -1)
+                first_pin = track.advance(at, pitch, pin - 1, -1)
             elif s >= behind[0]:
                 pin = k + int(np.searchsorted(behind, s, side="right"))
-                first_pin, _ = track.advance(at, pitch, links + 1 - pin)
+                first_pin = track.advance(at, pitch, links + 1 - pin)
                 first_pin = first_pin._replace(lap=first_pin.lap - 1)
             else:
                 continue
@@ -288,36 +257,30 @@ class Slot:
         phases[-1] = self.end
         return phases
 
-    @property
-    def frame(self) -> tuple[Floats, float]:
-        """Origin and angle of the slot's own frame: the middle of its ends, x from its end to its start."""
+    @cached_property
+    def frame(self) -> tuple[complex, complex]:
+        """Origin and direction of the slot's own frame: the middle of its ends, x from its end to its start."""
         start, end = self.path(np.array([self.start, self.end]))
-        return 0.5 * (start + end), float(np.arctan2(start[1] - end[1], start[0] - end[0]))
+        return complex(0.5 * (start + end)), complex((start - end) / abs(start - end))
 
-    def in_frame(self, points: Floats) -> Floats:
+    def in_frame(self, points: Points) -> Points:
         """Points of the drawing in the slot's own frame."""
-        origin, angle = self.frame
-        dx, dy = (points - origin).T
-        c, s = np.cos(angle), np.sin(angle)
-        return np.stack([c * dx + s * dy, c * dy - s * dx], axis=1)
+        origin, direction = self.frame
+        return (points - origin) * direction.conjugate()
 
-    def from_frame(self, points: Floats) -> Floats:
+    def from_frame(self, points: Points) -> Points:
         """Points of the slot's own frame in the drawing: the inverse of `in_frame`."""
-        origin, angle = self.frame
-        c, s = np.cos(angle), np.sin(angle)
-        return origin + np.stack([c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1]], axis=1)
+        origin, direction = self.frame
+        return origin + points * direction
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    return np.sum(a * b, axis=1)
-
-
-def repeated(place: Place, times: int) -> Place:
-    """One place, ``times`` times."""
-    return Place(*(np.repeat(part, times) for part in place))
-
-
-def find_slot(chain: Chain, middle: float, side: int | None = None, start: float | None = None) -> Slot:
+def find_slot(
+    chain: Chain,
+    middle: float,
+    side: int = 1,
+    start: float | None = None,
+    place_field: str = "/free_segment",
+) -> Slot:
     """The slot nearest to a place of the track.
 
     The window starts where the slack is least: on a chain that closes critically both ends then lie on the bare
@@ -330,15 +293,17 @@ def find_slot(chain: Chain, middle: float, side: int | None = None, start: float
     middle : float
         Arc length of the place, from the driver's start.
     side : {1, -1}, optional
-        Side of a slot on a straight run (default: left); elsewhere it is the side to which the track bends out.
+        Side of a slot on a straight run, 1 left; elsewhere it is the side to which the track bends out.
     start : float, optional
         Another phase for the window's start; its ends then have a step.
+    place_field : str
+        The request's field that decides where the slot lies.
 
     Raises
     ------
-    Stretched
+    NotClosing
         The chain misses length at some phase, or has a whole link too many at every phase.
-    NoSlot
+    FieldError
         No slot can be there.
     ChordError
         A link does not fit on the track, or the chain does not run smoothly.
@@ -346,21 +311,20 @@ def find_slot(chain: Chain, middle: float, side: int | None = None, start: float
     track, pitch, links = chain.track, chain.pitch, chain.links
     least = chain.least_overrun()
     allowed = STRETCH_TOLERANCE * pitch
-    if least.value < -allowed:
-        raise Stretched(closing_links(track, pitch), -least.value)
-    if links > 1 and Chain(track, pitch, links - 1).least_overrun().value >= -allowed:
-        raise Stretched(closing_links(track, pitch), -least.value)
+    too_many = links > 1 and Chain(track, pitch, links - 1).least_overrun().value >= -allowed
+    if least.value < -allowed or too_many:
+        raise NotClosing(links, closing_links(track, pitch), -least.value, "on this track")
     chosen = least.phase if start is None else float(start % chain.period)
-    slot = _slot_at(chain, chosen, middle, side or 1)
+    slot = _slot_at(chain, chosen, middle, side, place_field)
     _check_running(slot)
     if start is not None:
         return slot
     # A crescent may be critical at two states, each the other's mirror image: then the first is taken.
     found = lowest(slot.slack, 0.0, chain.period, chain.cells, tie=TIE * pitch)
-    phase = _polished(slot, found.phase) % chain.period
+    phase = polished(slot, found.phase, 1) % chain.period
     if chain.period - phase < 1e-9 * chain.period:
         phase = 0.0
-    return _slot_at(chain, phase, middle, side or 1)
+    return _slot_at(chain, phase, middle, side, place_field)
 
 
 def _check_running(slot: Slot) -> None:
@@ -371,44 +335,51 @@ def _check_running(slot: Slot) -> None:
     """
     chain, track = slot.chain, slot.chain.track
     phases = np.linspace(slot.start, slot.end, chain.cells + 1)
-    before, before_motion, after, after_motion = slot.neighbours(phases)
-    for place, motion in ((before, before_motion), (after, after_motion)):
+    for place, motion in slot.neighbours(phases):
         moved = np.diff(track.position(place))
         wrong = np.flatnonzero((motion.rate[:-1] <= 0) | (moved <= 0) | (moved > 0.5 * chain.pitch))
         if len(wrong):
             raise ChordError(ChordFault.REVERSAL, float(track.position(place)[wrong[0]] % track.total))
 
 
-def _slot_at(chain: Chain, phase: float, middle: float, side: int) -> Slot:
-    """The slot of the pin that comes to ``middle`` next; ``side`` decides only where the track does not bend."""
+def _slot_at(chain: Chain, phase: float, middle: float, side: int, place_field: str) -> Slot:
+    """The slot of the pin that comes to ``middle`` next; ``side`` decides only where the track does not bend.
+
+    There is none where the track bends one way at the free pin's start and the other way at its end: on its way the
+    pin would have to pass the straight line between its neighbours, which its slack does not allow.
+    """
     track, pitch, links = chain.track, chain.pitch, chain.links
     first, _ = chain.drive(np.array([phase]))
-    places, _ = track.advance(repeated(first, links + 1), pitch, np.arange(links + 1))
+    places = track.advance(first.repeated(links + 1), pitch, np.arange(links + 1))
     passed = track.position(places) - middle < MIDDLE * pitch
     free = int(np.clip(np.count_nonzero(passed), 2, links - 1))
     # Where the free pin comes from and where it goes to: at both places the bare track bulges over two links.
-    links_out = np.diff(track.points(Place(*(part[free - 2 : free + 2] for part in places))), axis=0) / pitch
-    bulge = links_out[1:, 0] * links_out[:-1, 1] - links_out[1:, 1] * links_out[:-1, 0]
+    links_out = np.diff(track.points(places.rows(slice(free - 2, free + 2)))) / pitch
+    bulge = cross(links_out[1:], links_out[:-1])
     sides = np.sign(bulge[np.abs(bulge) > STRAIGHT])
     if len(sides) == 2 and sides[0] != sides[1]:
-        raise NoSlot
+        raise FieldError(
+            place_field,
+            "the track bends to both sides within one link of the free pin: no slot can lead it from one to the other",
+            constraint="no_slot",
+        )
     return Slot(chain, free, int(sides[0]) if len(sides) else side, phase)
 
 
-def _polished(slot: Slot, phase: float) -> float:
-    """The phase of least slack, from the sign of the slack's derivative.
+def polished(slot: Slot, phase: float, sign: int) -> float:
+    """The phase of a minimum (``sign`` 1) or maximum (-1) of the slack, placed where its derivative vanishes.
 
-    Values alone fix a minimum only to the root of the rounding error; its derivative fixes it to rounding.
+    Values alone fix the place only to the root of the rounding error, the derivative to rounding.
     """
-    period = slot.chain.period
-    low, high = phase - 1e-3 * period, phase + 1e-3 * period
-    shift = period if low < 0 else 0.0
-    low, high = low + shift, high + shift
-    for _ in range(8):
-        grid = np.linspace(low, high, 33)
-        falling = slot._slack(grid)[1] < 0
-        if not falling[0] or falling[-1]:
-            return phase
-        last = int(np.flatnonzero(falling)[-1])
-        low, high = float(grid[last]), float(grid[last + 1])
-    return 0.5 * (low + high) - shift
+    near = 1e-3 * slot.chain.period
+    shift = slot.chain.period if phase < near else 0.0
+    low, high = phase + shift - near, phase + shift + near
+
+    def rising(phase: Floats) -> tuple[Floats, Floats]:
+        rate, bend = slot.slack_rate(phase)
+        return sign * rate, sign * bend
+
+    ends, _ = rising(np.array([low, high]))
+    if not ends[0] < 0 <= ends[1]:
+        return phase
+    return float(rising_root(rising, low, high, [phase + shift])[0]) - shift

@@ -2,18 +2,20 @@
 
 Each segment is held by its start, its heading and its signed curvature, so an arc of any radius and a line are one
 formula: in the segment's own frame nothing cancels when the radius grows, and the origin of the drawing may be
-anywhere. Lengths are in the user's own unit, angles in radians.
+anywhere. Points are complex numbers x + i y, lengths are in the user's own unit, angles in radians.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import StrEnum
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from synthesis.chain.errors import ChordError, ChordFault, TrackError
+from synthesis.one_variable import Floats
 
 JOINT_GAP = 1e-7
 """Largest gap between two segments, as a fraction of the track's length."""
@@ -22,51 +24,17 @@ JOINT_KINK = 1e-6
 GRAZING = 1e-7
 """Cosine between link and track below which a pin's place is not determined by the pitch."""
 
-Floats = NDArray[np.float64]
+Points = NDArray[np.complex128]
 
 
-class ChordFault(StrEnum):
-    """Why a link does not fit; the value is the sentence that the user reads."""
-
-    NO_POINT = "no point of the track ahead is one pitch away"
-    REVERSAL = "the pitch is too long for the track's bends: a pin would jump or run back while the chain moves on"
-    AMBIGUOUS = "a link stands square to the track, so that the pitch does not determine the pin's place"
+def dot(a: Points, b: Points) -> Floats:
+    """Scalar products of plane vectors."""
+    return (a * np.conj(b)).real
 
 
-class ChordError(ValueError):
-    """A pin for which there is no next pin.
-
-    Parameters
-    ----------
-    fault : ChordFault
-        What is wrong.
-    position : float
-        Arc length of the pin from the start of the track.
-    """
-
-    def __init__(self, fault: ChordFault, position: float) -> None:
-        super().__init__(f"{fault.value} (pin at {position:.6g} along the track)")
-        self.fault = fault
-        self.position = position
-
-
-class TrackError(ValueError):
-    """Segments that make no closed tangent track.
-
-    Parameters
-    ----------
-    message : str
-        What was found and what was wanted.
-    segment : int
-        The segment at fault.
-    amount : float
-        The size of the fault: a gap, an angle, a length or a number of turns.
-    """
-
-    def __init__(self, message: str, segment: int, amount: float) -> None:
-        super().__init__(message)
-        self.segment = segment
-        self.amount = amount
+def cross(a: Points, b: Points) -> Floats:
+    """Vector products of plane vectors; positive where the second lies to the left of the first."""
+    return (np.conj(a) * b).imag
 
 
 class Segment(NamedTuple):
@@ -98,12 +66,24 @@ class Place(NamedTuple):
     along: Floats
     lap: NDArray[np.int64]
 
+    def rows(self, index: NDArray[np.intp] | slice) -> Place:
+        """Some of the places."""
+        return Place(self.segment[index], self.along[index], self.lap[index])
+
+    def repeated(self, times: int) -> Place:
+        """One place, ``times`` times."""
+        return Place(np.repeat(self.segment, times), np.repeat(self.along, times), np.repeat(self.lap, times))
+
 
 class Motion(NamedTuple):
     """First and second derivative of a place's arc length by the phase that drives the chain, shape (n,) each."""
 
     rate: Floats
     bend: Floats
+
+    def reversed(self) -> Motion:
+        """The same motion where arc length is counted the other way."""
+        return Motion(-self.rate, -self.bend)
 
 
 class Track:
@@ -138,23 +118,21 @@ class Track:
                     f"segment {index} turns {turns:.6g} times round, at most once is wanted", index, turns
                 )
         self.segments = tuple(Segment(*map(float, row)) for row in rows)
-        self.origin = rows[0, :2].copy()
+        starts, self._heading = rows[:, 0] + 1j * rows[:, 1], rows[:, 2].copy()
+        self.origin = complex(starts[0])
         """The drawing's origin is far away in some tracks: all geometry is relative to the first segment's start."""
         self.count = len(rows)
         self.curvature, self.length = rows[:, 3].copy(), rows[:, 4].copy()
-        self._start = rows[:, :2] - self.origin
-        self._cos, self._sin = np.cos(rows[:, 2]), np.sin(rows[:, 2])
-        self._heading = rows[:, 2].copy()
+        self._start, self._direction = starts - self.origin, np.cos(self._heading) + 1j * np.sin(self._heading)
         self.joints = np.concatenate([[0.0], np.cumsum(self.length)])
         self.total = float(self.joints[-1])
         self._check_joints()
 
     def _check_joints(self) -> None:
         end = self._points(np.arange(self.count), self.length)
-        gap = np.hypot(*(np.roll(self._start, -1, axis=0) - end).T)
+        gap = np.abs(np.roll(self._start, -1) - end)
         turn = np.roll(self._heading, -1) - self._heading - self.curvature * self.length
         kink = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
-        self.joint_gap, self.joint_kink = float(gap.max()), float(kink.max())
         for name, found, allowed in (
             ("a gap of {:.6g}, at most {:.3g} is allowed", gap, JOINT_GAP * self.total),
             ("a kink of {:.6g} rad, at most {:.3g} is allowed", kink, JOINT_KINK),
@@ -170,7 +148,7 @@ class Track:
         """The same loop travelled the other way; its arc length is ``total - s``."""
         ends = self._points(np.arange(self.count), self.length) + self.origin
         headings = self._heading + self.curvature * self.length + np.pi
-        rows = zip(ends[:, 0], ends[:, 1], headings, -self.curvature, self.length)
+        rows = zip(ends.real, ends.imag, headings, -self.curvature, self.length)
         return Track([Segment(*map(float, row)) for row in rows][::-1])
 
     def starting_at(self, segment: int) -> Track:
@@ -195,46 +173,45 @@ class Track:
         """The same places as the reverse track counts them."""
         return Place(self.count - 1 - place.segment, self.length[place.segment] - place.along, -place.lap)
 
-    def points(self, place: Place) -> Floats:
-        """Points of the track, shape (n, 2)."""
+    def points(self, place: Place) -> Points:
+        """Points of the track, shape (n,)."""
         return self._points(place.segment, place.along) + self.origin
 
-    def beside(self, place: Place, offset: Floats) -> Floats:
-        """Points square to the track at a distance, left positive: the inverse of `feet`. Shape (n, 2)."""
-        tangent = self.tangents(place)
-        return self.points(place) + offset[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=-1)
+    def beside(self, place: Place, offset: Floats) -> Points:
+        """Points square to the track at a distance, left positive: the inverse of `feet`."""
+        return self.points(place) + 1j * offset * self.tangents(place)
 
-    def tangents(self, place: Place) -> Floats:
-        """Unit tangents in the direction of travel, shape (n, 2)."""
+    def tangents(self, place: Place) -> Points:
+        """Unit tangents in the direction of travel, shape (n,)."""
         turn = self.curvature[place.segment] * place.along
-        cos, sin = np.cos(turn), np.sin(turn)
-        c, s = self._cos[place.segment], self._sin[place.segment]
-        return np.stack([c * cos - s * sin, s * cos + c * sin], axis=-1)
+        return self._direction[place.segment] * (np.cos(turn) + 1j * np.sin(turn))
 
-    def _points(self, segment: NDArray[np.intp], along: Floats) -> Floats:
+    # The two below write out the complex product: numpy rounds it differently with the place in the array, and
+    # stepping would pass that on to places that are known to rounding.
+
+    def _points(self, segment: NDArray[np.intp], along: Floats) -> Points:
         """Points relative to `origin`: start + chord at half the turn, which holds for curvature 0 as well."""
         curvature = self.curvature[segment]
         half = 0.5 * curvature * along
         straight = curvature == 0
         chord = np.where(straight, along, 2 * np.sin(half) / np.where(straight, 1.0, curvature))
         ahead, aside = chord * np.cos(half), chord * np.sin(half)
-        c, s = self._cos[segment], self._sin[segment]
-        return self._start[segment] + np.stack([ahead * c - aside * s, ahead * s + aside * c], axis=-1)
+        c, s = self._direction[segment].real, self._direction[segment].imag
+        return self._start[segment] + (ahead * c - aside * s) + 1j * (ahead * s + aside * c)
 
-    def _local(self, segment: NDArray[np.intp], points: Floats) -> tuple[Floats, Floats]:
+    def _local(self, segment: NDArray[np.intp], points: Points) -> tuple[Floats, Floats]:
         """Coordinates ahead and aside of each segment's start, of points relative to `origin`."""
-        dx, dy = (points - self._start[segment]).T
-        c, s = self._cos[segment], self._sin[segment]
-        return dx * c + dy * s, dy * c - dx * s
+        d = points - self._start[segment]
+        c, s = self._direction[segment].real, self._direction[segment].imag
+        return d.real * c + d.imag * s, d.imag * c - d.real * s
 
-    def feet(self, segment: int, points: Floats) -> tuple[Floats, Floats]:
+    def feet(self, segment: int, points: Points) -> tuple[Floats, Floats]:
         """Arc length and offset (left positive) of points by one segment, continued beyond its ends.
 
         The offset of an arc is (1 - rho)/k with rho the distance from its centre in radii; written without the
         difference it also holds for curvature 0.
         """
-        index = np.full(len(points), segment)
-        ahead, aside = self._local(index, points - self.origin)
+        ahead, aside = self._local(np.full(len(points), segment), points - self.origin)
         k = self.curvature[segment]
         rho = np.hypot(k * ahead, 1 - k * aside)
         offset = (2 * aside - k * (ahead**2 + aside**2)) / (1 + rho)
@@ -245,11 +222,11 @@ class Track:
             along = along + turn * np.round((self.length[segment] / 2 - along) / turn)
         return along, offset
 
-    def distance(self, segment: int, points: Floats) -> Floats:
+    def distance(self, segment: int, points: Points) -> Floats:
         """Distance of points from one segment, its ends included."""
         along, offset = self.feet(segment, points)
         ends = self._points(np.array([segment, segment]), np.array([0.0, self.length[segment]])) + self.origin
-        to_ends = np.hypot(*(points[:, None, :] - ends).transpose(2, 0, 1)).min(axis=1)
+        to_ends = np.abs(points[:, None] - ends).min(axis=1)
         return np.where((along >= 0) & (along <= self.length[segment]), np.abs(offset), to_ends)
 
     # Stepping
@@ -263,7 +240,13 @@ class Track:
         return np.where(fits, bent, np.inf)
 
     def step(self, place: Place, pitch: float, direction: int = 1) -> Place:
-        """The next pins: the first places ahead that are one pitch away, chord by chord.
+        """The next pins, shape (n,): the first places ahead that are one pitch away, chord by chord."""
+        return self.advance(place, pitch, 1, direction)
+
+    def advance(self, place: Place, pitch: float, links: ArrayLike, direction: int = 1) -> Place:
+        """The pins ``links`` links ahead, shape (n,). Costs one crossing a joint, however many links lie on a segment.
+
+        Law: equals ``links`` calls of `step`.
 
         Parameters
         ----------
@@ -271,6 +254,8 @@ class Track:
             The pins, shape (n,).
         pitch : float
             Length of a link.
+        links : array_like of int
+            Number of links for each place, at least 0.
         direction : {1, -1}
             With or against the direction of travel.
 
@@ -280,40 +265,25 @@ class Track:
             For the first pin that has no next pin.
         """
         if direction < 0:
-            return self.reverse.mirrored(self.reverse.step(self.mirrored(place), pitch))
-        along = place.along + self.link_lengths(pitch)[place.segment]
-        stays = along <= self.length[place.segment]
-        segment, lap = place.segment.copy(), place.lap.copy()
-        along = np.where(stays, along, 0.0)
-        leaving = np.flatnonzero(~stays)
-        if len(leaving):
-            crossed = self._cross(Place(*(part[leaving] for part in place)), pitch)
-            segment[leaving], along[leaving], lap[leaving] = crossed
-        return Place(segment, along, lap)
+            return self.reverse.mirrored(self.reverse.advance(self.mirrored(place), pitch, links))
+        return self._advanced(place, None, pitch, links)[0]
 
-    def advance(
-        self, place: Place, pitch: float, links: ArrayLike, direction: int = 1, motion: Motion | None = None
-    ) -> tuple[Place, Motion | None]:
-        """The pins ``links`` links ahead. Costs one crossing a joint, however many links lie on a segment.
-
-        Law: equals ``links`` calls of `step`.
-
-        Parameters
-        ----------
-        links : array_like of int
-            Number of links for each place, at least 0.
-        motion : Motion, optional
-            How the places move with the phase; then the pins' motion is returned beside them.
-        """
+    def carry(
+        self, place: Place, motion: Motion, pitch: float, links: ArrayLike, direction: int = 1
+    ) -> tuple[Place, Motion]:
+        """As `advance`, with the motion of the places on the way in and that of the pins on the way out."""
         if direction < 0:
             # Arc length of the reverse track runs the other way: rate and bend change sign on the way in and out.
-            turned = None if motion is None else Motion(-motion.rate, -motion.bend)
-            back, moved = self.reverse.advance(self.mirrored(place), pitch, links, 1, turned)
-            return self.reverse.mirrored(back), None if moved is None else Motion(-moved.rate, -moved.bend)
+            back, moved = self.reverse.carry(self.mirrored(place), motion.reversed(), pitch, links)
+            return self.reverse.mirrored(back), moved.reversed()
+        return self._advanced(place, motion, pitch, links)
+
+    def _advanced(self, place: Place, motion: Motion | None, pitch: float, links: ArrayLike) -> tuple[Place, Motion]:
         lengths = self.link_lengths(pitch)
         left = np.broadcast_to(np.asarray(links, dtype=float), place.along.shape).copy()
         segment, along, lap = place.segment.copy(), place.along.copy(), place.lap.copy()
-        rate, bend = (None, None) if motion is None else (motion.rate.copy(), motion.bend.copy())
+        moved = Motion(np.ones_like(along), np.zeros_like(along)) if motion is None else motion
+        rate, bend = moved.rate.copy(), moved.bend.copy()
         while True:
             own = lengths[segment]
             inside = np.clip(np.floor((self.length[segment] - along) / own), 0, left)
@@ -321,16 +291,15 @@ class Track:
             left = left - inside
             go = np.flatnonzero(left > 0)
             if not len(go):
-                break
+                return Place(segment, along, lap), Motion(rate, bend)
             before = Place(segment[go], along[go], lap[go])
-            after = self._cross(before, pitch)
+            after = self._onto_later_segment(before, pitch)
             if motion is not None:
                 rate[go], bend[go] = self._passed_on(before, after, Motion(rate[go], bend[go]))
             segment[go], along[go], lap[go] = after
             left[go] -= 1
-        return Place(segment, along, lap), None if motion is None else Motion(rate, bend)
 
-    def _cross(self, place: Place, pitch: float) -> Place:
+    def _onto_later_segment(self, place: Place, pitch: float) -> Place:
         """Next pins on a later segment than the pins' own.
 
         In a segment's own frame, with P = (ahead, aside) and z = (2/k) tan(k t/2), |Q(t) - P| = pitch reads
@@ -365,8 +334,7 @@ class Track:
             todo = todo[~hit]
             if not len(todo):
                 return Place(segment, along, lap)
-        lost = Place(*(part[todo[:1]] for part in place))
-        raise ChordError(ChordFault.NO_POINT, float(self.position(lost)[0]))
+        raise ChordError(ChordFault.NO_POINT, float(self.position(place)[todo[0]]))
 
     def _passed_on(self, before: Place, after: Place, motion: Motion) -> Motion:
         """Motion of the next pins: first and second derivative of |Q2 - Q1| = pitch.
@@ -374,34 +342,15 @@ class Track:
         e.T2 s2' = e.T1 s1';  e.T2 s2'' = e.T1 s1'' + e.(k1 N1 s1'^2 - k2 N2 s2'^2) - |Q2' - Q1'|^2/pitch.
         """
         link = self._points(after.segment, after.along) - self._points(before.segment, before.along)
-        pitch = np.hypot(*link.T)
-        e = link / pitch[:, None]
+        pitch = np.abs(link)
         t1, t2 = self.tangents(before), self.tangents(after)
-        along1, along2 = np.sum(e * t1, axis=1), np.sum(e * t2, axis=1)
-        grazing = np.flatnonzero(np.abs(along2) < GRAZING)
+        # e/T: its real part is e.T, its imaginary part e.N with N the tangent turned left.
+        u1, u2 = link / pitch * np.conj(t1), link / pitch * np.conj(t2)
+        grazing = np.flatnonzero(np.abs(u2.real) < GRAZING)
         if len(grazing):
-            lost = Place(*(part[grazing[:1]] for part in before))
-            raise ChordError(ChordFault.AMBIGUOUS, float(self.position(lost)[0]))
-        # e.N with N the tangent turned left.
-        aside1, aside2 = e[:, 1] * t1[:, 0] - e[:, 0] * t1[:, 1], e[:, 1] * t2[:, 0] - e[:, 0] * t2[:, 1]
+            raise ChordError(ChordFault.AMBIGUOUS, float(self.position(before)[grazing[0]]))
         k1, k2 = self.curvature[before.segment], self.curvature[after.segment]
-        rate = motion.rate * along1 / along2
-        relative = t2 * rate[:, None] - t1 * motion.rate[:, None]
-        turned = k1 * aside1 * motion.rate**2 - k2 * aside2 * rate**2
-        bend = (along1 * motion.bend + turned - np.sum(relative**2, axis=1) / pitch) / along2
-        return Motion(rate, bend)
-
-
-def stadium(radius: float, straight: float) -> Track:
-    """Two half circles, centres ``straight`` apart on the x axis, joined by lines; travelled to the left, from the
-    joint of the lower line with the right half circle.
-    """
-    half = straight / 2
-    return Track(
-        [
-            Segment(half, -radius, 0.0, 1 / radius, np.pi * radius),
-            line(half, radius, -half, radius),
-            Segment(-half, radius, np.pi, 1 / radius, np.pi * radius),
-            line(-half, -radius, half, -radius),
-        ]
-    )
+        rate = motion.rate * u1.real / u2.real
+        relative = np.abs(t2 * rate - t1 * motion.rate)
+        turned = k1 * u1.imag * motion.rate**2 - k2 * u2.imag * rate**2
+        return Motion(rate, (u1.real * motion.bend + turned - relative**2 / pitch) / u2.real)

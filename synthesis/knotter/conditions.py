@@ -8,15 +8,16 @@ NaN under a mask that says so.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from synthesis.errors import FieldError
 from synthesis.knotter import events
-from synthesis.knotter.mechanism import Mechanism
+from synthesis.knotter.mechanism import Integers, Mechanism, as_array
+from synthesis.one_variable import Flags, Floats
 
 MAX_PIECES = 500_000
 """Most pieces (grid items x pieces of the driver's range) that one condition may look at."""
@@ -28,19 +29,22 @@ class Condition(Protocol):
     """One requirement on a mechanism."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """What results are found by."""
 
-    def check(self, mechanism: Mechanism) -> None: ...
+    def check(self, mechanism: Mechanism) -> None:
+        """Raise `FieldError` for what has no answer at any parameters."""
 
-    def evaluate(self, mechanism: Mechanism, items: int) -> Result: ...
+    def evaluate(self, mechanism: Mechanism, items: int) -> Result:
+        """The verdict for each item."""
 
 
 @dataclass(frozen=True)
 class Result:
     """A condition's verdict; each array has shape (items,)."""
 
-    holds: np.ndarray
-    margin: np.ndarray
+    holds: Flags
+    margin: Floats
 
 
 @dataclass(frozen=True)
@@ -55,9 +59,9 @@ class Reach(Result):
         The largest over the range and the driver angle (rad) where it is reached.
     """
 
-    value: np.ndarray
-    worst: np.ndarray
-    worst_driver: np.ndarray
+    value: Floats
+    worst: Floats
+    worst_driver: Floats
 
 
 @dataclass(frozen=True)
@@ -114,12 +118,9 @@ class Clearance:
         """The verdict for each item."""
         if self.locked is not None:
             mechanism = mechanism.locked(self.locked, self.at)
-        frames = self.frames(mechanism)
-        first, last = self.over
-        ends = events.edges(first, last, mechanism.breakpoints(frames), partial(mechanism.turning_rate, frames))
-        return in_chunks(lambda part, count: self._evaluate(part, count, ends), mechanism, items, ends, self.name)
+        return in_chunks(self._evaluate, mechanism, items, self.frames(mechanism), self.over, self.name)
 
-    def depth(self, mechanism: Mechanism, driver: np.ndarray) -> np.ndarray:
+    def depth(self, mechanism: Mechanism, driver: Floats | float) -> Any:
         """How far the point is past the plane or inside the solid; negative outside."""
         depth, off_axis = self._coordinates(mechanism, driver)
         if np.isinf(self.radius):
@@ -128,50 +129,38 @@ class Clearance:
         outside = np.hypot(np.maximum(beyond, 0), np.maximum(-depth, 0))
         return np.where((beyond < 0) & (depth > 0), np.minimum(depth, -beyond), -outside)
 
-    def _coordinates(self, mechanism: Mechanism, driver: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _coordinates(self, mechanism: Mechanism, driver: Floats | float) -> tuple[Any, Any]:
         position = mechanism.position(self.point, self.frame, driver)
         off_axis = np.hypot(position[(self.axis + 1) % 3], position[(self.axis + 2) % 3])
         return -self.side * position[self.axis], off_axis
 
-    def _evaluate(self, mechanism: Mechanism, items: int, ends: np.ndarray) -> Reach:
-        def function(driver: np.ndarray, item: np.ndarray) -> np.ndarray:
-            shape = np.broadcast_shapes(driver.shape, item.shape)
+    def _evaluate(self, mechanism: Mechanism, items: int, ends: Floats) -> Reach:
+        def function(driver: Floats, item: Integers) -> Floats:
             depth, off_axis = self._coordinates(mechanism.item(item), driver)
-            if np.isinf(self.radius):
-                return np.broadcast_to(depth, shape)[None]
             beyond = off_axis - self.radius
             # The depth has kinks at roots of the first three; between them it is extreme where one of the four is.
             rows = (depth, beyond, depth + beyond, beyond**2 + depth**2)
-            return np.array([np.broadcast_to(row, shape) for row in rows])
+            return as_array(
+                rows[:1] if np.isinf(self.radius) else rows, np.broadcast_shapes(driver.shape, item.shape)
+            )
 
         every = np.arange(items)
-        value = np.broadcast_to(self.depth(mechanism.item(every), np.float64(self.at)), (items,))
-        item = np.repeat(every, len(ends))
-        driver = np.tile(ends, items)
-        if self.over[1] > self.over[0]:
-            rounding = np.broadcast_to(mechanism.rounding(self.frames(mechanism), *self.over), (items,))
-            floor = rounding[None]
-            if np.isfinite(self.radius):
-                far = np.abs(value) + self.radius
-                floor = np.array([rounding, rounding, rounding, rounding * far])
-            parts = events.pieces(function, ends, items, floor)
-            found = [events.extremes(parts, floor)]
-            if np.isfinite(self.radius):
-                found.append(events.roots(parts, None, floor))
-            item = np.concatenate([item, *(part.item for part in found)])
-            driver = np.concatenate([driver, *(part.driver for part in found)])
+        value = np.broadcast_to(self.depth(mechanism.item(every), self.at), (items,))
+        rounding = np.broadcast_to(mechanism.rounding(self.frames(mechanism), *self.over), (items,))
+        floor = rounding[None]
+        if np.isfinite(self.radius):
+            floor = np.stack([rounding, rounding, rounding, rounding * (np.abs(value) + self.radius)])
+        parts = events.pieces(function, ends, items, floor)
+        found = [events.extremes(parts, floor)]
+        if np.isfinite(self.radius):
+            found.append(events.roots(parts, None, floor))
+        item = np.concatenate([np.repeat(every, len(ends)), *(part.item for part in found)])
+        driver = np.concatenate([np.tile(ends, items), *(part.driver for part in found)])
         depth = np.broadcast_to(self.depth(mechanism.item(item), driver), item.shape)
         order = np.lexsort((driver, -depth, item))
         leading = order[np.searchsorted(item[order], every)]
         worst = depth[leading]
         return Reach(worst < 0, -worst, value, worst, driver[leading])
-
-
-@dataclass(frozen=True)
-class Value(Result):
-    """A scalar condition's value, shape (items,)."""
-
-    value: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -186,21 +175,34 @@ class Scalar:
     """
 
     name: str
-    function: Callable[[Mapping[str, np.ndarray | float]], np.ndarray]
+    function: Callable[[Mapping[str, Floats | float]], Floats | float]
 
     def check(self, mechanism: Mechanism) -> None:
         """A number needs no law and no point."""
 
-    def evaluate(self, mechanism: Mechanism, items: int) -> Value:
+    def evaluate(self, mechanism: Mechanism, items: int) -> Result:
         """The verdict for each item."""
         value = np.broadcast_to(self.function(mechanism.parameters), (items,)).astype(float)
-        return Value(value > 0, value, value)
+        return Result(value > 0, value)
+
+
+Evaluated = TypeVar("Evaluated", bound=Result)
 
 
 def in_chunks(
-    evaluate: Callable[[Mechanism, int], Result], mechanism: Mechanism, items: int, ends: np.ndarray, name: str
-) -> Result:
-    """A result over all items from results over a few items at a time."""
+    evaluate: Callable[[Mechanism, int, Floats], Evaluated],
+    mechanism: Mechanism,
+    items: int,
+    frames: set[str],
+    over: tuple[float, float],
+    name: str,
+) -> Evaluated:
+    """A result over all items from results over a few items at a time.
+
+    ``evaluate(mechanism, items, ends)`` is given the ends of the pieces of the range ``over`` in which nothing turns far
+    between the frames; ``name`` is the condition's, for the refusal.
+    """
+    ends = events.piece_ends(*over, mechanism.breakpoints(frames), partial(mechanism.turning_rate, frames))
     count = len(ends) - 1
     if items * count > MAX_PIECES:
         raise FieldError(
@@ -211,11 +213,7 @@ def in_chunks(
             amount=items * count,
         )
     step = max(1, CHUNK_PIECES // count)
-    results = [
-        evaluate(mechanism.item(part := np.arange(start, min(start + step, items))), len(part))
-        for start in range(0, items, step)
-    ]
-    kind = type(results[0])
-    return kind(
-        *(np.concatenate([getattr(result, name) for result in results]) for name in kind.__dataclass_fields__)
-    )
+    parts = (np.arange(start, min(start + step, items)) for start in range(0, items, step))
+    results = [evaluate(mechanism.item(part), len(part), ends) for part in parts]
+    every = (np.concatenate([getattr(result, field.name) for result in results]) for field in fields(results[0]))
+    return type(results[0])(*every)

@@ -2,23 +2,41 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
+from typing import Any
 
 import numpy as np
 
 from synthesis.errors import FieldError
-from synthesis.knotter import events, predicates
+from synthesis.knotter import events
 from synthesis.knotter.conditions import Result, in_chunks
-from synthesis.knotter.mechanism import Mechanism, Vector
+from synthesis.knotter.mechanism import Integers, Mechanism, Vector, as_array
+from synthesis.knotter.segment_triangle import (
+    UNIT_ROUNDOFF,
+    along,
+    classify,
+    cross,
+    crossing_point,
+    divisor,
+    dot,
+    inside,
+    norm,
+    orientations,
+    segment_triangle_distance,
+    subtract,
+)
+from synthesis.one_variable import Flags, Floats, golden_section
 
 NARROW = 1e-5
 """Windows narrower than this (rad) are confirmed in extended precision."""
 SPEED_STEP = 1e-6
 """Half step (rad) of the central difference that gives the speed of a crossing."""
+APPROACH_NODES = 7
+"""Places in each piece of the range from which the closest approach is sought."""
 APPROACH_STEPS = 60
-"""Golden-section steps of the closest approach: from a piece's node distance to below 1e-13 of it."""
+"""Golden-section steps of the closest approach: from the nodes' distance to below 1e-12 of it."""
 
 
 class Found(IntEnum):
@@ -30,7 +48,10 @@ class Found(IntEnum):
     NEVER = 3, "the segment never crosses the triangle in the range"
     ALWAYS_IN_PLANE = 4, "an end of the segment lies in the triangle's plane throughout: it never crosses"
 
+    sentence: str
+
     def __new__(cls, code: int, sentence: str) -> Found:
+        """The code with its sentence."""
         member = int.__new__(cls, code)
         member._value_ = code
         member.sentence = sentence
@@ -62,19 +83,19 @@ class Entry(Result):
     nearest : ndarray
         Where the segment never enters: the driver angle (rad) at which it comes nearest to the triangle.
     nearest_case : ndarray of int
-        How it lies to the triangle there, values of `knotter_predicates.Crossing`; -1 where it enters.
+        How it lies to the triangle there, values of `segment_triangle.Crossing`; -1 where it enters.
     """
 
-    found: np.ndarray
-    enter: np.ndarray
-    leave: np.ndarray
-    opened_by: np.ndarray
-    point: np.ndarray
-    fraction: np.ndarray
-    windows: np.ndarray
-    sensitivity: np.ndarray
-    nearest: np.ndarray
-    nearest_case: np.ndarray
+    found: Integers
+    enter: Floats
+    leave: Floats
+    opened_by: Integers
+    point: Floats
+    fraction: Floats
+    windows: Integers
+    sensitivity: Floats
+    nearest: Floats
+    nearest_case: Integers
 
 
 @dataclass(frozen=True)
@@ -122,116 +143,101 @@ class SegmentHitsTriangle:
         """Raise `FieldError` for points that make no segment or triangle, and for laws that end within the range."""
         mechanism.require_laws(self.frames(mechanism), *self.window)
         home = {name: mechanism.points[name] for name in (*self.segment, *self.triangle)}
-        names = list(home)
-        for index, first in enumerate(names):
-            for second in names[index + 1 :]:
-                if home[first][0] == home[second][0] and _coincide(home[first][1], home[second][1]):
-                    raise FieldError(
-                        "/points",
-                        f"{first} and {second} coincide, so {self.name} has no "
-                        + ("triangle" if {first, second} <= set(self.triangle) else "segment that could cross"),
-                        constraint="coincident_points",
-                        points=[first, second],
-                    )
+        for first, second in itertools.combinations(home, 2):
+            (frame, one), (other_frame, other) = home[first], home[second]
+            reach = np.linalg.norm(one) + np.linalg.norm(other)
+            if frame == other_frame and np.linalg.norm(np.subtract(one, other)) <= 4 * UNIT_ROUNDOFF * reach:
+                lost = "triangle" if {first, second} <= set(self.triangle) else "segment that could cross"
+                raise FieldError(
+                    "/points",
+                    f"{first} and {second} coincide, so {self.name} has no {lost}",
+                    constraint="coincident_points",
+                    points=[first, second],
+                )
 
-    def positions(self, mechanism: Mechanism, driver: np.ndarray) -> tuple[Vector, ...]:
+    def positions(self, mechanism: Mechanism, driver: Floats) -> tuple[Vector, ...]:
         """The segment's ends and the triangle's vertices in `frame`."""
         return tuple(mechanism.position(name, self.frame, driver) for name in (*self.segment, *self.triangle))
 
     def evaluate(self, mechanism: Mechanism, items: int) -> Entry:
         """The verdict for each item."""
-        frames = self.frames(mechanism)
-        first, last = self.window
-        ends = events.edges(first, last, mechanism.breakpoints(frames), partial(mechanism.turning_rate, frames))
-        return in_chunks(lambda part, count: self._evaluate(part, count, ends), mechanism, items, ends, self.name)
+        return in_chunks(self._evaluate, mechanism, items, self.frames(mechanism), self.window, self.name)
 
-    def _evaluate(self, mechanism: Mechanism, items: int, ends: np.ndarray) -> Entry:
-        def function(driver: np.ndarray, item: np.ndarray) -> np.ndarray:
-            signs = predicates.orientations(*self.positions(mechanism.item(item), driver))
-            shape = np.broadcast_shapes(driver.shape, item.shape)
-            return np.array([np.broadcast_to(sign, shape) for sign in signs])
+    def _evaluate(self, mechanism: Mechanism, items: int, ends: Floats) -> Entry:
+        def function(driver: Floats, item: Integers) -> Floats:
+            signs = orientations(*self.positions(mechanism.item(item), driver))
+            return as_array(signs, np.broadcast_shapes(driver.shape, item.shape))
 
         floor = self._floor(mechanism, items, ends)
         parts = events.pieces(function, ends, items, floor)
         in_plane = np.any(parts.size[:2] <= floor[:2], axis=0)
-        found = events.roots(parts, function, floor)
-        item, start, end, opened_by = _windows(function, found, ends, items, ~in_plane)
-
+        item, start, end, opened_by = inside_windows(
+            function, events.roots(parts, function, floor), ends, items, ~in_plane
+        )
         windows = np.bincount(item, minlength=items)
-        has = windows > 0
-        leading = np.searchsorted(item, np.flatnonzero(has))
-        enter, leave, fraction, margin, sensitivity, nearest = (np.full(items, np.nan) for _ in range(6))
-        case = np.full(items, -1)
-        opened = np.full(items, -1)
-        enter[has], leave[has], opened[has] = start[leading], end[leading], opened_by[leading]
+        entered, missing = np.flatnonzero(windows), np.flatnonzero(windows == 0)
+        first = np.searchsorted(item, entered)
 
-        kind = np.full(items, Found.ENTERS_ELSEWHERE)
-        kind[opened == 2 + self.enter] = Found.ENTERS
-        kind[has & (opened < 0)] = Found.INSIDE_AT_START
-        kind[~has] = Found.NEVER
-        kind[in_plane] = Found.ALWAYS_IN_PLANE
-
+        enter, leave, fraction, margin, sensitivity, nearest = np.full((6, items), np.nan)
         point = np.full((items, 3), np.nan)
-        rows = np.flatnonzero(has)
-        if len(rows):
-            p, q, *corners = self.positions(mechanism.item(rows), enter[rows])
-            crossing = predicates.crossing_point(p, q, *corners)
-            point[rows] = np.stack([np.broadcast_to(x, rows.shape) for x in crossing], axis=-1) + 0.0  # no minus zero
-            for edge in range(3):
-                a, b = corners[edge], corners[(edge + 1) % 3]
-                ab = predicates.subtract(b, a)
-                length2 = predicates.dot(ab, ab)
-                f = predicates.dot(predicates.subtract(crossing, a), ab) / np.where(length2 > 0, length2, 1.0)
-                through = opened[rows] == 2 + edge
-                fraction[rows[through]] = np.broadcast_to(f, rows.shape)[through]
-                if edge == self.enter:
-                    inner = np.minimum(f, 1 - f) * np.sqrt(length2)
-                    outer = predicates.norm(predicates.subtract(crossing, predicates.along(a, ab, np.clip(f, 0, 1))))
-                    margin[rows] = np.where(through, np.maximum(inner, 0.0), -outer)
-        entering = np.flatnonzero(opened >= 0)
-        if len(entering):
-            sensitivity[entering] = self._sensitivity(mechanism.item(entering), enter[entering], opened[entering])
-        missing = np.flatnonzero(~has)
+        opened, case = np.full((2, items), -1)
+        enter[entered], leave[entered], opened[entered] = start[first], end[first], opened_by[first]
+        through = np.flatnonzero(opened >= 0)
+        point[entered], fraction[entered], margin[entered] = self._crossing(mechanism, entered, enter, opened)
+        sensitivity[through] = self._sensitivity(mechanism.item(through), enter[through], opened[through])
         if len(missing):
-            distance, nearest[missing] = self._closest_approach(mechanism.item(missing[:, None]), ends)
+            distance, nearest[missing] = self._closest_approach(mechanism, missing, ends)
             margin[missing] = -distance
             corners = self.positions(mechanism.item(missing), nearest[missing])
-            rows = [np.stack([np.broadcast_to(x, missing.shape) for x in corner], axis=-1) for corner in corners]
-            case[missing] = predicates.classify(*rows)
-        holds = kind == Found.ENTERS
-        return Entry(holds, margin, kind, enter, leave, opened, point, fraction, windows, sensitivity, nearest, case)
+            case[missing] = classify(*(as_array(corner, missing.shape).T for corner in corners))
+        found = np.select(
+            [in_plane, windows == 0, opened < 0, opened == 2 + self.enter],
+            [Found.ALWAYS_IN_PLANE, Found.NEVER, Found.INSIDE_AT_START, Found.ENTERS],
+            Found.ENTERS_ELSEWHERE,
+        )
+        holds = found == Found.ENTERS
+        return Entry(holds, margin, found, enter, leave, opened, point, fraction, windows, sensitivity, nearest, case)
 
-    def _sensitivity(self, mechanism: Mechanism, enter: np.ndarray, opened_by: np.ndarray) -> np.ndarray:
+    def _crossing(self, mechanism: Mechanism, rows: Integers, enter: Floats, opened: Integers) -> tuple[Floats, ...]:
+        """Point, fraction and margin at the entry of some items."""
+        positions = self.positions(mechanism.item(rows), enter[rows])
+        p, q, *corners = (as_array(position, rows.shape) for position in positions)
+        point = crossing_point(p, q, *corners)
+        fraction, margin = np.full((2, len(rows)), np.nan)
+        for edge in range(3):
+            a, b = corners[edge], corners[(edge + 1) % 3]
+            ab = subtract(b, a)
+            length = norm(ab)
+            share = dot(subtract(point, a), ab) / divisor(dot(ab, ab))
+            through = opened[rows] == 2 + edge
+            fraction[through] = share[through]
+            if edge == self.enter:
+                inner = np.minimum(share, 1 - share) * length
+                outer = norm(subtract(point, along(a, ab, np.clip(share, 0, 1))))
+                margin = np.where(through, np.maximum(inner, 0.0), -outer)
+        return np.transpose(point) + 0.0, fraction, margin  # no minus zero
+
+    def _sensitivity(self, mechanism: Mechanism, enter: Floats, opened_by: Integers) -> Floats:
         """``|d driver / d length|``: one over the speed at which the crossing passes the edge it enters by."""
 
-        def distance(driver: np.ndarray) -> np.ndarray:
-            corners = self.positions(mechanism, driver)
-            s_p, s_q, *u = predicates.orientations(*corners)
-            _, _, a, b, c = corners
-            area = predicates.norm(predicates.cross(predicates.subtract(b, a), predicates.subtract(c, a)))
-            area = np.where(area > 0, area, 1.0)
-            sides = [predicates.norm(predicates.subtract(end, start)) for start, end in ((a, b), (b, c), (c, a))]
-            w = s_p - s_q
-            w = np.where(np.abs(w) > 0, w, 1.0)
-            rows = [
-                s_p / area,
-                s_q / area,
-                *(edge / (w * area * np.where(side > 0, side, 1.0)) for edge, side in zip(u, sides)),
-            ]
-            return np.choose(opened_by, [np.broadcast_to(row, enter.shape) for row in rows])
+        def distance(driver: Floats) -> Floats:
+            p, q, a, b, c = self.positions(mechanism, driver)
+            s_p, s_q, *u = orientations(p, q, a, b, c)
+            area = divisor(norm(cross(subtract(b, a), subtract(c, a))))
+            scale = divisor(s_p - s_q) * area
+            sides = (norm(subtract(end, start)) for start, end in ((a, b), (b, c), (c, a)))
+            rows = (s_p / area, s_q / area, *(edge / (scale * divisor(side)) for edge, side in zip(u, sides)))
+            return np.choose(opened_by, as_array(rows, enter.shape))
 
         speed = np.abs(distance(enter + SPEED_STEP) - distance(enter - SPEED_STEP)) / (2 * SPEED_STEP)
-        return np.where(speed > 0, 1.0 / np.where(speed > 0, speed, 1.0), np.inf)
+        return np.where(speed > 0, 1.0 / divisor(speed), np.inf)
 
-    def _floor(self, mechanism: Mechanism, items: int, ends: np.ndarray) -> np.ndarray:
+    def _floor(self, mechanism: Mechanism, items: int, ends: Floats) -> Floats:
         """Rounding error of the five orientations, shape (5, items); refuses a triangle without area."""
-        driver = ends[None]
-        p, q, a, b, c = self.positions(mechanism.item(np.arange(items)[:, None]), driver)
-        far = predicates.norm(predicates.subtract(p, a)) + predicates.norm(predicates.subtract(q, a))
-        far = np.broadcast_to(far, (items, len(ends))).max(axis=1)
-        ab, ac = predicates.subtract(b, a), predicates.subtract(c, a)
-        area = np.broadcast_to(predicates.norm(predicates.cross(ab, ac)), (items, len(ends))).max(axis=1)
-        sides = np.broadcast_to(predicates.norm(ab) + predicates.norm(ac), (items, len(ends))).max(axis=1)
+        p, q, a, b, c = self.positions(mechanism.item(np.arange(items)[:, None]), ends)
+        ab, ac = subtract(b, a), subtract(c, a)
+        sizes = (norm(subtract(p, a)) + norm(subtract(q, a)), norm(cross(ab, ac)), norm(ab) + norm(ac))
+        far, area, sides = as_array(sizes, (items, len(ends))).max(axis=-1)
         rounding = np.broadcast_to(mechanism.rounding(self.frames(mechanism), *self.window), (items,))
         if np.any(area <= rounding * sides):
             raise FieldError(
@@ -245,47 +251,31 @@ class SegmentHitsTriangle:
         edge = rounding * area**2 * sides * far
         return np.stack([side, side, edge, edge, edge])
 
-    def _closest_approach(self, mechanism: Mechanism, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The smallest distance of segment and triangle and its driver angle, for parameters of shape (items, 1)."""
-        grid = np.linspace(ends[:-1], ends[1:], 7)[:-1].T.ravel()
-        grid = np.append(grid, ends[-1])
-        near = predicates.segment_triangle_distance(*self.positions(mechanism, grid[None]))
-        near = np.atleast_2d(near)
-        best = np.argmin(near, axis=1)[:, None]
+    def _closest_approach(self, mechanism: Mechanism, rows: Integers, ends: Floats) -> tuple[Floats, Floats]:
+        """The smallest distance of segment and triangle over the range, and its driver angle, for some items."""
+        mechanism = mechanism.item(rows[:, None])
+
+        def distance(driver: Floats) -> Any:
+            return segment_triangle_distance(*self.positions(mechanism, driver))
+
+        grid = np.append(np.linspace(ends[:-1], ends[1:], APPROACH_NODES)[:-1].T.ravel(), ends[-1])
+        at_grid = np.broadcast_to(distance(grid[None]), (len(rows), len(grid)))
+        best = np.argmin(at_grid, axis=1)[:, None]
         left, right = grid[np.maximum(best - 1, 0)], grid[np.minimum(best + 1, len(grid) - 1)]
-        golden = (np.sqrt(5) - 1) / 2
-
-        def distance(driver: np.ndarray) -> np.ndarray:
-            return predicates.segment_triangle_distance(*self.positions(mechanism, driver))
-
-        low, high = right - golden * (right - left), left + golden * (right - left)
-        at_low, at_high = distance(low), distance(high)
-        for _ in range(APPROACH_STEPS):
-            lower = at_low <= at_high
-            left, right = np.where(lower, left, low), np.where(lower, high, right)
-            low_new = np.where(lower, right - golden * (right - left), high)
-            high_new = np.where(lower, low, left + golden * (right - left))
-            fresh = distance(np.where(lower, low_new, high_new))
-            at_low, at_high = np.where(lower, fresh, at_high), np.where(lower, at_low, fresh)
-            low, high = low_new, high_new
-        # The range's ends and the grid stay candidates: the bracket may have been one-sided.
-        candidates = np.concatenate([np.take_along_axis(near, best, 1), at_low, at_high], axis=1)
-        drivers = np.concatenate([grid[best], low, high], axis=1)
-        pick = np.argmin(candidates, axis=1)[:, None]
-        return np.take_along_axis(candidates, pick, 1)[:, 0], np.take_along_axis(drivers, pick, 1)[:, 0]
+        least, driver = golden_section(distance, left, right, APPROACH_STEPS)
+        # The node stays a candidate: at an end of the range the bracket is one-sided.
+        at_node = np.take_along_axis(at_grid, best, 1)
+        driver = np.where(at_node <= least, grid[best], driver)
+        return np.minimum(at_node, least)[:, 0], driver[:, 0]
 
 
-def _coincide(first: tuple[float, float, float], second: tuple[float, float, float]) -> bool:
-    distance = np.linalg.norm(np.subtract(first, second))
-    return bool(distance <= 4 * predicates.UNIT_ROUNDOFF * (np.linalg.norm(first) + np.linalg.norm(second)))
-
-
-def _windows(
-    function: events.Function, found: events.Events, ends: np.ndarray, items: int, allowed: np.ndarray
-) -> tuple[np.ndarray, ...]:
+def inside_windows(
+    function: events.Function, found: events.Events, ends: Floats, items: int, allowed: Flags
+) -> tuple[Any, ...]:
     """Ranges of the driver in which the segment is inside, sorted by item and driver.
 
-    The orientations change sign at events only, so one look between two neighbouring events decides.
+    The five orientations (``function``) change sign at their roots (``found``) only, so one look between two neighbours
+    decides. ``allowed`` tells the items that may have a window at all.
 
     Returns
     -------
@@ -300,12 +290,11 @@ def _windows(
     item, driver, kind = item[order], driver[order], kind[order]
     span = np.flatnonzero((item[1:] == item[:-1]) & (driver[1:] > driver[:-1]))
     width = driver[span + 1] - driver[span]
-    middle = driver[span] + 0.5 * width
-    hit = predicates.inside(tuple(function(middle, item[span])))
+    hit = inside(function(driver[span] + 0.5 * width, item[span]))
     narrow = np.flatnonzero(width < NARROW)
     if len(narrow):
         extended = driver[span[narrow]] + 0.5 * width[narrow].astype(np.longdouble)
-        hit[narrow] = predicates.inside(tuple(function(extended, item[span[narrow]])))
+        hit[narrow] = inside(function(extended, item[span[narrow]]))
     span = span[hit & allowed[item[span]]]
     # Two neighbouring spans that are both inside are one window: nothing but rounding parts them.
     continued = np.zeros(len(span), bool)

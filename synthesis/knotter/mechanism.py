@@ -7,32 +7,28 @@ driver is not computed for each of them. Lengths are in the user's unit, angles 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from synthesis.errors import FieldError
+from synthesis.one_variable import EPSILON, Floats
 
-Vector = tuple[np.ndarray | float, np.ndarray | float, np.ndarray | float]
+Integers = NDArray[np.int_]
+Vector = Sequence[Any] | NDArray[Any]
+"""Three components: numbers, or arrays that broadcast against one another."""
 
 DRIVER = "driver"
 AXES = "ijk"
 
 
-class Law(Protocol):
-    """An angle as a function of the driver, smooth between its `breakpoints`."""
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]: ...
-
-    def value(self, driver: np.ndarray) -> np.ndarray: ...
-
-    def rate_bound(self, first: float, last: float) -> float: ...
-
-    def undefined(self, first: float, last: float) -> str | None: ...
+def as_array(parts: Iterable[Any], shape: tuple[int, ...]) -> Floats:
+    """Numbers and arrays that broadcast, of one shape and in one array with them along its first axis."""
+    return np.array([np.broadcast_to(part, shape) for part in parts])
 
 
 @dataclass(frozen=True)
@@ -43,7 +39,7 @@ class Linear:
     ratio: float = 0.0
     breakpoints: tuple[float, ...] = field(default=(), init=False)
 
-    def value(self, driver: np.ndarray) -> np.ndarray:
+    def value(self, driver: Floats | float) -> Floats | float:
         """The angle at each driver angle."""
         return self.lead + self.ratio * driver
 
@@ -93,18 +89,13 @@ class Table:
             row = int(np.argmin(steps > 0)) + 1
             raise ValueError(f"the driver angles must increase, but row {row} is not above the row before it")
 
-    @classmethod
-    def dwell(cls, before: float, after: float, start: float, end: float) -> Table:
-        """A body at rest at ``before``, turning evenly from ``start`` to ``end``, then at rest at ``after``."""
-        return cls((start, end), (before, after))
-
     @property
     def breakpoints(self) -> tuple[float, ...]:
         """The knots: between them the law is a polynomial."""
         return self.driver
 
     @cached_property
-    def _coefficients(self) -> np.ndarray:
+    def _coefficients(self) -> Any:
         """Polynomial coefficients, highest power first, shape (degree + 1, knots - 1), about each left knot."""
         knots, angles = np.array(self.driver), np.array(self.angle)
         if self.kind == "linear" or len(knots) == 2:
@@ -113,13 +104,13 @@ class Table:
 
         return PchipInterpolator(knots, angles).c
 
-    def value(self, driver: np.ndarray) -> np.ndarray:
+    def value(self, driver: Floats | float) -> Floats | float:
         """The angle at each driver angle, in the precision of ``driver``."""
         knots = np.array(self.driver)
         driver = np.clip(driver, knots[0], knots[-1])
         piece = np.clip(np.searchsorted(knots, driver, side="right") - 1, 0, len(knots) - 2)
         along = driver - knots[piece]
-        value = self._coefficients[0][piece]
+        value: Floats = self._coefficients[0][piece]
         for row in self._coefficients[1:]:
             value = value * along + row[piece]
         return value
@@ -144,6 +135,10 @@ class Table:
             f"the law is not defined over the whole range: its table covers {np.degrees(start):.9g} to "
             f"{np.degrees(end):.9g} degrees, needed are {np.degrees(first):.9g} to {np.degrees(last):.9g} degrees"
         )
+
+
+Law = Linear | Table
+"""An angle as a function of the driver, smooth between its ``breakpoints``."""
 
 
 @dataclass(frozen=True)
@@ -194,20 +189,20 @@ class Mechanism:
     frame are the same in every frame.
     """
 
-    parameters: Mapping[str, float | np.ndarray]
+    parameters: Mapping[str, float | Floats]
     laws: Mapping[str, Law]
     chains: tuple[Chain, ...]
     points: Mapping[str, tuple[str, tuple[float, float, float]]]
 
-    def with_parameters(self, **values: float | np.ndarray) -> Mechanism:
-        """This mechanism with other values of some parameters."""
+    def with_parameters(self, **values: float | Floats) -> Mechanism:
+        """The same mechanism with other values of some parameters."""
         return replace(self, parameters={**self.parameters, **values})
 
     def locked(self, law: str, at: float) -> Mechanism:
-        """This mechanism with one law held at its value at driver angle ``at``."""
+        """The same mechanism with one law held at its value at driver angle ``at``."""
         return replace(self, laws={**self.laws, law: Linear(float(self.laws[law].value(np.float64(at))))})
 
-    def item(self, index: np.ndarray) -> Mechanism:
+    def item(self, index: Integers) -> Mechanism:
         """The mechanisms of some items, their parameters shaped as ``index``."""
         return replace(
             self,
@@ -217,12 +212,12 @@ class Mechanism:
             },
         )
 
-    def position(self, point: str, frame: str, driver: np.ndarray) -> Vector:
+    def position(self, point: str, frame: str, driver: Floats | float) -> Vector:
         """A point's coordinates in a frame, at driver angles that broadcast against the parameters."""
         home, coordinates = self.points[point]
         return self.carry(coordinates, home, frame, driver)
 
-    def carry(self, vector: Vector, source: str, target: str, driver: np.ndarray) -> Vector:
+    def carry(self, vector: Vector, source: str, target: str, driver: Floats | float) -> Vector:
         """Coordinates in frame ``source`` as coordinates in frame ``target``, in the precision of ``driver``."""
         precision = np.result_type(driver, float)
         if np.finfo(precision).nmant > np.finfo(float).nmant:
@@ -260,48 +255,46 @@ class Mechanism:
         """A bound of how many times faster than the driver coordinates turn between the frames."""
         return 1.0 + sum(self.laws[name].rate_bound(first, last) for name in self.laws_between(frames))
 
-    def rounding(self, frames: set[str], first: float, last: float) -> np.ndarray | float:
+    def rounding(self, frames: set[str], first: float, last: float) -> Floats | float:
         """A bound of the rounding error of any coordinate in these frames; a number or one per item.
 
         Coordinates lose digits to the sizes that are added up, and to angles of many turns.
         """
         shifts = [step for chain in self.chains for step in chain.steps if isinstance(step, Shift)]
-        reach = sum(abs(self._length(by)) for step in shifts for by in (step.i, step.j, step.k))
-        reach = reach + max((float(np.linalg.norm(xyz)) for _, xyz in self.points.values()), default=0.0)
+        reach: Any = max((float(np.linalg.norm(xyz)) for _, xyz in self.points.values()), default=0.0)
+        reach += sum(abs(self._length(by)) for step in shifts for by in (step.i, step.j, step.k))
         turned = 1.0 + max(abs(first), abs(last))
         for name in self.laws_between(frames):
             law = self.laws[name]
             turned += abs(float(law.value(np.float64(first)))) + law.rate_bound(first, last) * (last - first)
-        return 16 * np.finfo(float).eps * turned * reach
+        bound: Floats | float = 16 * EPSILON * turned * reach
+        return bound
 
-    def _length(self, by: str | float) -> np.ndarray | float:
+    def _length(self, by: str | float) -> Any:
         if isinstance(by, str):
             return -self.parameters[by[1:]] if by.startswith("-") else self.parameters[by]
         return by
 
-    def _angle(self, step: Turn, driver: np.ndarray) -> np.ndarray | float:
+    def _angle(self, step: Turn, driver: Floats | float) -> Floats | float:
         if step.by == DRIVER:
             return driver
         return self.laws[step.by].value(driver) if step.by in self.laws else self.parameters[step.by]
 
     def _path(self, source: str, target: str) -> list[tuple[Chain, bool]]:
         """The chains from one frame to another, each with whether it is walked in its own direction."""
-        known: dict[str, list[tuple[Chain, bool]]] = {source: []}
-        open_frames = [source]
-        while open_frames and target not in known:
-            frame = open_frames.pop(0)
-            for chain in self.chains:
-                ends = (chain.source, chain.target)
-                for forward, (here, there) in ((True, ends), (False, ends[::-1])):
-                    if here == frame and there not in known:
-                        known[there] = [*known[frame], (chain, forward)]
-                        open_frames.append(there)
-        if target not in known:
+        paths: dict[str, list[tuple[Chain, bool]]] = {source: []}
+        ways = [(chain, forward) for chain in self.chains for forward in (True, False)]
+        for _ in self.chains:
+            for chain, forward in ways:
+                here, there = (chain.source, chain.target)[:: 1 if forward else -1]
+                if here in paths and there not in paths:
+                    paths[there] = [*paths[here], (chain, forward)]
+        if target not in paths:
             raise ValueError(f"no chain leads from frame {source} to frame {target}")
-        return known[target]
+        return paths[target]
 
 
-def _turned(vector: Vector, axis: str, sense: int, angle: np.ndarray | float) -> Vector:
+def _turned(vector: Vector, axis: str, sense: int, angle: Floats | float) -> Vector:
     """``R(axis, sense * angle) vector`` (eqs 1-3); cyclic, so that one formula serves the three axes."""
     cosine, sine = np.cos(angle), sense * np.sin(angle)
     own = AXES.index(axis)

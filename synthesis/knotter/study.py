@@ -10,6 +10,7 @@ import numpy as np
 from synthesis.errors import FieldError
 from synthesis.knotter.conditions import Condition, Result
 from synthesis.knotter.mechanism import Mechanism
+from synthesis.one_variable import Flags, Floats
 
 
 @dataclass(frozen=True)
@@ -27,10 +28,10 @@ class StudyResult:
         The smallest margin of all conditions.
     """
 
-    grid: Mapping[str, np.ndarray]
+    grid: Mapping[str, Floats]
     conditions: Mapping[str, Result]
-    feasible: np.ndarray
-    margin: np.ndarray
+    feasible: Flags
+    margin: Floats
 
 
 def study(mechanism: Mechanism, grid: Mapping[str, Sequence[float]], conditions: Sequence[Condition]) -> StudyResult:
@@ -99,7 +100,7 @@ def solve(
     """
     condition.check(mechanism)
 
-    def verdict(values: np.ndarray) -> np.ndarray:
+    def verdict(values: Floats) -> Flags:
         return condition.evaluate(mechanism.with_parameters(**{parameter: values}), len(values)).holds
 
     values = np.linspace(*between, samples)
@@ -118,11 +119,7 @@ def solve(
         left = np.take_along_axis(inner, first, 1)[:, 0]
         right = np.take_along_axis(inner, first + 1, 1)[:, 0]
     limits = []
-    for low, high, above in zip(left, right, rises):
-        value = float(high if above else low)
-        limits.append(
-            Limit(
-                value, bool(above), condition.evaluate(mechanism.with_parameters(**{parameter: np.array([value])}), 1)
-            )
-        )
+    for value, above in zip(np.where(rises, right, left).tolist(), rises.tolist()):
+        at_limit = mechanism.with_parameters(**{parameter: np.array([value])})
+        limits.append(Limit(value, above, condition.evaluate(at_limit, 1)))
     return limits, bool(holds[0])

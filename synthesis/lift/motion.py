@@ -1,7 +1,7 @@
 """The pneumatic lift: stroke, rise time and motion of a cylinder-driven lifting linkage, without integration.
 
 Geometry, symbols and source are those of `synthesis.lift.pose`; numbers in parentheses are the source's equations.
-The loops (7)-(12) and the linear systems (13), (14) are in `synthesis.lift.loops`, as an independent check.
+Its loops (7)-(12) are in `synthesis.lift.loops`, as an independent check.
 
 Lengths are in the user's unit, angles in radians. What cannot be assembled is NaN in the array functions, and in
 `checked_stroke` and `motion`, the functions for one lift, a `FieldError` with the constraint's name and the amount.
@@ -16,7 +16,6 @@ import numpy as np
 
 from synthesis.errors import FieldError
 from synthesis.lift.pose import (
-    EPSILON,
     Cylinder,
     Design,
     Pose,
@@ -26,11 +25,29 @@ from synthesis.lift.pose import (
     triangle_angle,
     turn_at_length,
 )
+from synthesis.one_variable import EPSILON, Floats
 
 MAX_PROPORTION = 1e6
 """Longest to shortest length of one lift; in more extreme ones rounding moves the joints visibly."""
 TIME_ROOM = 1e-12
 """Relative room for a time that is meant to be the very end but was rounded on its way."""
+
+
+def refusal(constraint: str, field: str, amount: float, message: str, **facts: float) -> FieldError:
+    """The error that names the constraint that fails, the request's field, and by how much."""
+    return FieldError(field, message, constraint=constraint, amount=amount, **facts)
+
+
+def check_speed(cylinder: Cylinder) -> None:
+    """Refuse a cylinder that stands still.
+
+    Raises
+    ------
+    FieldError
+        With ``constraint`` ``speed``.
+    """
+    if cylinder.speed == 0:
+        raise refusal("speed", "/cylinder/speed", 0.0, "the cylinder stands still: its speed must not be 0")
 
 
 @dataclass(frozen=True)
@@ -40,13 +57,13 @@ class Stroke:
     ``duration`` is the time for it, up or down; NaN where the cylinder stops before the end.
     """
 
-    turn_bottom: np.ndarray
-    turn_dead: np.ndarray
-    length_dead: np.ndarray
-    length_top: np.ndarray
-    height_bottom: np.ndarray
-    height_top: np.ndarray
-    duration: np.ndarray
+    turn_bottom: Any
+    turn_dead: Any
+    length_dead: Any
+    length_top: Any
+    height_bottom: Any
+    height_top: Any
+    duration: Any
 
 
 def stroke(design: Design, cylinder: Cylinder) -> Stroke:
@@ -60,7 +77,7 @@ def stroke(design: Design, cylinder: Cylinder) -> Stroke:
     return Stroke(turn_bottom, turn_dead, length_dead, top.length, bottom.height, top.height, duration)
 
 
-def travel_time(travel: Any, speed: Any, acceleration: Any) -> np.ndarray:
+def travel_time(travel: Any, speed: Any, acceleration: Any) -> Any:
     """Time in which the cylinder first covers `travel` >= 0 in the direction of its speed; NaN if it stops before.
 
     t = 2 e / (|v| + sqrt(v^2 + 2 a e)), with a counted along the speed: no cancellation for small a. A root that is
@@ -81,83 +98,62 @@ def travel_time(travel: Any, speed: Any, acceleration: Any) -> np.ndarray:
 class Motion:
     """A motion of one lift: the stroke, and over `time` the cylinder and the platform."""
 
-    design: Design
     stroke: Stroke
-    time: np.ndarray
-    cylinder_length: np.ndarray
-    cylinder_speed: np.ndarray
+    time: Floats
+    cylinder_length: Floats
+    cylinder_speed: Floats
     cylinder_acceleration: float
     pose: Pose
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    velocity: Floats
+    acceleration: Floats
 
 
-def velocity(pose: Pose, cylinder_speed: Any) -> np.ndarray:
+def velocity(pose: Pose, cylinder_speed: Any) -> Any:
     """Velocity of the platform, v_s = v_l s' / l1', the solution of (13)."""
-    return cylinder_speed * pose.height_1 / pose.length_1 + 0.0  # no negative zero at the top
+    return cylinder_speed * pose.gain + 0.0  # no negative zero at the top
 
 
-def acceleration(pose: Pose, cylinder_speed: Any, cylinder_acceleration: Any) -> np.ndarray:
+def acceleration(pose: Pose, cylinder_speed: Any, cylinder_acceleration: Any) -> Any:
     """Acceleration of the platform, the solution of (14).
 
     a_s = v_l^2 (s'' l1' - s' l1'') / l1'^3 + a_l s' / l1'. Law: the time derivative of `velocity`.
     """
     turn_rate = cylinder_speed / pose.length_1
-    bend = pose.height_2 - pose.height_1 / pose.length_1 * pose.length_2
-    return turn_rate * turn_rate * bend + cylinder_acceleration * (pose.height_1 / pose.length_1)
+    return turn_rate * turn_rate * (pose.height_2 - pose.gain * pose.length_2) + cylinder_acceleration * pose.gain
 
 
-def motion(
-    design: Design, cylinder: Cylinder, times: Any | None = None, samples: int = 201, limits: Stroke | None = None
-) -> Motion:
+def motion(design: Design, cylinder: Cylinder, times: Any | None = None, samples: int = 201) -> Motion:
     """The motion of one lift, at given times or at `samples` even ones from start to end.
 
-    Rising starts at the cylinder's length, lowering (speed < 0) at the top. `limits` are those of `checked_stroke`,
-    when they are known already.
+    Rising starts at the cylinder's length, lowering (speed < 0) at the top.
 
     Raises
     ------
     FieldError
         With ``constraint`` and ``amount``: see `checked_stroke`; ``time`` for times outside of the motion.
     """
-    limits = checked_stroke(design, cylinder) if limits is None else limits
-    if times is None:
-        times = np.linspace(0.0, float(limits.duration), samples)
-    times = np.asarray(times, dtype=float)
-    _check_times(times, float(limits.duration))
-    rising = cylinder.speed > 0
+    limits = checked_stroke(design, cylinder)
+    duration = float(limits.duration)
+    times = np.asarray(np.linspace(0.0, duration, samples) if times is None else times, dtype=float)
+    _check_times(times, duration)
     shortest, longest = float(cylinder.length), float(limits.length_top)
-    start, end = (shortest, longest) if rising else (longest, shortest)
+    start, end = (shortest, longest) if cylinder.speed > 0 else (longest, shortest)
     length = start + times * (cylinder.speed + 0.5 * cylinder.acceleration * times)
-    length = np.where(times >= limits.duration * (1 - EPSILON), end, np.clip(length, shortest, longest))
+    length = np.where(times >= duration * (1 - EPSILON), end, np.clip(length, shortest, longest))
     pose = pose_at_turn(design, turn_at_length(design, length, limits.turn_dead))
-    speed = cylinder.speed + cylinder.acceleration * times
+    speed, change = cylinder.speed + cylinder.acceleration * times, float(cylinder.acceleration)
     return Motion(
-        design,
-        limits,
-        times,
-        length,
-        speed,
-        float(cylinder.acceleration),
-        pose,
-        velocity(pose, speed),
-        acceleration(pose, speed, cylinder.acceleration),
+        limits, times, length, speed, change, pose, velocity(pose, speed), acceleration(pose, speed, change)
     )
 
 
-def _check_times(times: np.ndarray, duration: float) -> None:
+def _check_times(times: Floats, duration: float) -> None:
     wrong = np.nonzero(~((times >= 0) & (times <= duration * (1 + TIME_ROOM))))[0]
     if wrong.size:
-        at = int(wrong[0])
-        found = float(times[at])
+        found = float(times[wrong[0]])
+        message = f"the motion lasts from 0 to {duration:.9g}, found {found:.9g}"
         amount = -found if found < 0 else found - duration
-        raise FieldError(
-            f"/times/{at}",
-            f"the motion lasts from 0 to {duration:.9g}, found {found:.9g}",
-            constraint="time",
-            amount=amount,
-            rise_time=duration,
-        )
+        raise refusal("time", f"/times/{wrong[0]}", amount, message, rise_time=duration)
 
 
 def checked_stroke(design: Design, cylinder: Cylinder) -> Stroke:
@@ -171,73 +167,55 @@ def checked_stroke(design: Design, cylinder: Cylinder) -> Stroke:
         pose, or none that lifts), ``cylinder_length`` (no pose: longer than at the top), ``speed`` (zero) or
         ``stopping`` (the cylinder comes to rest before the end). ``amount`` >= 0 is by how much, as a length.
     """
-    l2, l3, l4, l5, _ = (float(value) for value in design.as_tuple())
-    sides = {"l2": l2, "l3": l3, "l4": l4}
-    longest = max(sides, key=lambda name: sides[name])
-    others = [name for name in sides if name != longest]
-    lengths = {**design.as_dict(), "cylinder.length": float(cylinder.length)}
-    large, small = max(lengths, key=lambda name: lengths[name]), min(lengths, key=lambda name: lengths[name])
-    if not lengths[large] <= MAX_PROPORTION * lengths[small]:
-        raise FieldError(
-            "/cylinder/length" if "cylinder.length" in (large, small) else f"/design/{large}",
-            f"{large} = {lengths[large]:.6g} is more than {MAX_PROPORTION:g} times {small} = {lengths[small]:.6g}: "
-            "too few digits are left to say where the joints are",
-            constraint="proportion",
-            amount=lengths[large] - MAX_PROPORTION * lengths[small],
-        )
-    if np.isnan(triangle_angle(l2, l3, l4)[2]):
-        excess = (sides[longest] - sides[others[0]]) - sides[others[1]]
-        raise FieldError(
-            "/design",
-            f"no triangle ABC: {longest} must be less than {others[0]} + {others[1]}, it is {excess:.9g} too long",
-            constraint="triangle",
-            amount=max(excess, 0.0),
-        )
-    if not l3 < l5:
-        raise FieldError(
-            "/design",
-            f"the loop of slide and link does not close in every position: l3 must be less than l5, "
-            f"it is {l3 - l5:.9g} too long",
-            constraint="l3<l5",
-            amount=l3 - l5,
-        )
-    if float(cylinder.speed) == 0:
-        raise FieldError(
-            "/cylinder/speed", "the cylinder stands still: its speed must not be 0", constraint="speed", amount=0.0
-        )
+    length = float(cylinder.length)
+    _check_lengths(design, length)
+    check_speed(cylinder)
     limits = stroke(design, cylinder)
-    length, dead, top = float(cylinder.length), float(limits.length_dead), float(limits.length_top)
-    lever = float(top_lever(design))
+    dead, top, lever = float(limits.length_dead), float(limits.length_top), float(top_lever(design))
     if np.isnan(limits.turn_dead):
-        raise FieldError(
-            "/design",
+        message = (
             f"the cylinder would have to shorten to come to the top: the lever b cos(gamma) + (l3 + l5) sin(gamma) "
-            f"must be positive, it is {lever:.9g}",
-            constraint="top_lever",
-            amount=max(-lever, 0.0),
+            f"must be positive, it is {lever:.9g}"
         )
+        raise refusal("top_lever", "/design", max(-lever, 0.0), message)
     if not length > dead:
-        raise FieldError(
-            "/cylinder/length",
-            f"no pose that lifts at this length: the dead point is at {dead:.9g}, {dead - length:.9g} above",
-            constraint="dead_point",
-            amount=dead - length,
-            dead_point_length=dead,
-        )
-    if not length < top:
-        raise FieldError(
-            "/cylinder/length",
-            f"no stroke: the top is at cylinder length {top:.9g}, {length - top:.9g} below",
-            constraint="cylinder_length",
-            amount=length - top,
-            length_top=top,
-        )
+        amount = dead - length
+        message = f"no pose that lifts at this length: the dead point is at {dead:.9g}, {amount:.9g} above"
+        raise refusal("dead_point", "/cylinder/length", amount, message, dead_point_length=dead)
+    travel = top - length
+    if not travel > 0:
+        message = f"no stroke: the top is at cylinder length {top:.9g}, {-travel:.9g} below"
+        raise refusal("cylinder_length", "/cylinder/length", -travel, message, length_top=top)
     if np.isnan(limits.duration):
         reach = float(cylinder.speed) ** 2 / (2 * abs(float(cylinder.acceleration)))
-        raise FieldError(
-            "/cylinder/acceleration",
-            f"the cylinder comes to rest after {reach:.9g} of {top - length:.9g}: the stroke is not reached",
-            constraint="stopping",
-            amount=(top - length) - reach,
-        )
+        message = f"the cylinder comes to rest after {reach:.9g} of {travel:.9g}: the stroke is not reached"
+        raise refusal("stopping", "/cylinder/acceleration", travel - reach, message)
     return limits
+
+
+def _check_lengths(design: Design, cylinder_length: float) -> None:
+    """Refuse what cannot be assembled in any position."""
+    lengths = {**design.as_dict(), "cylinder.length": cylinder_length}
+    large, small = max(lengths, key=lengths.__getitem__), min(lengths, key=lengths.__getitem__)
+    if not lengths[large] <= MAX_PROPORTION * lengths[small]:
+        message = (
+            f"{large} = {lengths[large]:.6g} is more than {MAX_PROPORTION:g} times {small} = {lengths[small]:.6g}: "
+            "too few digits are left to say where the joints are"
+        )
+        field = "/cylinder/length" if "cylinder.length" in (large, small) else f"/design/{large}"
+        raise refusal("proportion", field, lengths[large] - MAX_PROPORTION * lengths[small], message)
+    longest, *others = sorted(("l2", "l3", "l4"), key=lambda name: -lengths[name])
+    if np.isnan(triangle_angle(*(lengths[name] for name in ("l2", "l3", "l4")))[2]):
+        others.sort()
+        excess = (lengths[longest] - lengths[others[0]]) - lengths[others[1]]
+        message = (
+            f"no triangle ABC: {longest} must be less than {others[0]} + {others[1]}, it is {excess:.9g} too long"
+        )
+        raise refusal("triangle", "/design", max(excess, 0.0), message)
+    excess = lengths["l3"] - lengths["l5"]
+    if not excess < 0:
+        message = (
+            f"the loop of slide and link does not close in every position: l3 must be less than l5, "
+            f"it is {excess:.9g} too long"
+        )
+        raise refusal("l3<l5", "/design", excess, message)

@@ -10,13 +10,28 @@ Numbers in parentheses are the equations of the source named in `synthesis.lift.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from synthesis.lift.pose import EPSILON, Cylinder, Design, Shape, shape, triangle_angle
+from synthesis.lift.motion import velocity
+from synthesis.lift.pose import (
+    Cylinder,
+    Design,
+    Pose,
+    angle_or_flat,
+    by_blocks,
+    pose_at_height,
+    pose_at_turn,
+    shape,
+    third_side,
+    top_length,
+    top_lever,
+    triangle_angle,
+)
+from synthesis.one_variable import EPSILON, Floats, bisect
+from synthesis.work import Work
 
 Kind = Literal["discrete", "continuous", "normalized"]
 
@@ -68,13 +83,18 @@ def design_from_angle(l2: Any, gamma: Any, length: Any, low: Any, high: Any) -> 
     theta = np.arctan2(b, low) + gamma
     # sb - sa cos(theta) as a sum of positive terms
     l3 = (high - low) * (high + low) / (2 * ((high - low) + 2 * low * np.sin(0.5 * theta) ** 2))
-    l4 = np.sqrt((l2 - l3) ** 2 + 4 * l2 * l3 * np.sin(0.5 * gamma) ** 2)
-    return Design(l2, l3, l4, high - l3, b)
+    return Design(l2, l3, third_side(l2, l3, gamma), high - l3, b)
 
 
-def base_distance(l2: np.ndarray, length: Any, low: Any) -> np.ndarray:
+def base_distance(l2: Any, length: Any, low: Any) -> Any:
+    """The distance b of slide and cylinder from (31); NaN where l1' + l2 does not reach past `low`."""
     square = (length + l2 - low) * (length + l2 + low)
     return np.sqrt(np.where(square > 0, square, np.nan))
+
+
+def angle_limit(l2: Any, length: Any, low: Any) -> Any:
+    """Upper end of gamma: the start turn psi + gamma stays below a half turn, or the platform would fall first."""
+    return np.pi - np.arctan2(base_distance(l2, length, low), low)
 
 
 def project(l2: Any, l4: Any, length: float, low: float, high: float) -> Design:
@@ -84,79 +104,54 @@ def project(l2: Any, l4: Any, length: float, low: float, high: float) -> Design:
     """
     l2, l4 = np.broadcast_arrays(np.asarray(l2, dtype=float), np.asarray(l4, dtype=float))
     arms, sides = l2.reshape(-1), l4.reshape(-1)
-    limit = np.pi - np.arctan2(base_distance(arms, length, low), low)
-    gammas = np.linspace(OPEN_END, 1 - OPEN_END, PROJECT_NODES) * limit[:, None]
+    gammas = np.linspace(OPEN_END, 1 - OPEN_END, PROJECT_NODES) * angle_limit(arms, length, low)[:, None]
     excess = design_from_angle(arms[:, None], gammas, length, low, high).l4 - sides[:, None]
-    row, at = np.nonzero((excess[:, :-1] < 0) != (excess[:, 1:] < 0))
-    row, at = row[~np.isnan(excess[row, at])], at[~np.isnan(excess[row, at])]
-    left, right = gammas[row, at], gammas[row, at + 1]
-    starts_below = excess[row, at] < 0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (left + right)
-        below = design_from_angle(arms[row], middle, length, low, high).l4 < sides[row]
-        left, right = np.where(below == starts_below, middle, left), np.where(below == starts_below, right, middle)
+    below = excess < 0
+    row, at = np.nonzero((below[:, :-1] != below[:, 1:]) & ~np.isnan(excess[:, :-1]))
+
+    def same(gamma: Floats) -> Any:
+        return (design_from_angle(arms[row], gamma, length, low, high).l4 < sides[row]) == below[row, at]
+
+    left, right = bisect(same, gammas[row, at], gammas[row, at + 1], HALVINGS)
     found = design_from_angle(arms[row], 0.5 * (left + right), length, low, high)
     l3 = np.full(arms.shape, np.nan)
     lifts = (found.l3 < found.l5) & (found.l3 <= found.l2 * (1 + EPSILON))
     np.fmin.at(l3, row[lifts], found.l3[lifts])
     l3 = l3.reshape(l2.shape)
-    base = np.where(np.isnan(l3), np.nan, base_distance(l2, length, low))
-    wanted = [np.where(np.isnan(l3), np.nan, value) for value in (l2, l4)]
-    return Design(wanted[0][()], l3[()], wanted[1][()], (high - l3)[()], base[()])
+    fields = (l2, l3, l4, high - l3, base_distance(l2, length, low))
+    return Design(*(np.where(np.isnan(l3), np.nan, field)[()] for field in fields))
 
 
 def equation_residuals(design: Design, length: Any, low: Any, high: Any) -> dict[str, float]:
     """By how much one design fails (31), (32) and (33), each as a length (start height, l5 and stroke)."""
     start = np.sqrt(np.maximum((length + design.l2 - design.b) * (length + design.l2 + design.b), 0.0))
     theta = np.arctan2(design.b, low) + shape(design).gamma
-    l5 = np.sqrt((design.l3 - low) ** 2 + 4 * low * design.l3 * np.sin(0.5 * theta) ** 2)
     return {
         "(31) start": float(start - low),
-        "(32) closure": float(l5 - design.l5),
+        "(32) closure": float(third_side(design.l3, low, theta) - design.l5),
         "(33) stroke": float(design.l3 + design.l5 - high),
     }
 
 
-def speeds_at_turn(
-    design: Design, form: Shape, cylinder: Cylinder, sin_turn: Any, cos_turn: Any
-) -> tuple[np.ndarray, np.ndarray]:
-    """Speed of the platform and ds/dT, from sine and cosine of the turn; negative past a dead point.
-
-    `pose_at_turn` without second derivatives, and with the cylinder's speed taken from its length.
-    """
-    l2, l3 = design.l2, design.l3
-    level = l3 * cos_turn
-    root = np.sqrt(form.k_squared + level * level)
-    both = root + np.abs(level)
-    s = np.where(level >= 0, both, form.k_squared / both)
-    s_1 = -l3 * sin_turn * s / root
-    down = l2 * (cos_turn * form.cos_gamma + sin_turn * form.sin_gamma)
-    across = l2 * (sin_turn * form.cos_gamma - cos_turn * form.sin_gamma)
-    y = s - down
-    # x x' + y y', in which two products cancel each other
-    rate = across * s - design.b * down + s_1 * y
-    length = np.hypot(across - design.b, y)
-    gain = np.divide(length * s_1, rate, out=np.full(np.broadcast(length, rate).shape, np.inf), where=rate != 0)
-    speed = abs(cylinder.speed)
-    along = cylinder.acceleration * np.sign(cylinder.speed)
-    if along:
-        covered = length - cylinder.length
-        if cylinder.speed < 0:
-            top = np.hypot(design.b + l2 * form.sin_gamma, l3 + design.l5 - l2 * form.cos_gamma)
-            covered = top - length
-        speed = np.sqrt(np.maximum(speed * speed + 2 * along * covered, 0.0))
-    return speed * gain, s_1
+def driven_speed(pose: Pose, cylinder: Cylinder) -> Any:
+    """Speed of the cylinder, without its sign, when it has come to the length of a pose; 0 past where it stops."""
+    speed, along = abs(cylinder.speed), cylinder.acceleration * np.sign(cylinder.speed)
+    if not along:
+        return speed
+    rising = cylinder.speed > 0
+    covered = pose.length - cylinder.length if rising else top_length(pose.design, pose.form) - pose.length
+    return np.sqrt(np.maximum(speed * speed + 2 * along * covered, 0.0))
 
 
 class Evaluator:
     """The objective of a task for batches of designs; counts what it evaluates.
 
-    ``checkpoint`` is called before each block of designs: what it raises ends a long evaluation.
+    ``work`` is asked before each block of designs whether the answer is still wanted.
     """
 
-    def __init__(self, task: Task, checkpoint: Callable[[], object] = lambda: None) -> None:
+    def __init__(self, task: Task, work: Work | None = None) -> None:
         self.task = task
-        self.checkpoint = checkpoint
+        self.work = work or Work()
         self.evaluations = 0
         objective = task.objective
         if objective.kind == "discrete":
@@ -168,59 +163,38 @@ class Evaluator:
             z, weights = 0.5 * (z + 1), 0.5 * weights
             self._fractions, self._weights = 1 - z**3, 3 * z * z * weights
 
-    def __call__(self, design: Design, gamma: Any | None = None) -> np.ndarray:
+    def __call__(self, design: Design, gamma: Any | None = None) -> Any:
         """The objective of each design, shape of its fields; infinite where a dead point shows between its heights.
 
         `gamma` is the triangle's angle at A where it is known better than from the three sides.
         """
         return self.moments(design, gamma)[0]
 
-    def moments(self, design: Design, gamma: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """The objective and the mean speed over height (29) of each design."""
+    def moments(self, design: Design, gamma: Any | None = None) -> Any:
+        """The objective and the mean speed over height (29) of each design, shape (2, ...)."""
         gamma = triangle_angle(design.l2, design.l3, design.l4)[2] if gamma is None else gamma
-        fields = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in (*design.as_tuple(), gamma)))
-        flat = [field.reshape(-1) for field in fields]
-        values, means = np.empty(flat[0].shape), np.empty(flat[0].shape)
-        rows = max(1, BLOCK // self._weights.size)
-        for start in range(0, values.size, rows):
-            self.checkpoint()
-            *lengths, angle = (field[start : start + rows, None] for field in flat)
-            values[start : start + rows], means[start : start + rows] = self._moments(Design(*lengths), angle)
-        self.evaluations += values.size
-        return values.reshape(fields[0].shape)[()], means.reshape(fields[0].shape)[()]
+        return by_blocks(self._moments, max(1, BLOCK // self._weights.size), *design.as_tuple(), gamma)
 
-    def _moments(self, design: Design, gamma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _moments(self, *fields: Floats) -> Floats:
+        self.work.check()
+        self.evaluations += fields[0].size
         task = self.task
-        form = Shape(np.cos(gamma), np.sin(gamma), gamma, (design.l5 - design.l3) * (design.l5 + design.l3))
+        *lengths, gamma = (field[:, None] for field in fields)
+        design = Design(*lengths)
+        form = shape(design, gamma)
+        weights = self._weights
         if task.objective.kind == "discrete":
-            s = self._heights
-            down, up = _half_turn(design, s)
-            product = 4 * design.l3 * s
-            sin_turn, cos_turn = 2 * np.sqrt(down * up) / product, (up - down) / product
-            v, _ = speeds_at_turn(design, form, task.cylinder, sin_turn, cos_turn)
-            weights = self._weights
+            pose = pose_at_height(design, self._heights, form, clip=True)
         else:
-            down, up = _half_turn(design, task.low)
-            theta = 2 * np.arctan2(np.sqrt(down), np.sqrt(up))
-            turn = theta * self._fractions
-            v, s_1 = speeds_at_turn(design, form, task.cylinder, np.sin(turn), np.cos(turn))
-            weights = -self._weights * theta * s_1
-        lever = design.b * form.cos_gamma + task.high * form.sin_gamma  # `synthesis.lift.motion.top_lever`
-        works = np.all((v >= 0) & np.isfinite(v), axis=1) & (lever[:, 0] > 0)
+            theta = angle_or_flat(task.low, design.l3, design.l5)  # the turn at the start
+            pose = pose_at_turn(design, theta * self._fractions, form)
+            weights = -weights * theta * pose.height_1
+        v = velocity(pose, driven_speed(pose, task.cylinder))
+        works = np.all((v >= 0) & np.isfinite(v), axis=1) & (top_lever(design, form)[:, 0] > 0)
         v = np.where(works[:, None], v, 1.0)
         total = np.where(works[:, None], np.sum(weights, axis=-1, keepdims=True), 1.0)
         mean = np.sum(weights * v, axis=1, keepdims=True) / total
         variance = np.sum(weights * (v - mean) ** 2, axis=1, keepdims=True) / total
         if task.objective.kind == "normalized":
             variance = np.divide(variance, mean * mean, out=np.full(mean.shape, np.inf), where=mean > 0)
-        return np.where(works, variance[:, 0], np.inf), mean[:, 0]
-
-
-def _half_turn(design: Design, height: Any) -> tuple[np.ndarray, np.ndarray]:
-    """4 l3 s times the squared sine and cosine of half the turn, as in `synthesis.lift.motion.pose_at_height`.
-
-    Rounding past an end of the stroke counts as the end.
-    """
-    down = np.maximum((design.l5 + (design.l3 - height)) * (design.l5 - (design.l3 - height)), 0.0)
-    up = np.maximum(((height - design.l5) + design.l3) * (height + design.l3 + design.l5), 0.0)
-    return down, up
+        return np.stack([np.where(works, variance[:, 0], np.inf), mean[:, 0]])

@@ -1,25 +1,23 @@
 """The published designs of the lift, and why each is or is not an optimum.
 
 Table 2 of the source (eleven rows; its digits in tests/reference). A printed design is rounded to 0.1, which alone
-spreads the objective over 275 to 365; it is therefore put back on its constraints (31)-(33) before it is compared.
+moves its objective by more than the optimum gains; it is therefore put back on its constraints (31)-(33) first.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from synthesis.lift.objective import Evaluator, Task, project
 from synthesis.lift.optimum import Optimum
-from synthesis.lift.pose import Cylinder, Design
+from synthesis.lift.pose import Design
 
 STROKE = (200.0, 510.0)
 BASE_LENGTH = 220.0
 ARMS = {200.0: 347.4, 210.0: 353.9, 220.0: 351.9, 230.0: 348.9, 240.0: 356.3, 250.0: 354.6}
 """Printed l2 = l4 by cylinder length l1' (that of 250 follows from (31): two of its digits are lost in print)."""
-INITIAL = Design(300.0, 180.0, 240.0, 330.0, 480.0)
-"""The design before optimisation."""
 SLOPE_STEP = 1e-4
 """Step of the slope along l4 = l2, as a share of l2."""
 
@@ -45,16 +43,12 @@ def published_for(task: Task, optimum: Optimum) -> Published | None:
     step = SLOPE_STEP * arm
     arms = np.array([arm - step, arm, arm + step])
     designs = project(arms, arms, task.cylinder.length, task.low, task.high)
-    values = Evaluator(replace(task, cylinder=_floats(task.cylinder)))(designs)
+    values = Evaluator(task)(designs)
     if not np.all(np.isfinite(values)):
         return None
     design = Design(*(float(value[1]) for value in designs.as_tuple()))
     objective, slope = float(values[1]), float((values[2] - values[0]) / (2 * step))
     return Published(design, objective, slope, _reason(task, optimum, design, objective, slope))
-
-
-def _floats(cylinder: Cylinder) -> Cylinder:
-    return Cylinder(float(cylinder.length), float(cylinder.speed), float(cylinder.acceleration))
 
 
 def _reason(task: Task, optimum: Optimum, design: Design, objective: float, slope: float) -> str:

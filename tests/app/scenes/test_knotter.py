@@ -48,21 +48,21 @@ def finite(value) -> bool:
 def test_defaults_give_the_published_pattern(reference) -> None:
     assert reference["status"] == "feasible"
     assert reference["feasible"] == FIGURES["paper"]["feasible"]
-    for pair in reference["pairs"]:
-        key = f"{pair['alpha1']:g},{pair['alpha3']:g}"
-        angle, edge, y, z, leave = FIGURES["wrap"][key]
-        assert pair["wrap"]["angle"] == pytest.approx(angle, abs=1e-9)
-        assert pair["wrap"]["edge"] == edge and pair["wrap"]["holds"] == (edge == "S3S4")
-        assert pair["wrap"]["point"] == pytest.approx([0, y, z], abs=1e-8)
-        assert pair["wrap"]["leave"] == pytest.approx(leave, abs=1e-6)
-        if key in FIGURES["bite"]:
-            assert pair["bite"]["angle"] == pytest.approx(FIGURES["bite"][key][0], abs=1e-8)
-            assert pair["bite"]["fraction"] == pytest.approx(FIGURES["bite"][key][1], abs=1e-8)
-            assert pair["bite"]["edge"] == "S8S9"
-        if key in FIGURES["S10_j3_at_270"]:
-            assert pair["clearance"]["value"] == pytest.approx(FIGURES["S10_j3_at_270"][key], abs=1e-9)
-        if key in FIGURES["worst_angle"]:
-            assert pair["clearance"]["worst_angle"] == pytest.approx(FIGURES["worst_angle"][key], abs=1e-5)
+    pairs = {f"{pair['alpha1']:g},{pair['alpha3']:g}": pair for pair in reference["pairs"]}
+    for key, (angle, edge, y, z, leave) in FIGURES["wrap"].items():
+        wrap = pairs[key]["wrap"]
+        assert wrap["angle"] == pytest.approx(angle, abs=1e-9) and wrap["leave"] == pytest.approx(leave, abs=1e-9)
+        assert wrap["edge"] == edge and wrap["holds"] == (edge == "S3S4")
+        assert wrap["point"] == pytest.approx([0, y, z], abs=1e-8)
+    for key, (angle, fraction) in FIGURES["bite"].items():
+        bite = pairs[key]["bite"]
+        assert bite["angle"] == pytest.approx(angle, abs=1e-8) and bite["edge"] == "S8S9"
+        assert bite["fraction"] == pytest.approx(fraction, abs=1e-8)
+    for key, value in FIGURES["S10_j3_at_270"].items():
+        assert pairs[key]["clearance"]["value"] == pytest.approx(value, abs=1e-9)
+    for key, angle in FIGURES["worst_angle"].items():
+        assert pairs[key]["clearance"]["worst_angle"] == pytest.approx(angle, abs=1e-9)
+    for pair in pairs.values():
         assert pair["feasible"] == all(pair[name]["holds"] for name in ("wrap", "clearance", "bite"))
         assert pair["margin"] == min(pair[name]["margin"] for name in ("wrap", "clearance", "bite"))
 

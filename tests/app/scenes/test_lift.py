@@ -98,6 +98,8 @@ def test_only_what_is_asked_for_is_computed(client, monkeypatch) -> None:
         monkeypatch.setattr(lift_loops, name, lambda *_, name=name: asked_for.append(name))
     assert client.post("/v1/lift/motion", json=MOTION).status_code == 200
     assert asked_for == []
+    assert client.post("/v1/lift/motion", json={**MOTION, "include": ["residual"]}).status_code == 200
+    assert asked_for == ["largest_residual"]
 
 
 @pytest.mark.parametrize(

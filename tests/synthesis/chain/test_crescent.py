@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links, highest, lowest
 from synthesis.chain.report import chord_error, report, wheel_conflict
 from synthesis.chain.slot import find_slot
 from synthesis.errors import FieldError
+from tests.oracles.chain import Transfer, free_pin_at_100_degrees, printed_case_list
 
 REFERENCE = json.loads((Path(__file__).parents[2] / "reference" / "chain.json").read_text())
 PRINTED, AS_PRINTED, CANONICAL = REFERENCE["published"], REFERENCE["as_printed"], REFERENCE["canonical"]
@@ -39,6 +41,12 @@ def facts(canonical):
 def printed():
     radii = (PRINTED["wheel_radius"], PRINTED["lower_radius"], PRINTED["eccentricity"])
     return chain.crescent_slot(L, N, R1, *radii)
+
+
+def overruns(track, links):
+    """Smallest and largest overrun over one period."""
+    chain_ = Chain(track, L, links)
+    return chain_.least_overrun().value, highest(chain_.overrun, 0.0, chain_.period, chain_.cells).value
 
 
 def theta(slot, degrees):
@@ -118,10 +126,10 @@ def test_window_and_crossings(canonical) -> None:
 def test_locus(canonical, facts) -> None:
     slot = canonical[1]
     points = slot.path(slot.start + theta(slot, CANONICAL["samples_deg"]))
-    assert np.abs(points - np.array([CANONICAL["x"], CANONICAL["y"]]).T).max() < 1e-6
+    assert np.abs(points - (CANONICAL["x"] + 1j * np.array(CANONICAL["y"]))).max() < 1e-6
     ends = slot.path(np.array([slot.start, slot.end]))
-    assert np.abs(ends - CANONICAL["ends"]).max() < 1e-6
-    lowest_y = lowest(lambda p: slot.path(p)[:, 1], slot.start, slot.end, 100)
+    assert np.abs(ends - [complex(*end) for end in CANONICAL["ends"]]).max() < 1e-6
+    lowest_y = lowest(lambda p: slot.path(p).imag, slot.start, slot.end, 100)
     assert lowest_y.value == pytest.approx(CANONICAL["y_min"], abs=1e-6)
     assert facts.depth_max.value == pytest.approx(CANONICAL["depth_max"], abs=1e-5)
     assert facts.end_step < 1e-9
@@ -153,8 +161,8 @@ def test_every_pin_near_the_slot_is_on_track_or_slot(canonical) -> None:
     slot = canonical[1]
     pins = slot.pins(np.linspace(slot.start, slot.end, 501))
     for pin in (13, 15):
-        assert np.abs(np.hypot(*pins[:, pin - 1].T) - R1).max() < 1e-9
-        x = pins[:, pin - 1, 0]
+        assert np.abs(np.abs(pins[:, pin - 1]) - R1).max() < 1e-9
+        x = pins[:, pin - 1].real
         assert np.all(x >= 65.5 - 1e-9) if pin == 13 else np.all(x <= -65.5 + 1e-9)
     assert np.abs(pins[-1, 13] - pins[0, 14]).max() < 1e-9
 
@@ -167,12 +175,11 @@ def test_printed_numbers_as_they_are(printed) -> None:
     assert math.degrees(facts.slack_max.value / R1) == pytest.approx(AS_PRINTED["defect_max_deg"], abs=2e-4)
     assert facts.depth_max.value == pytest.approx(AS_PRINTED["depth_max"], abs=0.001)
     assert facts.end_step == pytest.approx(AS_PRINTED["end_step"], abs=0.001)
-    track = Chain(crescent.track, L, N)
-    assert track.least_overrun().value == pytest.approx(AS_PRINTED["overrun_min"], abs=0.005)
-    assert track.most_overrun().value == pytest.approx(AS_PRINTED["overrun_max"], abs=0.005)
     for links, least, most in ((15, -145, -131), (17, 144, 151)):
-        overrun = Chain(crescent.track, L, links)
-        assert least < overrun.least_overrun().value < overrun.most_overrun().value < most
+        low, high = overruns(crescent.track, links)
+        assert least < low < high < most
+    wanted = (AS_PRINTED["overrun_min"], AS_PRINTED["overrun_max"])
+    assert overruns(crescent.track, N) == pytest.approx(wanted, abs=0.005)
 
 
 def test_other_windows_have_steps_at_both_ends() -> None:
@@ -181,43 +188,16 @@ def test_other_windows_have_steps_at_both_ends() -> None:
         assert report(slot, np.array([slot.start])).end_step == pytest.approx(step, abs=0.006)
 
 
-def printed_case_list(crescent, angles):
-    """theta13 by the paper's case list, misprints corrected; NaN where an arccos has no value.
-
-    It knows neither P10 on the lower arc nor P12 on a wheel.
-    """
-    r0, r2 = crescent.wheel_radius, crescent.lower_radius
-    c, a, xi, alpha = R1 + r0, r2 - r0, crescent.xi, crescent.alpha
-    dq, du, dd = crescent.link_angles(L)
-
-    def branch(p, q, m):
-        with np.errstate(invalid="ignore"):
-            return np.arctan2(q, p) - np.arccos(m / np.hypot(p, q))
-
-    # P1 and, up to 180 deg, P2 on the wheel; the last pin of the wheel goes over to the lower arc.
-    last = np.where(angles + dq <= np.pi + xi, angles + dq, angles)
-    v = np.pi + xi - last
-    m = L**2 - (r2**2 + a * a + r0**2 + 2 * a * r0 * np.cos(v))
-    lower = -(alpha - branch(-2 * r2 * (a + r0 * np.cos(v)), 2 * r0 * r2 * np.sin(v), m))
-    on_lower = np.where(angles + dq <= np.pi + xi, 3, 2) + 0
-    # P10 is taken to be on the right wheel, P9 the last on the lower arc.
-    u = alpha - (lower + (9 - on_lower) * dd)
-    m = L**2 - (r2**2 + a * a + r0**2 - 2 * a * r2 * np.cos(u))
-    wheel = np.pi + xi - branch(2 * r0 * (a - r2 * np.cos(u)), 2 * r0 * r2 * np.sin(u), m)
-    # P10, P11 on the wheel, P12 taken to be on the upper arc.
-    v = wheel - dq
-    m = L**2 - (c * c + r0**2 + R1**2 - 2 * c * r0 * np.cos(v))
-    upper = np.pi / 2 - branch(2 * R1 * (r0 * np.cos(v) - c), 2 * r0 * R1 * np.sin(v), m)
-    return upper - du  # theta13
+def relations(crescent):
+    return Transfer(L, crescent.wheel_radius, R1, crescent.lower_radius)
 
 
 def test_the_printed_case_list_is_first_right_at_62_66_degrees(canonical) -> None:
     crescent, slot = canonical
     degrees = np.arange(29.6, 100, 0.01)
-    before, _, _, _ = slot.neighbours(theta(slot, degrees))
-    point = slot.chain.track.points(before)
-    ours = np.arctan2(point[:, 0], -point[:, 1])
-    theirs = printed_case_list(crescent, np.radians(degrees))
+    point, _ = slot.held(theta(slot, degrees))
+    ours = np.arctan2(point.real, -point.imag)
+    theirs = printed_case_list(relations(crescent), crescent.xi, np.radians(degrees))
     with np.errstate(invalid="ignore"):
         right = np.abs(ours - theirs) < 1e-9
     first = degrees[np.flatnonzero(right)[0]]
@@ -230,64 +210,19 @@ def test_the_printed_case_list_is_first_right_at_62_66_degrees(canonical) -> Non
 
 
 def test_p14_agrees_with_50_digit_arithmetic(canonical) -> None:
-    """The paper's transfer relations for P1 at 100 deg in 50 digits: P2..P9 lower, P10, P11 wheel, P12, P13 upper."""
     crescent, slot = canonical
-    angle = 100.0
-    with mpmath.workdps(50):
-        length, r1 = mpmath.mpf(131), mpmath.mpf("181.78")
-        r0 = length / mpmath.sqrt(2)
-        c, r2 = r1 + r0, mpmath.mpf(crescent.lower_radius)
-        a = r2 - r0
-        b = mpmath.sqrt(a * a - c * c)
-        xi = mpmath.atan2(b, c)
-        alpha = mpmath.pi / 2 - xi
-        du, dd = 2 * mpmath.asin(length / (2 * r1)), 2 * mpmath.asin(length / (2 * r2))
-
-        def branch(p, q, m):
-            return mpmath.atan2(q, p) - mpmath.acos(m / mpmath.hypot(p, q))
-
-        def f(u):
-            m = length**2 - (r2**2 + a**2 + r0**2 - 2 * a * r2 * mpmath.cos(u))
-            return branch(2 * r0 * (a - r2 * mpmath.cos(u)), 2 * r0 * r2 * mpmath.sin(u), m)
-
-        def f_back(v):
-            m = length**2 - (r2**2 + a**2 + r0**2 + 2 * a * r0 * mpmath.cos(v))
-            return branch(-2 * r2 * (a + r0 * mpmath.cos(v)), 2 * r0 * r2 * mpmath.sin(v), m)
-
-        def g_back(v):
-            m = length**2 - (c**2 + r0**2 + r1**2 - 2 * c * r0 * mpmath.cos(v))
-            return branch(2 * r1 * (r0 * mpmath.cos(v) - c), 2 * r0 * r1 * mpmath.sin(v), m)
-
-        theta1 = mpmath.radians(angle)
-        lower = -(alpha - f_back(mpmath.pi + xi - (theta1 + mpmath.pi / 2)))  # P3
-        lower += 6 * dd  # P9
-        wheel = mpmath.pi + xi - f(alpha - lower) - mpmath.pi / 2  # P11
-        theta13 = mpmath.pi / 2 - g_back(wheel) - du
-        theta15 = -(mpmath.pi / 2 - g_back(theta1 - mpmath.pi / 2))  # P16 is on the wheel
-        half, middle = (theta13 - theta15) / 2, (theta13 + theta15) / 2
-        r = r1 * mpmath.cos(half) + mpmath.sqrt(length**2 - (r1 * mpmath.sin(half)) ** 2)
-        expected = [float(r * mpmath.sin(middle)), float(-r * mpmath.cos(middle))]
-    assert np.abs(slot.path(theta(slot, [angle]))[0] - expected).max() < 1e-10
+    expected = free_pin_at_100_degrees(131, "181.78", crescent.lower_radius)
+    assert np.abs(slot.path(theta(slot, [100.0]))[0] - expected) < 1e-10
 
 
 def test_critical_closure_of_this_size_in_closed_form(canonical) -> None:
     """f(7 dd/2) - pi/2 = g(3 du/2): the state in which links P6P7 and P14P15 are centred on the axis."""
     crescent = canonical[0]
-    r0, r2 = crescent.wheel_radius, crescent.lower_radius
-    c, a = R1 + r0, r2 - r0
-    _, du, dd = crescent.link_angles(L)
-
-    def branch(p, q, m):
-        return math.atan2(q, p) - math.acos(m / math.hypot(p, q))
-
-    u = crescent.alpha - 3.5 * dd
-    assert 0 <= u <= dd
-    m = L**2 - (r2**2 + a * a + r0**2 - 2 * a * r2 * math.cos(u))
-    f = branch(2 * r0 * (a - r2 * math.cos(u)), 2 * r0 * r2 * math.sin(u), m)
-    u = math.pi / 2 - 1.5 * du
-    m = L**2 - (c * c + r0**2 + R1**2 - 2 * c * R1 * math.cos(u))
-    g = branch(2 * r0 * (R1 * math.cos(u) - c), 2 * r0 * R1 * math.sin(u), m)
-    assert (math.pi + crescent.xi - f) - math.pi / 2 == pytest.approx(g, abs=1e-11)
+    transfer = relations(crescent)
+    u = crescent.alpha - 3.5 * transfer.dd
+    assert 0 <= u <= transfer.dd
+    g = transfer.g(math.pi / 2 - 1.5 * transfer.du)
+    assert (math.pi + crescent.xi - transfer.f(u)) - math.pi / 2 == pytest.approx(g, abs=1e-11)
     assert math.degrees(g) == pytest.approx(CANONICAL["phase_start_deg"], abs=1e-6)
 
 
@@ -330,8 +265,8 @@ def test_a_chain_closes_or_says_how_many_links_would(upper, wheel, links, scale)
 def test_more_links_never_lie_shorter(upper, wheel, xi) -> None:
     track = chain.level_crescent(wheel, upper, math.pi / 2 - xi).track
     links = closing_links(track, 1.0)
-    overruns = [Chain(track, 1.0, n).least_overrun().value for n in (links - 1, links, links + 1)]
-    assert overruns[0] < -1e-6 <= overruns[1] + 1e-12 < overruns[2]
+    least = [Chain(track, 1.0, n).least_overrun().value for n in (links - 1, links, links + 1)]
+    assert least[0] < -1e-6 <= least[1] + 1e-12 < least[2]
 
 
 def test_velocity_acceleration_and_curvature_are_derivatives(canonical) -> None:
@@ -351,6 +286,24 @@ def test_curvature_jumps_by_the_reference_at_the_crossings(canonical) -> None:
     for phase, jump in zip(slot.breaks[1:-1], (0.0118, 0.0123, 0.0123, 0.0118)):
         before, after = slot.curvature(phase + np.array([-1e-7, 1e-7]) * slot.chain.period)
         assert abs(abs(after - before) - jump) < 6e-4
+
+
+@pytest.mark.parametrize(("links", "radius"), [(12, 0.6), (16, 1.2), (40, 0.52), (301, 9.0)])
+def test_the_critical_parameter_is_the_root_that_brentq_finds(links, radius) -> None:
+    def least(straight):
+        return Chain(chain.stadium(radius, straight), 1.0, links).least_overrun().value
+
+    straight = chain.critical_stadium(1.0, links, radius).length[1]
+    assert straight == pytest.approx(brentq(least, 1e-6, links, xtol=1e-14, rtol=1e-14), abs=1e-11)
+
+
+def test_the_slack_is_polished_to_where_its_derivative_vanishes(canonical, facts) -> None:
+    """Values alone know the place of a smooth extreme to the root of their rounding only."""
+    slot = canonical[1]
+    phase, h = facts.slack_max.phase, 1e-2 * slot.chain.period
+    before, after = slot.slack(phase + np.array([-h, h]))
+    assert slot.slack_rate(np.array([phase]))[0][0] == pytest.approx(0, abs=1e-14)
+    assert abs(after - before) < 1e-2 * (facts.slack_max.value - before)
 
 
 def test_extremes_of_functions_with_many_valleys() -> None:
@@ -430,7 +383,7 @@ def test_wheels_of_three_pins_a_turn() -> None:
             continue
         found += slot.end > slot.chain.track.length[0]
         phases = np.linspace(slot.start, slot.end, 2001)
-        steps = np.hypot(*np.diff(slot.path(phases), axis=0).T)
+        steps = np.abs(np.diff(slot.path(phases)))
         assert steps.max() < 3 * steps.mean()
         assert chord_error(slot, phases) < 1e-13
         listed = [round(crossing.phase, 9) for crossing in slot.crossings]
@@ -460,4 +413,5 @@ def test_a_free_pin_on_a_straight_run() -> None:
     assert facts.depth_max.value == pytest.approx(14.5, abs=0.05)
     assert facts.condition == math.inf
     assert np.isfinite(slot.normals(np.array([slot.start, slot.end]))).all()
-    assert (slot.path(np.array([0.5 * (slot.start + slot.end)]))[0, 1] - track.points(track.place(middle))[0, 1]) > 5
+    lifted = slot.path(np.array([0.5 * (slot.start + slot.end)])) - track.points(track.place(middle))
+    assert lifted[0].imag > 5

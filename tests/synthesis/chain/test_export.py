@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from synthesis.chain import crescent as chain
-from synthesis.chain.export import bezier, nodes, roller_walls, to_csv, to_dxf, to_svg
-from synthesis.chain.report import report, smallest_radius
+from synthesis.chain.closure import Chain
+from synthesis.chain.export import bezier, roller_walls, smooth_nodes, to_csv, to_dxf, to_svg
+from synthesis.chain.report import report
+from synthesis.chain.slot import find_slot
 from synthesis.errors import FieldError
 
 ROLLER = 25.0
@@ -31,47 +33,45 @@ def dense(slot):
 
 def nearest(points, curve):
     """Distance of each point from a dense polyline."""
-    a, b = curve[:-1], curve[1:]
-    along = b - a
-    share = np.einsum("pkd,kd->pk", points[:, None] - a, along) / np.sum(along**2, axis=1)
-    foot = a + np.clip(share, 0, 1)[..., None] * along
-    return np.hypot(*np.moveaxis(points[:, None] - foot, 2, 0)).min(axis=1)
+    start, along = curve[:-1], np.diff(curve)
+    share = ((points[:, None] - start) / along).real
+    return np.abs(points[:, None] - start - np.clip(share, 0, 1) * along).min(axis=1)
 
 
 def test_walls_are_a_roller_away_from_the_path(slot, dense) -> None:
     phases = dense[::40]
-    left, right = roller_walls(slot, phases, ROLLER, smallest_radius(slot))
+    walls = roller_walls(slot, phases, ROLLER)
     path = slot.path(dense)
-    for wall in (left, right):
+    for wall in walls.values():
         assert np.abs(nearest(wall, path) - ROLLER).max() < 1e-4
     # The slot is travelled from right to left: its left wall is the lower one.
-    assert np.all(left[:, 1] < right[:, 1])
+    assert np.all(walls["left"].imag < walls["right"].imag)
 
 
 def test_a_roller_too_large_is_refused(slot, dense) -> None:
     with pytest.raises(FieldError) as caught:
-        roller_walls(slot, dense[:3], 52.1, smallest_radius(slot))
+        roller_walls(slot, dense[:3], 52.1)
     assert caught.value.field == "/roller_radius" and caught.value.details["constraint"] == "undercut"
 
 
 def test_csv_has_full_precision(slot, dense) -> None:
     phases = dense[::100]
-    walls = roller_walls(slot, phases, ROLLER, smallest_radius(slot))
-    scale = math.degrees(1) * math.sqrt(2) / 131
-    rows = list(csv.DictReader(io.StringIO(to_csv(slot, phases, "theta1_deg", scale, walls), newline="")))
+    walls = roller_walls(slot, phases, ROLLER)
+    unit = math.radians(1) * 131 / math.sqrt(2)
+    rows = list(csv.DictReader(io.StringIO(to_csv(slot, phases, "theta1_deg", unit, ROLLER), newline="")))
     assert len(rows) == len(phases)
-    assert np.array_equal([[float(row["x"]), float(row["y"])] for row in rows], slot.path(phases))
+    assert np.array_equal([complex(float(row["x"]), float(row["y"])) for row in rows], slot.path(phases))
     assert float(rows[0]["theta1_deg"]) == pytest.approx(29.553192, abs=1e-6)
-    assert np.array_equal([float(row["left_x"]) for row in rows], walls[0][:, 0])
-    assert "left_x" not in to_csv(slot, phases, "theta1_deg", scale, None)
+    assert np.array_equal([float(row["left_x"]) for row in rows], walls["left"].real)
+    assert "left_x" not in to_csv(slot, phases, "theta1_deg", unit, None)
 
 
 @pytest.mark.parametrize(("samples", "offset"), [(91, 0.0), (91, ROLLER), (91, -ROLLER), (3, 0.0)])
 def test_cubic_pieces_follow_the_path(samples, offset, slot, dense) -> None:
-    pieces = bezier(slot, nodes(slot, samples), offset)
+    pieces = bezier(slot, smooth_nodes(slot, samples), offset)
     t = np.linspace(0, 1, 9)
     weights = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3], axis=1)
-    points = np.einsum("tc,pcd->ptd", weights, pieces).reshape(-1, 2)
+    points = (pieces @ weights.T).ravel()
     exact = slot.path(dense) + offset * slot.normals(dense)
     assert nearest(points, exact).max() < (2e-5 if samples == 91 else 0.1)
 
@@ -98,12 +98,12 @@ def test_dxf_is_read_back_with_the_exact_geometry(slot, dense) -> None:
         sorted(1 / abs(segment.curvature) for segment in track.segments)
     )
     for entity, segment, start in zip(arcs, track.segments, track.joints):
-        ends = np.array([[p.x, p.y] for p in (entity.start_point, entity.end_point)])
+        ends = np.array([complex(p.x, p.y) for p in (entity.start_point, entity.end_point)])
         wanted = track.points(track.place(np.array([start, (start + segment.length) % track.total])))
         assert min(np.abs(ends - wanted).max(), np.abs(ends[::-1] - wanted).max()) < 1e-9
     splines = {entity.dxf.layer: entity for entity in space.query("SPLINE")}
     assert set(splines) == {"SLOT", "ROLLER_LEFT", "ROLLER_RIGHT"}
-    points = np.array([[p.x, p.y] for p in splines["SLOT"].construction_tool().approximate(500)])
+    points = np.array([complex(p.x, p.y) for p in splines["SLOT"].construction_tool().approximate(500)])
     assert nearest(points, slot.path(dense)).max() < 2e-5
     assert len(space.query("POINT")) == 16
     assert not document.audit().errors
@@ -112,7 +112,7 @@ def test_dxf_is_read_back_with_the_exact_geometry(slot, dense) -> None:
 
 def test_a_stadium_is_drawn_with_lines() -> None:
     track = chain.critical_stadium(50.0, 16, 60.0)
-    slot = chain.track_slot(track, 50.0, 16, float(track.joints[2] + 0.5 * track.length[2]))
+    slot = find_slot(Chain(track, 50.0, 16), float(track.joints[2] + 0.5 * track.length[2]))
     document = ezdxf.read(io.StringIO(to_dxf(slot, 31, None)))
     assert len(document.modelspace().query("LINE")) == 2 and len(document.modelspace().query("ARC")) == 2
     assert to_svg(slot, 31, None).count(" L ") >= 2

@@ -1,4 +1,4 @@
-"""The chain against slow and obviously right twins: points of a path and bracketing search, no closed form."""
+"""The chain against slow and obviously right twins: see `tests.oracles.chain`."""
 
 from __future__ import annotations
 
@@ -6,143 +6,18 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links
 from synthesis.chain.report import report, wheel_conflict
 from synthesis.chain.track import Segment, Track, arc, line
-
-
-class Path:
-    """A closed path of ("arc", cx, cy, r, start, sweep) and ("line", x0, y0, x1, y1), by arc length."""
-
-    def __init__(self, parts):
-        self.parts = parts
-        lengths = [
-            part[3] * abs(part[5]) if part[0] == "arc" else math.hypot(part[3] - part[1], part[4] - part[2])
-            for part in parts
-        ]
-        self.ends = np.cumsum(lengths)
-        self.total = float(self.ends[-1])
-
-    def point(self, s):
-        s = s % self.total
-        index = min(int(np.searchsorted(self.ends, s, side="right")), len(self.parts) - 1)
-        t = s - (self.ends[index - 1] if index else 0.0)
-        part = self.parts[index]
-        if part[0] == "arc":
-            _, cx, cy, r, start, sweep = part
-            angle = start + math.copysign(t / r, sweep)
-            return cx + r * math.cos(angle), cy + r * math.sin(angle)
-        _, x0, y0, x1, y1 = part
-        length = math.hypot(x1 - x0, y1 - y0)
-        return x0 + (x1 - x0) * t / length, y0 + (y1 - y0) * t / length
-
-    def points(self, s):
-        return np.array([self.point(value) for value in np.atleast_1d(s)])
-
-    def next(self, s, pitch, direction=1, cells=48):
-        """First place ahead one pitch away: first change of sign on a grid that starts at one pitch, then brentq."""
-        x, y = self.point(s)
-
-        def excess(u):
-            px, py = self.point(s + direction * u)
-            return math.hypot(px - x, py - y) - pitch
-
-        # No place is nearer along the path than one pitch; the search ends after one lap.
-        u, width = 0.999999 * pitch, pitch / cells
-        while u < self.total:
-            if excess(u + width) >= 0:
-                return s + direction * brentq(excess, u, u + width, xtol=1e-300, rtol=8.9e-16)
-            u += width
-        raise LookupError("no point")
-
-    def after(self, s, pitch, links, direction=1):
-        for _ in range(links):
-            s = self.next(s, pitch, direction)
-        return s
-
-
-def crescent(r0, r1, r2, b):
-    """The crescent's path from the joint of the upper arc with the left wheel."""
-    c, a = r1 + r0, r2 - r0
-    cy = (c * c + b * b - a * a) / (2 * b)
-    cx = math.sqrt(c * c - cy * cy)
-    xi, eps = math.atan2(b - cy, cx), math.atan2(cy, cx)
-    return Path(
-        [
-            ("arc", -cx, cy, r0, -eps, math.pi + xi + eps),
-            ("arc", 0.0, b, r2, math.pi + xi, math.pi - 2 * xi),
-            ("arc", cx, cy, r0, -xi, math.pi + xi + eps),
-            ("arc", 0.0, 0.0, r1, eps, -(math.pi + 2 * eps)),
-        ]
-    )
-
-
-def stadium(radius, straight):
-    h = straight / 2
-    return Path(
-        [
-            ("arc", h, 0.0, radius, -math.pi / 2, math.pi),
-            ("line", h, radius, -h, radius),
-            ("arc", -h, 0.0, radius, math.pi / 2, math.pi),
-            ("line", -h, -radius, h, -radius),
-        ]
-    )
-
-
-def overrun(path, pitch, links, s):
-    return path.after(s, pitch, links) - s - path.total
-
-
-def least_overrun(path, pitch, links, period, cells=48):
-    """Smallest overrun over a period: a grid, then bounded minimization around its lowest points."""
-    grid = np.linspace(0, period, cells + 1)
-    values = np.array([overrun(path, pitch, links, s) for s in grid])
-    best = values.min()
-    for index in np.argsort(values)[:3]:
-        low, high = grid[index] - period / cells, grid[index] + period / cells
-        found = minimize_scalar(
-            lambda s: overrun(path, pitch, links, s), bounds=(low, high), method="bounded", options={"xatol": 1e-6}
-        )
-        best = min(best, found.fun)
-    return float(best)
-
-
-def free_pin(path, pitch, links, k, s, side_of):
-    """P_k between P_(k-1) and P_(k+1): the intersection of two circles that is further from the point ``side_of``."""
-    a = np.array(path.point(path.after(s, pitch, k - 2)))
-    b = np.array(path.point(path.after(s, pitch, links - k, -1)))
-    half = (b - a) / 2
-    h = math.hypot(*half)
-    normal = np.array([-half[1], half[0]]) / h * math.sqrt(pitch * pitch - h * h)
-    candidates = [a + half + normal, a + half - normal]
-    return max(candidates, key=lambda p: math.hypot(*(p - side_of)))
+from tests.oracles.chain import Path, crescent, free_pin, least_overrun, rounded_polygon, stadium
 
 
 def track_of(path):
     """The same path for the code under test."""
     return Track([arc(*part[1:]) if part[0] == "arc" else line(*part[1:]) for part in path.parts])
-
-
-def rounded_polygon(rng):
-    """A convex polygon with its corners rounded: lines and arcs of one radius, in any place."""
-    corners = int(rng.integers(3, 8))
-    angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
-    while np.any(np.diff(np.append(angles, angles[0] + 2 * np.pi)) > 0.9 * np.pi):
-        angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
-    centres = rng.uniform(-1e3, 1e3, 2) + 300 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    radius = rng.uniform(40, 90)
-    parts = []
-    edges = np.roll(centres, -1, axis=0) - centres
-    headings = np.arctan2(edges[:, 1], edges[:, 0])
-    for index, (centre, edge, heading) in enumerate(zip(centres, edges, headings)):
-        right = radius * np.array([np.sin(heading), -np.cos(heading)])
-        parts.append(("line", *(centre + right), *(centre + right + edge)))
-        sweep = (headings[(index + 1) % corners] - heading) % (2 * np.pi)
-        parts.append(("arc", *centres[(index + 1) % corners], radius, heading - np.pi / 2, sweep))
-    return Path(parts)
 
 
 def random_path(rng):
@@ -172,7 +47,7 @@ def test_600_steps_agree_with_bracketing_search(seed) -> None:
         ours.append(float(track.position(place)[0]))
         theirs.append(s)
     assert np.abs(np.array(ours) - theirs).max() < 1e-9
-    assert np.abs(track.points(place) - path.point(s)).max() < 1e-9
+    assert np.abs(track.points(place) - complex(*path.point(s))).max() < 1e-9
 
 
 # Unseen sizes: pitch, links, upper radius, wheel radius (None: four pins a turn).
@@ -208,10 +83,10 @@ def test_unseen_sizes_agree_with_bracketing_search(pitch, links, upper, wheel) -
     # Phases beyond the wheel's end are those of the pin that follows.
     on_wheel = [(s, 0) if s <= path.ends[0] else (s - period, 1) for s in phases]
     origin = np.zeros(2)
-    expected = [free_pin(path, pitch, links, slot.free + shift, s, origin) for s, shift in on_wheel]
+    expected = [complex(*free_pin(path, pitch, links, slot.free + shift, s, origin)) for s, shift in on_wheel]
     assert np.abs(slot.path(phases) - expected).max() < tolerance
     facts = report(slot, phases)
-    depths = np.hypot(*np.array(expected).T) - upper
+    depths = np.abs(expected) - upper
     assert facts.depth_max.value >= depths.max() - tolerance
     assert facts.end_step < tolerance
 
@@ -221,7 +96,7 @@ def test_unseen_sizes_agree_with_bracketing_search(pitch, links, upper, wheel) -
     dense = np.concatenate([np.linspace(a + 2 * h, c - 2 * h, 401) for a, c in pieces])
     before, at, after = (slot.path(dense + step) for step in (-h, 0, h))
     v, a = (after - before) / (2 * h), (after - 2 * at + before) / h**2
-    radius = np.hypot(*v.T) ** 3 / np.abs(v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0])
+    radius = np.abs(v) ** 3 / np.abs(v.real * a.imag - v.imag * a.real)
     assert facts.radius_min == pytest.approx(radius.min(), rel=2e-3)
 
 
@@ -248,9 +123,9 @@ def test_wheel_conflict_by_the_angles_of_the_pins() -> None:
     pins = slot.pins(phases)
     r0, centre = crescent_.wheel_radius, crescent_.upper_radius + crescent_.wheel_radius
     # The pins on the right wheel, wherever they are: all mark the same angle modulo one link, 90 deg.
-    relative = pins - [centre, 0.0]
-    on = (np.abs(np.hypot(relative[..., 0], relative[..., 1]) - r0) < 1e-9) & (relative[..., 0] > -r0 + 1e-6)
-    angle = np.where(on, np.arctan2(relative[..., 1], relative[..., 0]), np.nan)
+    relative = pins - centre
+    on = (np.abs(np.abs(relative) - r0) < 1e-9) & (relative.real > -r0 + 1e-6)
+    angle = np.where(on, np.angle(relative), np.nan)
     lead = np.nanmax(np.where(on, (angle - phases[:, None] / r0) % (np.pi / 2), np.nan), axis=1)
     lead = np.unwrap(lead, period=np.pi / 2)
     assert np.ptp(lead) == pytest.approx(wheel_conflict(slot, chain.RIGHT_WHEEL).value * np.pi / 2, abs=1e-6)
@@ -305,5 +180,5 @@ def test_segments_of_the_crescent_are_those_of_the_twin() -> None:
     path = crescent(92.63, 181.78, 381.5, 90.22)
     assert track.total == pytest.approx(path.total, rel=1e-14)
     s = np.linspace(0, path.total, 100, endpoint=False)
-    assert np.abs(track.points(track.place(s)) - path.points(s)).max() < 1e-11
+    assert np.abs(track.points(track.place(s)) - [complex(*path.point(value)) for value in s]).max() < 1e-11
     assert isinstance(track.segments[0], Segment)

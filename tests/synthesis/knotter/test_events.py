@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
-from synthesis.knotter import events as knotter_events
-from synthesis.knotter import machine as knotter
+from synthesis.knotter import d_knotter, events
 from synthesis.knotter.mechanism import Linear, Table
-from synthesis.knotter.predicates import crossing_point
+from synthesis.knotter.segment_triangle import crossing_point
+from tests.oracles.knotter import Exact
 
 ALPHA1, ALPHA3 = float(np.radians(10.0)), float(np.radians(25.0))
 PAIR = {"alpha1": ALPHA1, "alpha3": ALPHA3}
@@ -25,8 +25,8 @@ def roots_of(function, first: float, last: float, rate: float = 1.0, breakpoints
     def single(driver, item):
         return np.broadcast_to(function(driver), np.broadcast_shapes(driver.shape, item.shape))[None]
 
-    ends = knotter_events.edges(first, last, list(breakpoints), lambda low, high: rate)
-    return np.sort(knotter_events.roots(knotter_events.pieces(single, ends, 1, floor), single, floor).driver)
+    ends = events.piece_ends(first, last, list(breakpoints), lambda low, high: rate)
+    return np.sort(events.roots(events.pieces(single, ends, 1, floor), single, floor).driver)
 
 
 @settings(derandomize=True, max_examples=80, deadline=None)
@@ -91,55 +91,29 @@ def test_a_function_that_is_zero_has_no_events() -> None:
 
 def test_hostile_laws_are_refused_before_any_memory_is_taken() -> None:
     with pytest.raises(FieldError, match="turn so fast"):
-        knotter_events.edges(0.0, 1.0, [], lambda low, high: 1e12)
+        events.piece_ends(0.0, 1.0, [], lambda low, high: 1e12)
 
 
 def test_extremes_of_a_function() -> None:
     floor = np.zeros((1, 1))
-    ends = knotter_events.edges(0.0, 6.0, [], lambda low, high: 2.0)
-    parts = knotter_events.pieces(
+    ends = events.piece_ends(0.0, 6.0, [], lambda low, high: 2.0)
+    parts = events.pieces(
         lambda x, item: np.broadcast_to(np.sin(2 * x), np.broadcast_shapes(x.shape, item.shape))[None], ends, 1, floor
     )
-    found = np.sort(knotter_events.extremes(parts, floor).driver)
+    found = np.sort(events.extremes(parts, floor).driver)
     assert found == pytest.approx(np.pi / 4 + np.arange(4) * np.pi / 2, abs=1e-12)
 
 
 # The wrap in 40 digits
 
 
-def rotation(axis: str, angle):
-    c, s = mp.cos(angle), mp.sin(angle)
-    return mp.matrix(
-        {
-            "i": [[1, 0, 0], [0, c, -s], [0, s, c]],
-            "j": [[c, 0, s], [0, 1, 0], [-s, 0, c]],
-            "k": [[c, -s, 0], [s, c, 0], [0, 0, 1]],
-        }[axis]
-    )
+def crossing(alpha: float) -> np.ndarray:
+    """E1 (y, z) with the assumed inputs at (10, 25) degrees."""
+    return np.array([float(x) for x in Exact(10, 25).wrap(mp.mpf(alpha))[0]])
 
 
-def exact_crossing(alpha, d5: float = 54.0, lead: float = float(np.radians(23.5)), ratio: float = 0.5):
-    """E1 (y, z) by eqs 9 and 11 with the assumed inputs at (10, 25) degrees."""
-    alpha = mp.mpf(alpha)
-    r = rotation("j", -(mp.mpf(lead) + mp.mpf(ratio) * alpha)) * mp.matrix(knotter.POINTS["S0"]) - mp.matrix(
-        [0, 20, 0]
-    )
-    r = rotation("i", mp.mpf(ALPHA1)) * r + mp.matrix([mp.mpf(d5), 0, -136])
-    r = rotation("j", mp.mpf(knotter.ALPHA2)) * (rotation("i", mp.mpf(ALPHA3)) * r) + mp.matrix([0, 0, 142])
-    p, q = rotation("k", alpha) * r, mp.matrix(knotter.POINTS["S1"])
-    at = p + p[0] / (p[0] - q[0]) * (q - p)
-    return at[1], at[2]
-
-
-def exact_edge(first, second, **inputs):
-    """A function of alpha that is zero where E1 passes the line of an edge."""
-    (y0, z0), (y1, z1) = first[1:], second[1:]
-
-    def side(alpha):
-        y, z = exact_crossing(alpha, **inputs)
-        return (mp.mpf(y1) - mp.mpf(y0)) * (z - mp.mpf(z0)) - (mp.mpf(z1) - mp.mpf(z0)) * (y - mp.mpf(y0))
-
-    return side
+def degrees_off(exact, found: float) -> float:
+    return abs(float(mp.degrees(exact - mp.mpf(float(found)))))
 
 
 @pytest.fixture(autouse=True)
@@ -155,21 +129,17 @@ CLOSING_D5 = 74.5013991260888
 def test_windows_beside_the_vertex_down_to_a_millionth_of_a_degree(short_of: float) -> None:
     """E1 cuts the corner at S4: the window shrinks with d5, and no scan with a step would see it."""
     d5 = CLOSING_D5 - short_of
-    found = knotter.wrap().evaluate(knotter.knotter({**PAIR, "d5": d5}), 1)
-    s3, s4, s5 = (knotter.POINTS[name] for name in ("S3", "S4", "S5"))
-    enter = mp.findroot(exact_edge(s3, s4, d5=d5), mp.mpf(float(found.enter[0])))
-    leave = mp.findroot(exact_edge(s4, s5, d5=d5), mp.mpf(float(found.leave[0])))
-    width = float(mp.degrees(leave - enter))
-    assert 0 < width < 0.2 * short_of**0.5 + 2 * short_of
-    if short_of <= 1e-8:
-        assert width < 1e-6
+    found = d_knotter.wrap().evaluate(d_knotter.mechanism({**PAIR, "d5": d5}), 1)
+    exact = Exact(10, 25, d5=d5)
+    enter, leave = (exact.root("wrap", edge, at[0]) for edge, at in ((0, found.enter), (1, found.leave)))
+    assert float(mp.degrees(leave - enter)) == pytest.approx(0.59 * short_of, rel=0.02)
     assert found.holds[0] and found.windows[0] == 1
-    assert abs(float(mp.degrees(enter - mp.mpf(float(found.enter[0]))))) < 1e-10
-    assert abs(float(mp.degrees(leave - mp.mpf(float(found.leave[0]))))) < 1e-10
+    assert degrees_off(enter, found.enter[0]) < 1e-10
+    assert degrees_off(leave, found.leave[0]) < 1e-10
 
 
 def test_beyond_the_vertex_there_is_no_window() -> None:
-    found = knotter.wrap().evaluate(knotter.knotter({**PAIR, "d5": CLOSING_D5 + 1e-9}), 1)
+    found = d_knotter.wrap().evaluate(d_knotter.mechanism({**PAIR, "d5": CLOSING_D5 + 1e-9}), 1)
     assert not found.holds[0] and found.opened_by[0] != 2
 
 
@@ -179,9 +149,6 @@ def test_windows_where_the_rope_only_grazes_the_edge(degrees: float, width: floa
     """Enters and leaves through one edge, laid along E1's path: nearly a double root."""
     if np.finfo(np.longdouble).eps > 1e-18 and width < 1e-2:
         pytest.skip("this machine has no extended precision")
-
-    def crossing(alpha: float) -> np.ndarray:
-        return np.array([float(x) for x in exact_crossing(alpha)])
 
     at, h = np.radians(degrees), 1e-3
     middle = crossing(at)
@@ -195,16 +162,16 @@ def test_windows_where_the_rope_only_grazes_the_edge(degrees: float, width: floa
     s3, s4, s5 = (
         (0.0, *map(float, point)) for point in (centre + 9.3 * tangent, centre - 11.1 * tangent, centre - 20 * normal)
     )
-    found = knotter.wrap().evaluate(knotter.knotter(PAIR, points={"S3": s3, "S4": s4, "S5": s5}), 1)
+    found = d_knotter.wrap().evaluate(d_knotter.mechanism(PAIR, points={"S3": s3, "S4": s4, "S5": s5}), 1)
 
-    side = exact_edge(s3, s4)
-    bottom = mp.findroot(lambda alpha: mp.diff(side, alpha), at)
-    half = mp.sqrt(-2 * side(bottom) / mp.diff(side, bottom, 2))
-    enter, leave = (mp.findroot(side, (bottom + sign * half, bottom + sign * half * 0.99)) for sign in (-1, 1))
+    exact = Exact(10, 25, {"S3": s3, "S4": s4, "S5": s5})
+    bottom = mp.findroot(lambda alpha: mp.diff(lambda x: exact.side("wrap", 0, x), alpha), at)
+    half = mp.sqrt(-2 * exact.side("wrap", 0, bottom) / mp.diff(lambda x: exact.side("wrap", 0, x), bottom, 2))
+    enter, leave = (exact.root("wrap", 0, bottom + sign * half, bottom + sign * half * 0.99) for sign in (-1, 1))
     assert 0.5 * width < float(mp.degrees(leave - enter)) < 5 * width  # the points are rounded to doubles
     assert found.holds[0] and found.windows[0] == 1
-    assert abs(float(mp.degrees(enter - mp.mpf(float(found.enter[0]))))) < 1e-9
-    assert abs(float(mp.degrees(leave - mp.mpf(float(found.leave[0]))))) < 1e-9
+    assert degrees_off(enter, found.enter[0]) < 1e-9
+    assert degrees_off(leave, found.leave[0]) < 1e-9
     # A grazing entry is ill-conditioned, and says so: the angle moves as one over the window's width.
     speed = bend * np.radians(width) / 2
     assert found.sensitivity[0] == pytest.approx(1 / speed, rel=0.2 if width > 1e-4 else 1.0)
@@ -213,7 +180,7 @@ def test_windows_where_the_rope_only_grazes_the_edge(degrees: float, width: floa
 @pytest.mark.parametrize("half_width", [1e-1, 1e-4, 1e-6, 1e-7])
 def test_windows_that_a_corner_of_a_law_opens(half_width: float) -> None:
     """The disc turns to and fro: E1 comes just past the edge at the table's corner and turns back."""
-    entered = knotter.wrap().evaluate(knotter.knotter(PAIR), 1).enter[0]
+    entered = d_knotter.wrap().evaluate(d_knotter.mechanism(PAIR), 1).enter[0]
     turn = entered + half_width
 
     def beta(alpha: float) -> float:
@@ -221,7 +188,7 @@ def test_windows_that_a_corner_of_a_law_opens(half_width: float) -> None:
 
     # After the corner the disc turns fast the other way; E1 leaves again through the edge that it came by.
     table = Table((0.0, turn, turn + 0.2, np.pi), (beta(0.0), beta(turn), beta(turn) + 2.0, beta(turn) + 2.0))
-    found = knotter.wrap().evaluate(knotter.knotter(PAIR, laws={"beta": table}), 1)
+    found = d_knotter.wrap().evaluate(d_knotter.mechanism(PAIR, laws={"beta": table}), 1)
     assert found.enter[0] == pytest.approx(entered, abs=1e-13)
     assert turn < found.leave[0] < turn + 2 * half_width
     assert found.holds[0]
@@ -229,20 +196,17 @@ def test_windows_that_a_corner_of_a_law_opens(half_width: float) -> None:
 
 def test_fast_disc_agrees_with_forty_digits() -> None:
     ratio, lead = 7.3, 0.4
-    found = knotter.wrap().evaluate(knotter.knotter(PAIR, laws={"beta": Linear(lead, ratio)}), 1)
-    names = ("S3", "S4", "S5")
-    edge = found.opened_by[0] - 2
-    corner = [knotter.POINTS[name] for name in names]
-    side = exact_edge(corner[edge], corner[(edge + 1) % 3], lead=lead, ratio=ratio)
-    exact = mp.findroot(side, mp.mpf(float(found.enter[0])))
-    assert abs(float(mp.degrees(exact - mp.mpf(float(found.enter[0]))))) < 1e-11
+    found = d_knotter.wrap().evaluate(d_knotter.mechanism(PAIR, laws={"beta": Linear(lead, ratio)}), 1)
+    turning = Exact(10, 25, lead=float(np.degrees(lead)), ratio=ratio)
+    exact = turning.root("wrap", int(found.opened_by[0]) - 2, found.enter[0])
+    assert degrees_off(exact, found.enter[0]) < 1e-11
 
 
 def test_the_naive_scan_misses_what_the_cells_find() -> None:
-    machine = knotter.knotter({**PAIR, "d5": CLOSING_D5 - 1e-3})
-    condition = knotter.wrap()
+    machine = d_knotter.mechanism({**PAIR, "d5": CLOSING_D5 - 1e-3})
+    condition = d_knotter.wrap()
     y, z = np.array(crossing_point(*condition.positions(machine, np.radians(np.arange(0, 180, 0.1))))[1:])
-    (y3, z3), (y4, z4) = knotter.POINTS["S3"][1:], knotter.POINTS["S4"][1:]
+    (y3, z3), (y4, z4) = d_knotter.POINTS["S3"][1:], d_knotter.POINTS["S4"][1:]
     u1 = (y4 - y3) * (z - z3) - (z4 - z3) * (y - y3)
     u2, u3 = -y4 * (z - z4) + z4 * (y - y4), y3 * z - z3 * y
     hits = (np.sign(u1) == np.sign(u2)) & (np.sign(u2) == np.sign(u3))

@@ -6,140 +6,97 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 from synthesis.errors import FieldError
-from synthesis.knotter import machine as knotter
+from synthesis.knotter import d_knotter
 from synthesis.knotter.conditions import Clearance, Scalar
-from synthesis.knotter.entry import Found, SegmentHitsTriangle, _windows
+from synthesis.knotter.entry import Found, SegmentHitsTriangle, inside_windows
 from synthesis.knotter.events import Events
 from synthesis.knotter.mechanism import Chain, Linear, Mechanism, Shift, Table, Turn
+from synthesis.knotter.needle import Needle
+from synthesis.knotter.segment_triangle import segment_triangle_distance
 from synthesis.knotter.study import solve, study
-
-I, J, K = np.eye(3)  # noqa: E741
-
-
-def rotated(axis: str, angle: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Eqs 1 to 3 as matrices, one per angle."""
-    c, s = np.cos(angle), np.sin(angle)
-    one, zero = np.ones_like(c), np.zeros_like(c)
-    rows = {
-        "i": [[one, zero, zero], [zero, c, -s], [zero, s, c]],
-        "j": [[c, zero, s], [zero, one, zero], [-s, zero, c]],
-        "k": [[c, -s, zero], [s, c, zero], [zero, zero, one]],
-    }[axis]
-    return np.einsum("ij...,...j->...i", np.array(rows), vector)
+from tests.oracles.knotter import Twin
 
 
-class Twin:
-    """One knotter at random, its equations typed out, its inverses typed out."""
-
-    def __init__(self, seed: int) -> None:
-        random = np.random.default_rng(seed)
-        names = ("alpha1", "alpha2", "alpha3", "d1", "D", "d5", "d6", "d9", "d10")
-        low = (-0.5, -0.5, -0.5, 40, -100, 20, 80, -30, -30)
-        high = (0.8, 0.5, 0.8, 250, 100, 120, 200, 30, 30)
-        self.size = dict(zip(names, map(float, random.uniform(low, high))))
-        self.sense = {name: int(random.choice([-1, 1])) for name in ("alpha", "beta")}
-        spread = random.choice([0.0, 10.0, 40.0])
-        self.points = {name: tuple(at + random.normal(size=3) * spread) for name, at in knotter.POINTS.items()}
-        if random.random() < 0.6:
-            self.points |= {name: tuple(random.normal(size=3) * 50) for name in ("S3", "S5")}
-        knots = np.concatenate([[-1.0], np.sort(random.uniform(-1, 8, 6)), [8.0]])
-        angles = random.uniform(-3, 3, 8)
-        kind = ("lead", "linear", "pchip")[seed % 3]
-        if kind == "lead":
-            lead, ratio = random.uniform(-3, 3, 2)
-            self.beta, beta = (lambda alpha: lead + ratio * alpha), Linear(float(lead), float(ratio))
-        else:
-            beta = Table(tuple(knots), tuple(angles), kind, "error")
-            straight = kind == "linear"
-            self.beta = (
-                (lambda alpha: np.interp(alpha, knots, angles)) if straight else PchipInterpolator(knots, angles)
-            )
-        rows = np.array([random.uniform(4, 4.8), random.uniform(5, 6)]), random.uniform(-1, 1, 2)
-        self.alpha4 = lambda alpha: np.interp(alpha, *rows)
-        laws = {"beta": beta, "alpha4": Table(*map(tuple, rows))}
-        self.machine = knotter.knotter(self.size, self.sense, laws, self.points)
-
-    def corners(self, name: str, alpha: np.ndarray) -> list[np.ndarray]:
-        size, e = self.size, self.sense["alpha"]
-        at = {name: np.broadcast_to(point, (*np.shape(alpha), 3)) for name, point in self.points.items()}
-        same = np.ones_like(alpha)
-        r = rotated("j", self.sense["beta"] * self.beta(alpha), at["S0"]) - size["D"] * J
-        r = rotated("i", -e * size["alpha1"] * same, r) - size["d1"] * K + size["d5"] * I
-        r = rotated("j", size["alpha2"] * same, rotated("i", -e * size["alpha3"] * same, r)) + size["d6"] * K
-        disc = rotated("k", alpha, r)
-        if name == "wrap":
-            return [disc, at["S1"], at["S3"], at["S4"], at["S5"]]
-        hook = [
-            rotated("j", -self.alpha4(alpha), x + size["d9"] * I + size["d10"] * K)
-            for x in (disc, at["S7"], at["S9"])
-        ]
-        return [hook[0], hook[1], 0 * disc, at["S8"], hook[2]]
-
-    def shares(self, name: str, alpha: np.ndarray) -> np.ndarray:
-        """Positive numbers inside: 1 - u - v, u, v of the triangle, t and 1 - t of the segment; last axis."""
-        p, q, a, b, c = self.corners(name, alpha)
-        system = np.stack([b - a, c - a, p - q], axis=-1)
-        u, v, t = np.moveaxis(np.linalg.solve(system, (p - a)[..., None])[..., 0], -1, 0)
-        return np.stack([v, 1 - u - v, u, t, 1 - t], axis=-1)  # the edges ab, bc, ca, then the ends p, q
-
-    def hook_depth(self, alpha: np.ndarray, locked: bool) -> np.ndarray:
-        size, e, same = self.size, self.sense["alpha"], np.ones_like(alpha)
-        fourth = self.alpha4(knotter.CLEARANCE_AT * same if locked else alpha)
-        r = (
-            rotated("j", fourth, np.broadcast_to(self.points["S10"], (*np.shape(alpha), 3)))
-            - size["d9"] * I
-            - size["d10"] * K
-        )
-        r = rotated("j", -size["alpha2"] * same, rotated("k", -alpha, r) - size["d6"] * K)
-        r = rotated("i", e * size["alpha3"] * same, r) + size["d1"] * K - size["d5"] * I
-        return rotated("i", e * size["alpha1"] * same, r) + size["D"] * J
+def made(twin: Twin) -> Mechanism:
+    """The product's mechanism of a random knotter."""
+    laws = {
+        "beta": Linear(twin.lead, twin.ratio) if twin.kind == "lead" else Table(*twin.rows, twin.kind, "error"),
+        "alpha4": Table(*twin.hook),
+    }
+    return d_knotter.mechanism(twin.size, twin.sense, laws, twin.points)
 
 
-WINDOWS = {"wrap": knotter.WRAP_WINDOW, "bite": knotter.BITE_WINDOW}
+WINDOWS = {"wrap": d_knotter.WRAP_WINDOW, "bite": d_knotter.BITE_WINDOW}
 
 
-@pytest.mark.parametrize("name", ["wrap", "bite"])
-@pytest.mark.parametrize("seed", range(60))
-def test_entry_is_where_the_naive_twin_finds_it(seed: int, name: str) -> None:
-    twin = Twin(seed)
+def scanned(twin: Twin, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The driver of a fine scan, whether the rope is inside, and where that begins."""
     alpha = np.linspace(*WINDOWS[name], 6001)
     inside = np.all(twin.shares(name, alpha) > 0, axis=-1)
-    condition = getattr(knotter, name)()
-    found = condition.evaluate(twin.machine, 1)
-    starts = np.flatnonzero(inside & ~np.append(False, inside[:-1]))
-    assert found.windows[0] >= len(starts)
-    if found.windows[0] == 0:
+    return alpha, inside, np.flatnonzero(inside & ~np.append(False, inside[:-1]))
+
+
+def case(seed: int, name: str) -> str:
+    """What a fine scan sees; the product sees as many windows."""
+    _, _, starts = scanned(Twin(seed), name)
+    assert getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1).windows[0] == len(starts), seed
+    return "never" if not len(starts) else "starts inside" if starts[0] == 0 else "enters"
+
+
+@pytest.fixture(scope="module")
+def cases() -> dict[tuple[str, str], list[int]]:
+    """The seeds of each condition by what happens."""
+    found = {}
+    for name in WINDOWS:
+        for seed in range(60):
+            found.setdefault((name, case(seed, name)), []).append(seed)
+    return found
+
+
+@pytest.mark.parametrize("name", WINDOWS)
+def test_entry_is_where_the_naive_twin_finds_it(name: str, cases) -> None:
+    assert len(cases[name, "enters"]) >= 5
+    for seed in cases[name, "enters"]:
+        twin, condition = Twin(seed), getattr(d_knotter, name)()
+        found = condition.evaluate(made(twin), 1)
+        alpha, inside, starts = scanned(twin, name)
+        low, high = alpha[starts[0] - 1], alpha[starts[0]]
+        # The share that becomes positive last is the one that opens the window.
+        roots = {
+            share: brentq(
+                lambda at, share=share, twin=twin: twin.shares(name, np.float64(at))[share],
+                low,
+                high,
+                xtol=1e-15,
+                rtol=1e-15,
+            )
+            for share in np.flatnonzero(twin.shares(name, low) <= 0)
+        }
+        opened, enter = max(roots.items(), key=lambda row: row[1])
+        assert np.degrees(found.enter[0] - enter) == pytest.approx(0.0, abs=1e-9)
+        assert found.opened_by[0] == (2, 3, 4, 0, 1)[opened]
+        assert found.holds[0] == (opened == condition.enter)
+        p, q, *_ = twin.corners(name, np.float64(enter))
+        t = twin.shares(name, np.float64(enter))[3]
+        assert found.point[0] == pytest.approx(p + t * (q - p), abs=1e-9)
+        # It leaves in the step after the last one inside, or stays until the range ends.
+        last = starts[0] + np.argmin(np.append(inside[starts[0] :], False)) - 1
+        assert alpha[last] - 1e-12 <= found.leave[0] <= alpha[min(last + 1, len(alpha) - 1)] + 1e-12
+
+
+@pytest.mark.parametrize("name", WINDOWS)
+def test_rope_that_never_enters_or_is_inside_from_the_start(name: str, cases) -> None:
+    assert cases[name, "never"]
+    for seed in cases[name, "never"]:
+        found = getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1)
         assert found.found[0] == Found.NEVER and not found.holds[0] and found.margin[0] <= 0
-        return
-    if found.windows[0] > len(starts):  # narrower than the scan's step: confirm that it is real
-        assert found.leave[0] - found.enter[0] < alpha[1] - alpha[0]
-        assert np.all(twin.shares(name, 0.5 * (found.enter + found.leave))[0] > 0)
-        return
-    if starts[0] == 0:
-        assert found.found[0] == Found.INSIDE_AT_START and found.enter[0] == alpha[0]
-        return
-    low, high = alpha[starts[0] - 1], alpha[starts[0]]
-    # The share that becomes positive last is the one that opens the window.
-    roots = {
-        share: brentq(
-            lambda at, share=share: twin.shares(name, np.float64(at))[share], low, high, xtol=1e-15, rtol=1e-15
-        )
-        for share in np.flatnonzero(twin.shares(name, low) <= 0)
-    }
-    opened, enter = max(roots.items(), key=lambda row: row[1])
-    assert np.degrees(found.enter[0] - enter) == pytest.approx(0.0, abs=1e-9)
-    assert found.opened_by[0] == (2, 3, 4, 0, 1)[opened]
-    assert found.holds[0] == (opened == condition.enter)
-    p, q, *_ = twin.corners(name, np.float64(enter))
-    t = twin.shares(name, np.float64(enter))[3]
-    assert found.point[0] == pytest.approx(p + t * (q - p), abs=1e-9)
-    stops = np.flatnonzero(~inside[starts[0] :])
-    if len(stops):
-        assert alpha[starts[0] + stops[0] - 1] - 1e-12 <= found.leave[0] <= alpha[starts[0] + stops[0]] + 1e-12
+    assert cases[name, "starts inside"]
+    for seed in cases[name, "starts inside"]:
+        found = getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1)
+        assert found.found[0] == Found.INSIDE_AT_START and found.enter[0] == WINDOWS[name][0]
 
 
 @pytest.mark.parametrize("locked", [True, False])
@@ -147,8 +104,8 @@ def test_entry_is_where_the_naive_twin_finds_it(seed: int, name: str) -> None:
 @pytest.mark.parametrize("seed", range(12))
 def test_worst_clearance_is_no_better_than_a_fine_scan(seed: int, radius: float, locked: bool) -> None:
     twin = Twin(seed)
-    condition = knotter.clearance(radius=radius, hook_locked=locked)
-    found = condition.evaluate(twin.machine, 1)
+    condition = d_knotter.clearance(radius=radius, hook_locked=locked)
+    found = condition.evaluate(made(twin), 1)
     alpha = np.linspace(*condition.over, 40_001)
 
     def depth(at: np.ndarray) -> np.ndarray:
@@ -168,8 +125,8 @@ def test_worst_clearance_is_no_better_than_a_fine_scan(seed: int, radius: float,
 
 
 def test_a_disc_hides_less_than_its_plane_and_a_huge_one_is_the_plane() -> None:
-    machine = knotter.knotter({"alpha1": 0.2, "alpha3": 0.4})
-    worst = [knotter.clearance(radius=r).evaluate(machine, 1).worst[0] for r in (10.0, 30.0, 60.0, 1e6, np.inf)]
+    machine = d_knotter.mechanism({"alpha1": 0.2, "alpha3": 0.4})
+    worst = [d_knotter.clearance(radius=r).evaluate(machine, 1).worst[0] for r in (10.0, 30.0, 60.0, 1e6, np.inf)]
     assert np.all(np.diff(worst) >= 0)
     assert worst[-2] == pytest.approx(worst[-1], abs=1e-9)
 
@@ -192,17 +149,17 @@ def test_an_event_of_no_width_does_not_split_a_window() -> None:
         return np.array([1.0, -1.0, 1.0, 1.0, 1.0])[:, None] * np.ones_like(driver)
 
     touch = Events(np.array([0, 0, 0]), np.array([2, 2, 3]), np.array([0.5, 0.5, 0.7]))
-    item, start, end, opened_by = _windows(always_inside, touch, np.array([0.0, 1.0]), 1, np.array([True]))
+    item, start, end, opened_by = inside_windows(always_inside, touch, np.array([0.0, 1.0]), 1, np.array([True]))
     assert (list(item), list(start), list(end), list(opened_by)) == ([0], [0.0], [1.0], [-1])
 
 
 def test_an_item_does_not_know_its_neighbours() -> None:
     """Also across chunks: 40 x 40 items are several chunks."""
     grid = {"alpha1": np.linspace(-0.2, 0.6, 40), "alpha3": np.linspace(0.1, 0.7, 40)}
-    whole = study(knotter.knotter(), grid, knotter.conditions())
+    whole = study(d_knotter.mechanism(), grid, d_knotter.conditions())
     for index in (0, 777, 1599):
         point = {name: values[index : index + 1] for name, values in whole.grid.items()}
-        alone = study(knotter.knotter(), point, knotter.conditions())
+        alone = study(d_knotter.mechanism(), point, d_knotter.conditions())
         for name, result in alone.conditions.items():
             for field in result.__dataclass_fields__:
                 many = np.asarray(getattr(whole.conditions[name], field)[index], float)
@@ -216,9 +173,9 @@ def test_the_unit_of_length_changes_no_angle(seed: int, power: int) -> None:
     twin, scale = Twin(seed), 2.0**power
     size = {name: value if name.startswith("alpha") else value * scale for name, value in twin.size.items()}
     points = {name: tuple(scale * x for x in point) for name, point in twin.points.items()}
-    scaled = knotter.knotter(size, twin.sense, twin.machine.laws, points)
-    for condition in knotter.conditions():
-        one, other = condition.evaluate(twin.machine, 1), condition.evaluate(scaled, 1)
+    scaled = d_knotter.mechanism(size, twin.sense, made(twin).laws, points)
+    for condition in d_knotter.conditions():
+        one, other = condition.evaluate(made(twin), 1), condition.evaluate(scaled, 1)
         assert one.holds[0] == other.holds[0]
         assert other.margin[0] == pytest.approx(scale * one.margin[0], rel=1e-9, abs=1e-9 * scale)
         if condition.name != "clearance":
@@ -227,57 +184,55 @@ def test_the_unit_of_length_changes_no_angle(seed: int, power: int) -> None:
 
 def test_margins_meet_at_zero_on_both_sides_of_each_limit() -> None:
     """Along alpha3 the entry moves over S3 to the next edge; along d5 over S4 and away."""
-    machine = knotter.knotter({"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)})
+    machine = d_knotter.mechanism({"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)})
     for parameter, between in (("alpha3", (0.1, 0.5)), ("d5", (20.0, 120.0))):
-        limits, _ = solve(machine, knotter.wrap(), parameter, between)
+        limits, _ = solve(machine, d_knotter.wrap(), parameter, between)
         assert limits
         for limit in limits:
             step = 1e-7 if parameter == "alpha3" else 1e-5
             values = limit.value + step * np.array([-1.0, 1.0])
-            found = knotter.wrap().evaluate(machine.with_parameters(**{parameter: values}), 2)
+            found = d_knotter.wrap().evaluate(machine.with_parameters(**{parameter: values}), 2)
             assert list(found.holds) == ([False, True] if limit.holds_above else [True, False])
             assert np.all(np.sign(found.margin) == np.where(found.holds, 1, -1))
             assert np.abs(found.margin).max() < 1e-3
 
 
-def test_closest_approach_is_the_distance_of_a_dense_scan() -> None:
-    from synthesis.knotter.predicates import segment_triangle_distance
-
-    for seed in range(30):
-        twin = Twin(seed)
-        condition = knotter.wrap()
-        found = condition.evaluate(twin.machine, 1)
-        if found.found[0] == Found.NEVER:
-            alpha = np.linspace(*condition.window, 20_001)
-            dense = segment_triangle_distance(*condition.positions(twin.machine, alpha)).min()
-            assert dense - 5e-3 <= -found.margin[0] <= dense + 1e-9
+def test_closest_approach_is_the_distance_of_a_dense_scan(cases) -> None:
+    condition = d_knotter.wrap()
+    assert len(cases["wrap", "never"]) >= 10
+    for seed in cases["wrap", "never"][:20]:
+        machine = made(Twin(seed))
+        found = condition.evaluate(machine, 1)
+        alpha = np.linspace(*condition.window, 20_001)
+        dense = segment_triangle_distance(*condition.positions(machine, alpha)).min()
+        assert dense - 5e-3 <= -found.margin[0] <= dense + 1e-9
 
 
 def test_condition_number_is_the_shift_of_the_event() -> None:
     """Moving S3 and S4 by h across their edge moves the entry by h times the sensitivity."""
     at = {"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)}
-    before = knotter.wrap().evaluate(knotter.knotter(at), 1)
-    (_, y3, z3), (_, y4, z4) = (knotter.POINTS[name] for name in ("S3", "S4"))
+    before = d_knotter.wrap().evaluate(d_knotter.mechanism(at), 1)
+    (_, y3, z3), (_, y4, z4) = (d_knotter.POINTS[name] for name in ("S3", "S4"))
     across = np.array([z4 - z3, y3 - y4]) / np.hypot(z4 - z3, y3 - y4)
-    moved = {name: (0.0, *(np.array(knotter.POINTS[name][1:]) + 1e-6 * across)) for name in ("S3", "S4")}
-    after = knotter.wrap().evaluate(knotter.knotter(at, points=moved), 1)
+    moved = {name: (0.0, *(np.array(d_knotter.POINTS[name][1:]) + 1e-6 * across)) for name in ("S3", "S4")}
+    after = d_knotter.wrap().evaluate(d_knotter.mechanism(at, points=moved), 1)
     assert abs(after.enter[0] - before.enter[0]) == pytest.approx(1e-6 * before.sensitivity[0], rel=1e-4)
 
 
 def test_limits_are_found_on_both_sides() -> None:
-    machine = knotter.knotter({"alpha1": np.radians(10.0)})
-    limits, starts = solve(machine, knotter.bite(), "alpha3", (0.0, 1.2))
+    machine = d_knotter.mechanism({"alpha1": np.radians(10.0)})
+    limits, starts = solve(machine, d_knotter.bite(), "alpha3", (0.0, 1.2))
     assert not starts and [limit.holds_above for limit in limits] == [True, False]
     for limit in limits:
         assert limit.result.holds[0]
         beyond = limit.value + (-1e-13 if limit.holds_above else 1e-13)
-        assert not knotter.bite().evaluate(machine.with_parameters(alpha3=beyond), 1).holds[0]
+        assert not d_knotter.bite().evaluate(machine.with_parameters(alpha3=beyond), 1).holds[0]
 
 
 def test_scalar_condition_finds_the_needles_limit_and_length() -> None:
     """The general solver on a number: eq 4 over alpha2, and eq 5 over d5."""
-    needle = knotter.Needle()
-    machine = knotter.knotter()
+    needle = Needle()
+    machine = d_knotter.mechanism()
     free = Scalar("needle", lambda size: needle.clearance(size["alpha2"]))
     limits, _ = solve(machine, free, "alpha2", (-1.5, 1.5))
     assert [limit.value for limit in limits] == pytest.approx(needle.free_range(), abs=1e-14)
@@ -329,25 +284,25 @@ def test_another_machine_is_another_page_of_data() -> None:
 )
 def test_degenerate_points_are_named(points, names) -> None:
     with pytest.raises(FieldError) as caught:
-        study(knotter.knotter(points=points), {}, knotter.conditions())
+        study(d_knotter.mechanism(points=points), {}, d_knotter.conditions())
     assert caught.value.field == "/points"
     assert caught.value.details["points"] == names
     assert all(name in caught.value.message for name in names)
 
 
 def test_a_rope_end_in_the_triangles_plane_never_crosses() -> None:
-    found = knotter.wrap().evaluate(knotter.knotter(points={"S1": (0.0, 14.0, -39.0)}), 1)
+    found = d_knotter.wrap().evaluate(d_knotter.mechanism(points={"S1": (0.0, 14.0, -39.0)}), 1)
     assert found.found[0] == Found.ALWAYS_IN_PLANE and not found.holds[0] and found.windows[0] == 0
     tilted = {"S3": (1.0, 16.0, -12.0), "S4": (3.0, 8.0, -28.0), "S5": (-2.0, 0.0, 0.0)}
     a, b, c = (np.array(tilted[name]) for name in ("S3", "S4", "S5"))
     rope_end = tuple(a + 1.7 * (b - a) + 0.4 * (c - a))
-    found = knotter.wrap().evaluate(knotter.knotter(points={**tilted, "S1": rope_end}), 1)
+    found = d_knotter.wrap().evaluate(d_knotter.mechanism(points={**tilted, "S1": rope_end}), 1)
     assert found.found[0] == Found.ALWAYS_IN_PLANE
 
 
 def test_empty_grid_and_too_much_work_are_refused() -> None:
     with pytest.raises(FieldError, match="empty"):
-        study(knotter.knotter(), {"alpha1": []}, knotter.conditions())
-    fast = knotter.knotter(laws={"beta": Linear(0.0, 900.0)})
+        study(d_knotter.mechanism(), {"alpha1": []}, d_knotter.conditions())
+    fast = d_knotter.mechanism(laws={"beta": Linear(0.0, 900.0)})
     with pytest.raises(FieldError, match="pieces"):
-        study(fast, {"alpha1": np.zeros(1000)}, knotter.conditions())
+        study(fast, {"alpha1": np.zeros(1000)}, d_knotter.conditions())

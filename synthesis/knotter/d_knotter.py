@@ -11,16 +11,15 @@ The driver is the bill's angle alpha.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
 
-from synthesis.knotter import events
 from synthesis.knotter.conditions import Clearance, Condition
 from synthesis.knotter.entry import SegmentHitsTriangle
 from synthesis.knotter.mechanism import DRIVER, Chain, Law, Linear, Mechanism, Shift, Table, Turn
+from synthesis.one_variable import Floats
 
 Point = tuple[float, float, float]
 
@@ -64,12 +63,12 @@ def reference_laws() -> dict[str, Law]:
     """The assumed laws: the disc turns half as fast as the bill, the hook closes within 67 degrees after 270."""
     return {
         "beta": Linear(float(np.radians(23.5)), 0.5),
-        "alpha4": Table.dwell(float(np.radians(22.5)), 0.0, CLEARANCE_AT, float(np.radians(337.0))),
+        "alpha4": Table((CLEARANCE_AT, float(np.radians(337.0))), (float(np.radians(22.5)), 0.0)),
     }
 
 
-def knotter(
-    parameters: Mapping[str, float | np.ndarray] | None = None,
+def mechanism(
+    parameters: Mapping[str, float | Floats] | None = None,
     senses: Mapping[str, int] | None = None,
     laws: Mapping[str, Law] | None = None,
     points: Mapping[str, Point] | None = None,
@@ -150,116 +149,3 @@ def clearance(
 def conditions() -> list[Condition]:
     """The three conditions of a knot with the source's ranges."""
     return [wrap(), clearance(), bite()]
-
-
-BESIDE_POLE = float(np.pi / 2 - 1e-7)
-"""An angle beside 90 degrees, from which the pole of eq 4 can be judged."""
-
-
-@dataclass(frozen=True)
-class Needle:
-    """The needle that lays the rope past the bill, its angle alpha2 limited by the frame (eqs 4 and 5).
-
-    Parameters
-    ----------
-    S1x, S1y : float
-        The rope's end at the bill.
-    r0, D0 : float
-        Radius of the main shaft and diameter of the needle, positive.
-    d6, r1 : float
-        Distance of the bill's bore and radius of the rope point on the disc.
-    beta0 : float
-        Starting angle of the disc, rad.
-
-    Notes
-    -----
-    All angles alpha2 lie between -90 and 90 degrees, where ``cos alpha2`` is positive. There the clearance is concave
-    wherever it is positive: it is positive on one interval or nowhere.
-    """
-
-    S1x: float = PUBLISHED_LENGTHS["S1x"]
-    S1y: float = PUBLISHED_LENGTHS["S1y"]
-    r0: float = PUBLISHED_LENGTHS["r0"]
-    D0: float = PUBLISHED_LENGTHS["D0"]
-    d6: float = PUBLISHED_LENGTHS["d6"]
-    r1: float = PUBLISHED_LENGTHS["r1"]
-    beta0: float = BETA0
-
-    def clearance(self, alpha2: np.ndarray | float) -> np.ndarray | float:
-        """``L(alpha2)`` of eq 4; the needle is free where it is positive."""
-        return self.S1x * np.cos(alpha2) + self.S1y * np.sin(alpha2) - self.r0 / np.cos(alpha2) - self.D0 / 2
-
-    def clearance_slope(self, alpha2: np.ndarray | float) -> np.ndarray | float:
-        """``dL / d alpha2``."""
-        cosine, sine = np.cos(alpha2), np.sin(alpha2)
-        return self.S1y * cosine - self.S1x * sine - self.r0 * sine / cosine**2
-
-    def best(self) -> float:
-        """The angle of the largest clearance, a zero of ``cos^2 L'``."""
-
-        def falling(alpha2: np.ndarray) -> np.ndarray:
-            cosine, sine = np.cos(alpha2), np.sin(alpha2)
-            return cosine**2 * (self.S1y * cosine - self.S1x * sine) - self.r0 * sine
-
-        return max(self._zeros(falling), key=lambda angle: float(self.clearance(angle)))
-
-    def free_range(self) -> tuple[float, float] | None:
-        """The angles between which the clearance is positive; None if it never is."""
-        best = self.best()
-        if not self.clearance(best) > 0:
-            return None
-
-        def free(alpha2: np.ndarray) -> np.ndarray:  # L without its poles at 90 degrees
-            cosine, sine = np.cos(alpha2), np.sin(alpha2)
-            return cosine * (self.S1x * cosine + self.S1y * sine - self.D0 / 2) - self.r0
-
-        zeros = self._zeros(free)
-        below = [angle for angle in zeros if angle < best]
-        above = [angle for angle in zeros if angle > best]
-        # Without a zero on a side the clearance stays positive as far as doubles tell the angle from 90 degrees.
-        low = -np.pi / 2 if free(np.array(-BESIDE_POLE)) > 0 else best
-        high = np.pi / 2 if free(np.array(BESIDE_POLE)) > 0 else best
-        return max(below, default=low), min(above, default=high)
-
-    def smallest_whole_degree(self) -> int | None:
-        """The smallest whole number of degrees at which the clearance is positive; None if there is none."""
-        free = self.free_range()
-        if free is None:
-            return None
-        low, high = (float(np.degrees(end)) for end in free)
-        candidates = range(max(-89, int(np.floor(low))), min(89, int(np.ceil(high))) + 1)
-        return next((degree for degree in candidates if self.clearance(np.radians(degree)) > 0), None)
-
-    def lay(self, alpha2: np.ndarray | float) -> np.ndarray | float:
-        """``d5`` at which the rope is laid on the disc (eq 5)."""
-        return self.r1 * np.sin(self.beta0) + self.S1x * np.cos(alpha2) + (self.d6 + self.S1y) * np.sin(alpha2)
-
-    def lay_slope(self, alpha2: np.ndarray | float) -> np.ndarray | float:
-        """``d d5 / d alpha2``; zero where an angle for a given d5 is ill-conditioned."""
-        return (self.d6 + self.S1y) * np.cos(alpha2) - self.S1x * np.sin(alpha2)
-
-    def angles_for_lay(self, d5: float) -> list[float]:
-        """The angles between -90 and 90 degrees at which eq 5 gives ``d5``, increasing; none if it is out of reach.
-
-        ``d5 - r1 sin beta0 = C cos(alpha2 - chi)``; the inverse cosine is taken as an arctangent of
-        ``sqrt((C - m)(C + m))``, which keeps its digits where the two solutions meet.
-        """
-        height = self.d6 + self.S1y
-        amplitude, chi = np.hypot(self.S1x, height), np.arctan2(height, self.S1x)
-        m = d5 - self.r1 * np.sin(self.beta0)
-        if abs(m) > amplitude or amplitude == 0:
-            return []
-        delta = np.arctan2(np.sqrt((amplitude - m) * (amplitude + m)), m)
-        turned = [np.remainder(chi + sign * delta + np.pi, 2 * np.pi) - np.pi for sign in (-1, 1)]
-        return sorted({float(angle) for angle in turned if abs(angle) < np.pi / 2})
-
-    def _zeros(self, function: Callable[[np.ndarray], np.ndarray]) -> list[float]:
-        """The zeros of a smooth function between -90 and 90 degrees, increasing."""
-        ends = events.edges(-np.pi / 2, np.pi / 2, [], lambda low, high: 3.0)
-        size = abs(self.S1x) + abs(self.S1y) + self.r0 + self.D0
-        floor = np.full((1, 1), 16 * np.finfo(float).eps * size)
-
-        def single(angle: np.ndarray, item: np.ndarray) -> np.ndarray:
-            return np.broadcast_to(function(angle), np.broadcast_shapes(angle.shape, item.shape))[None]
-
-        return sorted(float(x) for x in events.roots(events.pieces(single, ends, 1, floor), single, floor).driver)

@@ -6,12 +6,16 @@ is a named case and never a NaN.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from synthesis.knotter.mechanism import Vector
+from synthesis.one_variable import Flags, Floats
 
 UNIT_ROUNDOFF = 2.0**-53
 
@@ -27,7 +31,10 @@ class Crossing(IntEnum):
     IN_PLANE = 5, "the segment lies in the plane"
     DEGENERATE = 6, "the triangle has no area"
 
+    sentence: str
+
     def __new__(cls, code: int, sentence: str) -> Crossing:
+        """The code with its sentence."""
         member = int.__new__(cls, code)
         member._value_ = code
         member.sentence = sentence
@@ -39,7 +46,7 @@ def subtract(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def dot(a: Vector, b: Vector) -> np.ndarray:
+def dot(a: Vector, b: Vector) -> Any:
     """The scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -49,17 +56,22 @@ def cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def along(a: Vector, direction: Vector, by: np.ndarray | float) -> Vector:
+def along(a: Vector, direction: Vector, by: Floats | float) -> Vector:
     """``a + by * direction``."""
     return a[0] + by * direction[0], a[1] + by * direction[1], a[2] + by * direction[2]
 
 
-def norm(a: Vector) -> np.ndarray:
+def norm(a: Vector) -> Any:
     """The length."""
     return np.sqrt(dot(a, a))
 
 
-def orientations(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple[np.ndarray, ...]:
+def divisor(x: Floats) -> Floats:
+    """``x``, and one where it is zero: what may be divided by."""
+    return np.where(np.not_equal(x, 0), x, 1.0)
+
+
+def orientations(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple[Any, ...]:
     """The five orientations that decide whether segment pq crosses triangle abc.
 
     Returns
@@ -74,11 +86,8 @@ def orientations(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple
     Law: pq crosses abc inside if and only if ``s_p s_q < 0`` and ``u`` has the sign of ``s_p`` for the three edges.
     Everything is taken relative to ``a``, so a common offset of all points costs no digits.
     """
-    ab, ac = subtract(b, a), subtract(c, a)
-    return _orientations(subtract(p, a), subtract(q, a), ab, ac, cross(ab, ac))
-
-
-def _orientations(p: Vector, q: Vector, ab: Vector, ac: Vector, n: Vector) -> tuple[np.ndarray, ...]:
+    p, q, ab, ac = (subtract(point, a) for point in (p, q, b, c))
+    n = cross(ab, ac)
     s_p, s_q = dot(n, p), dot(n, q)
     w = s_p - s_q
     meet = tuple(s_p * at_q - s_q * at_p for at_p, at_q in zip(p, q))  # w times the crossing point
@@ -88,7 +97,7 @@ def _orientations(p: Vector, q: Vector, ab: Vector, ac: Vector, n: Vector) -> tu
     return s_p, s_q, u_ab, u_bc, u_ca
 
 
-def inside(signs: tuple[np.ndarray, ...]) -> np.ndarray:
+def inside(signs: Sequence[Floats] | Floats) -> Flags:
     """Whether the five orientations say that the segment crosses the triangle's inside."""
     s_p, s_q, *edges = signs
     side = np.sign(s_p)
@@ -104,11 +113,10 @@ def crossing_point(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Vec
     n = cross(ab, ac)
     s_p, s_q = dot(n, subtract(p, a)), dot(n, subtract(q, a))
     w = s_p - s_q
-    meets = np.abs(w) > 0
-    return along(p, subtract(q, p), np.where(meets, s_p / np.where(meets, w, 1.0), 0.0))
+    return along(p, subtract(q, p), np.where(w != 0, s_p / divisor(w), 0.0))
 
 
-def classify(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+def classify(p: ArrayLike, q: ArrayLike, a: ArrayLike, b: ArrayLike, c: ArrayLike) -> NDArray[np.int8]:
     """How segments lie to triangles, without a rounding error in the verdict.
 
     Parameters
@@ -126,40 +134,32 @@ def classify(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.n
     Signs come from doubles where they exceed a bound of their rounding error and from rational arithmetic elsewhere,
     so the verdict is exact for the doubles given (a filtered predicate, after Shewchuk 1997).
     """
-    points = np.broadcast_arrays(*(np.asarray(point, float) for point in (p, q, a, b, c)))
-    shape = points[0].shape[:-1]
-    rows = [point.reshape(-1, 3) for point in points]
+    rows = np.array(np.broadcast_arrays(p, q, a, b, c), float)
+    shape = rows.shape[1:-1]
+    rows = rows.reshape(5, -1, 3)
     with np.errstate(all="ignore"):
-        origin = rows[2]
-        p_, q_, ab, ac = (tuple((row - origin).T) for row in (rows[0], rows[1], rows[3], rows[4]))
-        n = cross(ab, ac)
-        signs = np.array(_orientations(p_, q_, ab, ac, n))
-        area, far_p, far_q = norm(ab) * norm(ac), norm(p_), norm(q_)
-        longest = norm(ab) + norm(ac)
-        side_bound = 16 * UNIT_ROUNDOFF * area * np.array([far_p, far_q])
-        edge_bound = 128 * UNIT_ROUNDOFF * area**2 * longest * (far_p + longest) * (far_q + longest)
-        sides_known = np.all(np.abs(signs[:2]) > side_bound, axis=0)
-        edges_known = np.all(np.abs(signs[2:]) > edge_bound, axis=0)
-        known = sides_known & (edges_known | (signs[0] * signs[1] > 0)) & np.all(np.isfinite(signs), axis=0)
-        known &= np.isfinite(edge_bound) & (norm(n) > 16 * UNIT_ROUNDOFF * area)
-        same_side = np.sign(signs[0]) == np.sign(signs[1])
-        # A segment that is nearly parallel may be exactly parallel: only rational arithmetic tells.
-        known &= ~same_side | (np.abs(signs[0] - signs[1]) > side_bound.sum(axis=0))
-        verdict = np.where(
-            same_side, Crossing.SAME_SIDE, np.where(inside(tuple(signs)), Crossing.CROSSES, Crossing.MISSES)
-        )
-    verdict = verdict.astype(np.int8)
+        corners = np.moveaxis(rows - rows[2], -1, 1)
+        signs = np.array(orientations(*corners))
+        far_p, far_q, _, ab, ac = (norm(corner) for corner in corners)
+        side_bound = 16 * UNIT_ROUNDOFF * ab * ac * np.array([far_p, far_q])
+        edge_bound = 128 * UNIT_ROUNDOFF * (ab * ac) ** 2 * (ab + ac) * (far_p + ab + ac) * (far_q + ab + ac)
+        # What may have no area, or be parallel, is left to rational arithmetic as well, and so is what underflows.
+        known = norm(cross(corners[3], corners[4])) > 16 * UNIT_ROUNDOFF * ab * ac
+        known &= np.abs(signs[0] - signs[1]) > side_bound.sum(axis=0)
+        known &= np.all(np.abs(signs[:2]) > side_bound, axis=0)
+        known &= np.all(np.abs(signs[2:]) > edge_bound + np.finfo(float).tiny, axis=0)
+        known &= np.all(np.isfinite(signs), axis=0)
+        crosses = np.where(inside(signs), Crossing.CROSSES, Crossing.MISSES)
+    verdict = np.where(np.sign(signs[0]) == np.sign(signs[1]), Crossing.SAME_SIDE, crosses).astype(np.int8)
     for row in np.flatnonzero(~known):
-        verdict[row] = _classify_exactly(*(tuple(Fraction(float(x)) for x in point[row]) for point in rows))
+        verdict[row] = _classify_exactly(*([Fraction(float(x)) for x in point] for point in rows[:, row]))
     return verdict.reshape(shape)
 
 
 def _classify_exactly(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Crossing:
-    ab, ac = subtract(b, a), subtract(c, a)
-    n = cross(ab, ac)
-    if not any(n):
+    if not any(cross(subtract(b, a), subtract(c, a))):
         return Crossing.DEGENERATE
-    s_p, s_q, *edges = _orientations(subtract(p, a), subtract(q, a), ab, ac, n)
+    s_p, s_q, *edges = orientations(p, q, a, b, c)
     if s_p == s_q:
         return Crossing.PARALLEL if s_p else Crossing.IN_PLANE
     if s_p * s_q > 0:
@@ -170,7 +170,7 @@ def _classify_exactly(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> 
     return Crossing.CROSSES if s_p * s_q and all(edges) else Crossing.TOUCHES
 
 
-def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> np.ndarray:
+def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> Any:
     """The distance of segments pq and ab; either may be a point.
 
     Notes
@@ -184,12 +184,12 @@ def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> np.ndarray:
     determinant = len1 * len2 - mixed * mixed
     skew = determinant > 8 * UNIT_ROUNDOFF * len1 * len2
     s = np.where(skew, np.clip((mixed * to2 - to1 * len2) / np.where(skew, determinant, 1.0), 0.0, 1.0), 0.0)
-    t = np.clip((mixed * s + to2) / np.where(len2 > 0, len2, 1.0), 0.0, 1.0)
-    s = np.clip((mixed * t - to1) / np.where(len1 > 0, len1, 1.0), 0.0, 1.0)
+    t = np.clip((mixed * s + to2) / divisor(len2), 0.0, 1.0)
+    s = np.clip((mixed * t - to1) / divisor(len1), 0.0, 1.0)
     return norm(subtract(along(p, d1, s), along(a, d2, t)))
 
 
-def segment_triangle_distance(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> np.ndarray:
+def segment_triangle_distance(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Any:
     """The distance of segment pq and triangle abc; zero where they meet.
 
     Notes
@@ -205,6 +205,6 @@ def segment_triangle_distance(p: Vector, q: Vector, a: Vector, b: Vector, c: Vec
         over = np.ones_like(distance, bool)
         for start, stop in ((a, b), (b, c), (c, a)):
             over &= dot(cross(n, subtract(stop, start)), subtract(end, start)) > 0
-        height = np.abs(dot(n, subtract(end, a))) / np.where(size > 0, size, 1.0)
+        height = np.abs(dot(n, subtract(end, a))) / divisor(size)
         distance = np.where(over, np.minimum(distance, height), distance)
     return np.where(inside(orientations(p, q, a, b, c)), 0.0, distance)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.knotter.predicates import (
+from synthesis.knotter.segment_triangle import (
     Crossing,
     classify,
     crossing_point,

@@ -1,0 +1,68 @@
+"""The lift's answers as text for a terminal."""
+
+from __future__ import annotations
+
+from app.scenes.lift_models import BatchReply, DesignReply, MotionReply, OptimizeReply
+
+TABLE_ROWS = 21
+"""Times that the table of a motion shows."""
+LENGTHS = ("l2", "l3", "l4", "l5", "b")
+
+
+def motion_table(reply: MotionReply) -> str:
+    """The motion as text: the figures first, then at most `TABLE_ROWS` times."""
+    lines = [
+        f"{reply.direction} from {reply.height_start:.6g} to {reply.height_end:.6g} in {reply.rise_time:.6f} s",
+        f"dead point at cylinder length {reply.dead_point_length:.6g} (height {reply.dead_point_height:.6g}), "
+        f"top at {reply.length_top:.6g}",
+        f"condition: start {reply.condition.start:.4g}, top {reply.condition.top:.4g}, min {reply.condition.min:.4g}",
+    ]
+    if reply.residual is not None:
+        lines.append(f"largest loop residual {reply.residual:.2g}")
+    for pose in reply.assemblies or []:
+        lines.append(f"assembly at height {pose.height:.6g}{' (working branch)' if pose.working else ''}")
+    lines += ["", f"{'time':>12} {'height':>14} {'velocity':>14} {'acceleration':>14} {'cylinder':>14}"]
+    last = len(reply.time) - 1
+    rows = sorted({round(k * last / (TABLE_ROWS - 1)) for k in range(TABLE_ROWS)})
+    for k in rows:
+        values = (reply.height[k], reply.velocity[k], reply.acceleration[k], reply.cylinder_length[k])
+        lines.append(f"{reply.time[k]:12.6g} " + " ".join(f"{value:14.8g}" for value in values))
+    if len(rows) <= last:
+        lines.append(f"({len(rows)} of {last + 1} times; --json shows all)")
+    return "\n".join(lines)
+
+
+def optimize_table(reply: OptimizeReply) -> str:
+    """The optimum as text, the published design beside it."""
+    columns: list[tuple[str, DesignReply, float]] = [("optimum", reply.design, reply.objective)]
+    if reply.published:
+        columns.append(("published", reply.published.design, reply.published.objective))
+    lines = [f"{'':>10} " + " ".join(f"{name:>14}" for name, _, _ in columns)]
+    for name in LENGTHS:
+        lines.append(f"{name:>10} " + " ".join(f"{getattr(design, name):14.6f}" for _, design, _ in columns))
+    lines.append(f"{'objective':>10} " + " ".join(f"{value:14.7g}" for _, _, value in columns))
+    lines += [
+        "",
+        f"active: {', '.join(reply.active) or 'none'}",
+        f"rise time {reply.motion.rise_time:.6f} s, speed at the start {reply.motion.velocity_start:.6g}, "
+        f"mean over height {reply.motion.velocity_mean:.6g}",
+    ]
+    if reply.published:
+        lines.append(f"published: {reply.published.reason}")
+    lines.append(reply.note)
+    return "\n".join(lines)
+
+
+def batch_table(reply: BatchReply) -> str:
+    """One line for each cylinder."""
+    names = ("length", "speed", *LENGTHS, "objective", "published", "rise time")
+    lines = [" ".join(f"{name:>11}" for name in names)]
+    for row in reply.rows:
+        head = f"{row.cylinder['length']:11.6g} {row.cylinder['speed']:11.6g} "
+        if row.design is None or row.motion is None or row.objective is None:
+            lines.append(head + f"{row.constraint}: {row.detail}")
+            continue
+        values = [f"{getattr(row.design, name):11.4f}" for name in LENGTHS]
+        published = "-" if row.objective_of_published is None else f"{row.objective_of_published:.4f}"
+        lines.append(head + " ".join(values) + f" {row.objective:11.4f} {published:>11} {row.motion.rise_time:11.6f}")
+    return "\n".join(lines)

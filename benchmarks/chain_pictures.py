@@ -1,0 +1,151 @@
+"""The pictures of docs/chain.md, and the other tracks that are drawn and measured there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from benchmarks import report as page
+from synthesis.chain import crescent as chain
+from synthesis.chain.closure import Chain
+from synthesis.chain.crescent import Crescent
+from synthesis.chain.slot import Slot, find_slot
+from synthesis.chain.track import Segment, Track, arc, line
+
+
+def middle_of(track: Track, segment: int) -> float:
+    """Arc length of the middle of a segment."""
+    return float(track.joints[segment] + track.length[segment] / 2)
+
+
+def rounded_triangle(side: float, radius: float) -> Track:
+    """Three lines and three arcs, travelled counterclockwise."""
+    corners = side / math.sqrt(3) * np.exp(1j * np.radians([210, 330, 90]))
+    segments: list[Segment] = []
+    for here, there in zip(corners, np.roll(corners, -1)):
+        heading = float(np.angle(there - here))
+        out = -1j * radius * np.exp(1j * heading)
+        a, b = here + out, there + out
+        segments.append(line(a.real, a.imag, b.real, b.imag))
+        segments.append(arc(there.real, there.imag, radius, heading - math.pi / 2, 2 * math.pi / 3))
+    return Track(segments)
+
+
+def other_tracks() -> dict[str, Slot]:
+    """Four more chains on four more tracks."""
+    stadium = chain.critical_stadium(50.0, 16, 60.0)
+    side = brentq(lambda side: Chain(rounded_triangle(side, 70.0), 40.0, 30).least_overrun().value, 180, 330)
+    triangle = rounded_triangle(side, 70.0)
+    return {
+        "crescent, 24 links of 25.4": chain.crescent_slot(25.4, 24, 70.0)[1],
+        "crescent, wheels of six pins": chain.crescent_slot(60.0, 23, 120.0, 60.0)[1],
+        "stadium, straight from the closure": find_slot(Chain(stadium, 50.0, 16), middle_of(stadium, 2)),
+        "rounded triangle, 30 links": find_slot(Chain(triangle, 40.0, 30), middle_of(triangle, 3)),
+    }
+
+
+def plot(axes: Any, points: np.ndarray, *style: Any, **options: Any) -> None:
+    axes.plot(points.real, points.imag, *style, **options)
+
+
+def draw_slot(axes: Any, slot: Slot, phase: float, size: float) -> np.ndarray:
+    """Track, chain and slot; returns the pins."""
+    track, pins = slot.chain.track, slot.pins(np.array([phase]))[0]
+    outline = track.points(track.place(np.linspace(0, track.total, 2000)))
+    plot(axes, outline, color=page.GREY, lw=5, alpha=0.45)
+    plot(axes, np.append(pins, pins[0]), "o-", color=page.INK, lw=1.3, ms=size, mfc="white", zorder=3)
+    plot(axes, slot.path(np.linspace(slot.start, slot.end, 400)), color=page.RED, lw=2.2, zorder=4)
+    plot(axes, pins[[slot.free - 1]], "o", ms=size + 1, color=page.RED, zorder=5)
+    page.bare(axes)
+    return pins
+
+
+def draw_track(crescent: Crescent, slot: Slot) -> None:
+    """Track, chain and slot; the slot again with the walls for a roller."""
+    r1 = crescent.upper_radius
+    c, b = r1 + crescent.wheel_radius, crescent.eccentricity
+    with page.figure("chain_track.png", 2, 1, (9.2, 9.4), height_ratios=[1.45, 1]) as (_, (top, zoom)):
+        pins = draw_slot(top, slot, slot.start + 0.5235 * slot.chain.period, 5.0)
+        for index, pin in enumerate(pins):
+            upper = abs(pin.real) < 1.05 * r1 and -200 < pin.imag < 60
+            away = -pin if upper else pin + 60j
+            away *= 16 / abs(away)
+            colour = page.RED if index == slot.free - 1 else page.INK
+            style = {"ha": "center", "va": "center", "fontsize": 8, "color": colour}
+            page.note(top, f"P{index + 1}", (pin.real, pin.imag), (away.real, away.imag), **style)
+        for place, name in ((0, "O1"), (1j * b, "O2"), (-c, "C left"), (c, "C right")):
+            place = complex(place)
+            top.plot(place.real, place.imag, "+", color=page.INK, ms=9)
+            page.note(top, name, (place.real, place.imag), (7, 5), fontsize=8.5)
+        for centre, degrees, radius, name in (
+            (0, -35, r1, "R1"),
+            (1j * b, -107, crescent.lower_radius, "R2"),
+            (-c, 128, crescent.wheel_radius, "R0"),
+        ):
+            end = centre + radius * np.exp(1j * math.radians(degrees))
+            start, label = complex(centre), centre + 0.55 * (end - centre)
+            arrow = {"arrowstyle": "-|>", "color": page.INK, "lw": 0.8}
+            top.annotate("", (end.real, end.imag), (start.real, start.imag), arrowprops=arrow)
+            box = {"fc": "white", "ec": "none", "pad": 1.2}
+            top.text(label.real, label.imag, f"{name} = {radius:.3f}", fontsize=8.5, ha="center", bbox=box)
+        top.set_title(f"Track (grey), chain of {slot.chain.links} links and compensation slot (red), mm")
+        plot(zoom, -1j * r1 * np.exp(1j * np.linspace(-0.42, 0.42, 300)), color=page.GREY, label="bare upper arc, R1")
+        phases = np.linspace(slot.start, slot.end, 400)
+        path, normals = slot.path(phases), slot.normals(phases)
+        plot(zoom, path, color=page.RED, label="slot of the free pin")
+        for sign, name in ((1, "walls for a 20 mm roller"), (-1, None)):
+            plot(zoom, path + 20 * sign * normals, color=page.BLUE, lw=1, ls="--", label=name)
+        crossings = slot.path(np.array([crossing.phase for crossing in slot.crossings]))
+        plot(zoom, crossings, "D", ms=4.5, color=page.INK, label="a pin passes a joint: curvature jumps")
+        zoom.set(aspect="equal", xlim=(-92, 92), ylim=(-212, -142))
+        zoom.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2)
+
+
+def draw_defect(crescent: Crescent, slot: Slot) -> None:
+    """Closure defect, depth and curvature over one period."""
+    phases, unit = np.linspace(slot.start, slot.end, 1200), crescent.wheel_radius * math.radians(1)
+    with page.figure("chain_defect.png", 3, 1, (8.4, 7.6), sharex=True) as (drawing, (defect, depth, curvature)):
+        defect.plot(phases / unit, np.degrees(slot.slack(phases) / crescent.upper_radius), color=page.INK)
+        defect.set(ylabel="closure defect, deg", ylim=(-0.06, 1.32))
+        depth.plot(phases / unit, slot.depth(phases), color=page.RED)
+        depth.set_ylabel("depth of the slot, mm")
+        for a, b in zip(slot.breaks[:-1], slot.breaks[1:]):
+            inner = np.linspace(a + 1e-6, b - 1e-6, 300)
+            curvature.plot(inner / unit, slot.curvature(inner), color=page.BLUE)
+        curvature.set(ylabel="curvature of the slot, 1/mm", xlabel="theta1, deg")
+        names = ("left wheel", "lower arc", "right wheel", "upper arc")
+        for crossing in slot.crossings:
+            for axes in (defect, depth, curvature):
+                axes.axvline(crossing.phase / unit, color=page.GREY, lw=0.8, ls=":")
+            label, box = f"P{crossing.pin} onto {names[crossing.segment]}", {"fc": "white", "ec": "none", "pad": 1}
+            defect.text(crossing.phase / unit, 1.2, label, fontsize=8, ha="center", bbox=box)
+        drawing.suptitle("One period: the chain fits the bare track at its two ends only")
+
+
+def draw_fits(rows: Sequence[Mapping[str, Any]], labels: Mapping[str, str]) -> None:
+    """Error of each representation against its numbers and its run time."""
+    with page.figure("chain_fits.png", 1, 2, (10, 4.4), sharey=True) as (drawing, panels):
+        for (kind, label), colour in zip(labels.items(), (page.RED, page.BLUE, page.ORANGE, page.GREY)):
+            mine = [row for row in rows if row["kind"] == kind]
+            for axes, key in zip(panels, ("unknowns", "evaluate_us")):
+                axes.loglog(
+                    [row[key] for row in mine], [row["normal"] for row in mine], "o-", color=colour, label=label
+                )
+        panels[0].set(xlabel="stored numbers", ylabel="largest normal error, mm")
+        panels[1].set_xlabel("run time for 1000 points, microseconds")
+        panels[0].axhline(0.01, color=page.GREY, lw=1, ls="--")
+        page.note(panels[0], "0.01 mm", (5, 0.01), (0, -10), fontsize=8)
+        panels[0].legend(loc="lower left")
+        drawing.suptitle("Error of each representation of the slot")
+
+
+def draw_tracks(slots: Mapping[str, Slot], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Four chains on other tracks."""
+    with page.figure("chain_tracks.png", 2, 2, (10, 7.2)) as (_, panels):
+        for axes, (label, slot), row in zip(panels, slots.items(), rows):
+            draw_slot(axes, slot, 0.5 * (slot.start + slot.end), 3.6)
+            axes.set_title(f"{label}\nslot {row['depth']:.3f} deep")

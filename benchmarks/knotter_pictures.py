@@ -1,0 +1,190 @@
+"""The pictures of the knotter's page: frames, paths of the crossings, map of margins, errors against times."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import BLUE, BROWN, GREEN, INK, ORANGE, PAPER, RED, ROOT, figure, note
+from synthesis.knotter import d_knotter
+from synthesis.knotter.mechanism import Mechanism, as_array
+from synthesis.knotter.segment_triangle import crossing_point, orientations
+from synthesis.knotter.study import solve, study
+
+PAPER_SAYS = json.loads((ROOT / "tests" / "reference" / "knotter.json").read_text())["paper"]
+PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]
+ROPE, DISC, BILL, HOOK = RED, BLUE, BROWN, GREEN
+
+
+def pairs_of(alpha1: Any, alpha3: Any, **others: float) -> Mechanism:
+    """The reference knotter at pairs in degrees."""
+    return d_knotter.mechanism({"alpha1": np.radians(alpha1), "alpha3": np.radians(alpha3), **others})
+
+
+AZIMUTH, ELEVATION = np.radians(-62.0), np.radians(18.0)
+VIEW = np.array(
+    [
+        [-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0],
+        [-np.sin(ELEVATION) * np.cos(AZIMUTH), -np.sin(ELEVATION) * np.sin(AZIMUTH), np.cos(ELEVATION)],
+    ]
+)
+"""Right and up of the drawing in the frame of the disc's bearing."""
+LABELS = {
+    "wrap": {"S0": (7, 5), "S1": (-4, -13), "S3": (-1, 9), "S4": (9, -9), "S5": (9, 9), "E1": (12, -3)},
+    "bite": {"S0": (9, -5), "S7": (1, -14), "O5": (15, 3), "S8": (-10, -8), "S9": (-2, 9), "E2": (9, -9)},
+}
+"""Offsets of the labels of the drawing, in points."""
+CENTRED = {"ha": "center", "va": "center"}
+
+
+def triangle(axes: Any, corners: np.ndarray, colour: str, wanted: int, edge_colour: str) -> None:
+    """A triangle with its wanted edge."""
+    axes.fill(*corners.T, color=colour, alpha=0.25, lw=0)
+    axes.plot(*np.vstack([corners, corners[:1]]).T, color=colour, lw=1.1)
+    axes.plot(*corners[[wanted, (wanted + 1) % 3]].T, color=edge_colour, lw=3.1, solid_capstyle="round", zorder=4)
+
+
+def draw_frames() -> None:
+    """The frames and the rope at the wrap and at the bite, pair (10, 25), in parallel projection from the bearing."""
+    item, turn = pairs_of(10.0, 25.0), np.linspace(0, 2 * np.pi, 300)
+    with figure("knotter_frames.png", 1, 2, (11.5, 4.7), sharex=True, sharey=True) as (_, panels):
+        for axes, condition, colour, mark in zip(
+            panels, (d_knotter.wrap(), d_knotter.bite()), (BILL, HOOK), ("E1", "E2")
+        ):
+            name, found = condition.name, condition.evaluate(item, 1)
+            alpha = found.enter[0]
+
+            def drawn(point: Any, frame: str, alpha: float = alpha) -> np.ndarray:
+                return VIEW @ as_array(item.carry(point, frame, "seat", alpha), ())
+
+            rim = VIEW @ np.array([30 * np.cos(turn), 0 * turn, 30 * np.sin(turn)])
+            axes.fill(*rim, color=DISC, alpha=0.10, lw=0)
+            axes.plot(*rim, color=DISC)
+            sweep = VIEW @ as_array(item.position(condition.segment[1], "seat", turn), turn.shape)
+            axes.plot(*sweep, color=BILL, lw=0.7, ls=(0, (5, 3)), alpha=0.8)
+            bodies = (
+                ("u3", DISC, "disc u3", (22, -46)),
+                ("u4", BILL, "bill u4", (-58, -4) if name == "wrap" else (-44, 8)),
+                ("u5", HOOK, "hook u5", (-56, 8)),
+            )
+            for frame, tone, label, offset in bodies:
+                origin = drawn((0.0, 0.0, 0.0), frame)
+                arrow = {"arrowstyle": "-|>", "color": tone, "lw": 1.2, "shrinkA": 0, "shrinkB": 0}
+                for axis, letter in zip(np.eye(3), "ijk"):
+                    tip = drawn(17 * axis, frame)
+                    axes.annotate("", tip, origin, arrowprops=arrow)
+                    beyond = origin + (tip - origin) * (1 + 3.0 / max(np.linalg.norm(tip - origin), 3.0))
+                    axes.text(*beyond, letter, fontsize=8, color=tone, **CENTRED)
+                note(axes, label, origin, offset, color=tone, fontsize=9, weight="bold")
+            hinge = [drawn((0.0, 0.0, 0.0), frame) for frame in ("u4", "u5")]
+            axes.plot(*np.transpose(hinge), color=HOOK, lw=1.0, ls=":")
+            corners = {corner: drawn(*item.points[corner][::-1]) for corner in condition.triangle}
+            triangle(axes, np.array(list(corners.values())), colour, condition.enter, colour)
+            ends = {end: drawn(*item.points[end][::-1]) for end in condition.segment}
+            axes.plot(*np.transpose(list(ends.values())), color=ROPE, lw=2.2, marker="o", ms=4.5)
+            crossing = drawn(found.point[0], condition.frame)
+            axes.plot(*crossing, "o", mfc=PAPER, mec=ROPE, ms=8, mew=1.8)
+            for point, at in {**corners, **ends, mark: crossing}.items():
+                tone = colour if point in corners else ROPE
+                note(axes, point, at, LABELS[name][point], color=tone, fontsize=8.5, **CENTRED)
+            edge = condition.edge_names[condition.enter]
+            axes.set_title(f"{name}: {mark} enters through {edge} at $\\alpha$ = {np.degrees(alpha):.4f}°")
+            axes.set_aspect("equal")
+            axes.set_axis_off()
+        low, bottom = axes.get_xlim()[0], axes.get_ylim()[0] + 3
+        axes.plot([low + 4, low + 24], [bottom] * 2, color=INK, lw=2)
+        note(axes, "20 mm", (low + 14, bottom), (0, 7), ha="center", fontsize=8)
+
+
+def draw_paths() -> None:
+    """Where the rope's crossing runs in the planes of the two triangles, at the nine pairs."""
+    from matplotlib.lines import Line2D
+
+    tones, dashes, chosen = (BLUE, GREEN, ORANGE), ("-", "--", ":"), pairs_of(10.0, 25.0)
+    with figure("knotter_paths.png", 1, 2, (11, 4.8)) as (drawing, panels):
+        for axes, condition, plane, colour in zip(
+            panels, (d_knotter.wrap(), d_knotter.bite()), ([1, 2], [0, 2]), (BILL, HOOK)
+        ):
+            driver = np.linspace(*condition.window, 1500)
+            for row, pair in enumerate(PAIRS):
+                item, tone = pairs_of(*map(float, pair)), tones[row // 3]
+                positions = condition.positions(item, driver)
+                s_p, s_q, *_ = orientations(*positions)
+                crossing = as_array(crossing_point(*positions), driver.shape)[plane]
+                axes.plot(*np.where(s_p * s_q < 0, crossing, np.nan), color=tone, ls=dashes[row % 3], lw=1.1)
+                found = condition.evaluate(item, 1)
+                spot = found.point[0][plane]  # NaN, and not drawn, where the rope never enters
+                axes.plot(*spot, "o", ms=5.5, mfc=tone if found.holds[0] else PAPER, mec=tone, mew=1.3, zorder=5)
+            positions = condition.positions(chosen, condition.evaluate(chosen, 1).enter[0])
+            corners = np.array([as_array(corner, ())[plane] for corner in positions[2:]])
+            triangle(axes, corners, colour, condition.enter, ROPE)
+            for name, corner in zip(condition.triangle, corners):
+                away = corner - corners.mean(axis=0)
+                note(axes, name, corner, tuple(13 * away / np.linalg.norm(away)), **CENTRED)
+            margin = 0.2 * np.ptp(corners, axis=0).max()
+            low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        panels[0].set(title="Wrap: paths of E1 in the bill's plane", xlabel="j of u4, mm", ylabel="k of u4, mm")
+        panels[1].set(title="Bite: paths of E2 in the hook's plane", xlabel="i of u5, mm", ylabel="k of u5, mm")
+        keys = [Line2D([], [], color=tone, label=f"$\\alpha_1$ = {a}°") for tone, a in zip(tones, (0, 10, 20))]
+        keys += [Line2D([], [], color=INK, ls=d, label=f"$\\alpha_3$ = {a}°") for d, a in zip(dashes, (20, 25, 30))]
+        keys += [Line2D([], [], color=ROPE, lw=3, label="wanted edge"), *dots("entry, holds", "entry, fails")]
+        drawing.legend(handles=keys, loc="outside lower center", ncol=9, fontsize=8)
+
+
+def dots(holds: str, fails: str) -> list[Any]:
+    """Two keys of a legend."""
+    from matplotlib.lines import Line2D
+
+    rows = ((INK, holds), (PAPER, fails))
+    return [Line2D([], [], ls="", marker="o", mfc=fill, mec=INK, label=label) for fill, label in rows]
+
+
+def draw_map() -> None:
+    """Feasible pairs and the smallest margin over (alpha1, alpha3), with the limit of each condition."""
+    first, third = np.linspace(-5, 30, 281), np.linspace(15, 40, 251)
+    grid = {"alpha1": np.radians(first), "alpha3": np.radians(third)}
+    margin = study(d_knotter.mechanism(), grid, d_knotter.conditions()).margin.reshape(len(first), -1).T
+    with figure("knotter_map.png", size=(8.2, 5.6)) as (drawing, (axes,)):
+        axes.contourf(first, third, margin, [-1e9, 0], colors=["#f3efe9"])
+        levels = np.arange(0, np.ceil(margin.max()) + 0.5, 1.0)
+        filled = axes.contourf(first, third, margin, levels, cmap="YlGn", extend="max")
+        axes.clabel(axes.contour(first, third, margin, levels[1:], colors=INK, linewidths=0.5), fmt="%g", fontsize=7)
+        for condition, colour in zip(d_knotter.conditions(), (BILL, DISC, HOOK)):
+            limits = []
+            for alpha1 in np.linspace(-5, 30, 36):
+                found, _ = solve(pairs_of(alpha1, 25.0), condition, "alpha3", tuple(np.radians([15, 40])), samples=65)
+                limits += [(alpha1, np.degrees(limit.value)) for limit in found]
+            axes.plot(*np.transpose(limits), color=colour, lw=2.2, label=f"limit of the {condition.name}")
+        box = {"boxstyle": "round,pad=0.15", "fc": PAPER, "ec": "none", "alpha": 0.8}
+        for pair in PAIRS:
+            fill = INK if list(pair) in PAPER_SAYS["feasible"] else PAPER
+            axes.plot(*pair, "o", ms=8, mfc=fill, mec=INK, mew=1.4, zorder=5)
+            note(axes, f"{pair[0]}, {pair[1]}", pair, (8, 5), fontsize=8, zorder=6, bbox=box)
+        keys = [*axes.get_legend_handles_labels()[0], *dots("published: ties", "published: fails")]
+        drawing.legend(handles=keys, loc="outside lower center", ncol=5, fontsize=8)
+        drawing.colorbar(filled, ax=axes, label="smallest margin, mm", pad=0.02)
+        axes.set(
+            xlabel=r"disc's spatial angle $\alpha_1$, degrees", ylabel=r"bill's spatial angle $\alpha_3$, degrees"
+        )
+        axes.set_title("Which pairs tie the knot, and how far they are from failing")
+
+
+def draw(results: dict) -> None:
+    """All pictures; geometry is computed anew, times come from the results."""
+    draw_frames()
+    draw_paths()
+    draw_map()
+    with figure("knotter_errors.png", size=(7.6, 4.6)) as (_, (axes,)):
+        for start in ("scan, sum of angles", "scan, orientations", "scan, straight line", "cells"):
+            rows = [row for row in results["events"] if row["method"].startswith(start)]
+            places = [(row["ms_per_pair"], row["max_error_deg"]) for row in rows]
+            axes.plot(*np.transpose(places), "o-", lw=1.2, label=start)
+            for row, place in zip(rows, places):
+                note(axes, row["method"].split(", ")[-1], place, (6, 6), fontsize=7.5)
+        axes.set(xscale="log", yscale="log", ylim=(1e-14, 30))
+        axes.set(xlabel="time per pair, ms of one core", ylabel="largest error of the entry, degrees")
+        axes.margins(x=0.18)
+        axes.legend(loc="center right")

@@ -1,0 +1,204 @@
+"""The chain by slow and obviously right means: points of a path and bracketing search, no closed form.
+
+Also the paper's own transfer relations and case list, in any arithmetic. Nothing here uses the code under test.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+
+class Path:
+    """A closed path of ("arc", cx, cy, r, start, sweep) and ("line", x0, y0, x1, y1), by arc length."""
+
+    def __init__(self, parts):
+        self.parts = parts
+        lengths = [
+            part[3] * abs(part[5]) if part[0] == "arc" else math.hypot(part[3] - part[1], part[4] - part[2])
+            for part in parts
+        ]
+        self.ends = np.cumsum(lengths)
+        self.total = float(self.ends[-1])
+
+    def point(self, s):
+        s = s % self.total
+        index = min(int(np.searchsorted(self.ends, s, side="right")), len(self.parts) - 1)
+        t = s - (self.ends[index - 1] if index else 0.0)
+        part = self.parts[index]
+        if part[0] == "arc":
+            _, cx, cy, r, start, sweep = part
+            angle = start + math.copysign(t / r, sweep)
+            return cx + r * math.cos(angle), cy + r * math.sin(angle)
+        _, x0, y0, x1, y1 = part
+        length = math.hypot(x1 - x0, y1 - y0)
+        return x0 + (x1 - x0) * t / length, y0 + (y1 - y0) * t / length
+
+    def next(self, s, pitch, direction=1, cells=48):
+        """First place ahead one pitch away: first change of sign on a grid that starts at one pitch, then brentq."""
+        x, y = self.point(s)
+
+        def excess(u):
+            px, py = self.point(s + direction * u)
+            return math.hypot(px - x, py - y) - pitch
+
+        # No place is nearer along the path than one pitch; the search ends after one lap.
+        u, width = 0.999999 * pitch, pitch / cells
+        while u < self.total:
+            if excess(u + width) >= 0:
+                return s + direction * brentq(excess, u, u + width, xtol=1e-300, rtol=8.9e-16)
+            u += width
+        raise LookupError("no point")
+
+    def after(self, s, pitch, links, direction=1):
+        for _ in range(links):
+            s = self.next(s, pitch, direction)
+        return s
+
+
+def crescent(r0, r1, r2, b):
+    """The crescent's path from the joint of the upper arc with the left wheel."""
+    c, a = r1 + r0, r2 - r0
+    cy = (c * c + b * b - a * a) / (2 * b)
+    cx = math.sqrt(c * c - cy * cy)
+    xi, eps = math.atan2(b - cy, cx), math.atan2(cy, cx)
+    return Path(
+        [
+            ("arc", -cx, cy, r0, -eps, math.pi + xi + eps),
+            ("arc", 0.0, b, r2, math.pi + xi, math.pi - 2 * xi),
+            ("arc", cx, cy, r0, -xi, math.pi + xi + eps),
+            ("arc", 0.0, 0.0, r1, eps, -(math.pi + 2 * eps)),
+        ]
+    )
+
+
+def stadium(radius, straight):
+    h = straight / 2
+    return Path(
+        [
+            ("arc", h, 0.0, radius, -math.pi / 2, math.pi),
+            ("line", h, radius, -h, radius),
+            ("arc", -h, 0.0, radius, math.pi / 2, math.pi),
+            ("line", -h, -radius, h, -radius),
+        ]
+    )
+
+
+def overrun(path, pitch, links, s):
+    return path.after(s, pitch, links) - s - path.total
+
+
+def least_overrun(path, pitch, links, period, cells=48):
+    """Smallest overrun over a period: a grid, then bounded minimization around its lowest points."""
+    grid = np.linspace(0, period, cells + 1)
+    values = np.array([overrun(path, pitch, links, s) for s in grid])
+    best = values.min()
+    for index in np.argsort(values)[:3]:
+        low, high = grid[index] - period / cells, grid[index] + period / cells
+        found = minimize_scalar(
+            lambda s: overrun(path, pitch, links, s), bounds=(low, high), method="bounded", options={"xatol": 1e-6}
+        )
+        best = min(best, found.fun)
+    return float(best)
+
+
+def free_pin(path, pitch, links, k, s, side_of):
+    """P_k between P_(k-1) and P_(k+1): the intersection of two circles that is further from the point ``side_of``."""
+    a = np.array(path.point(path.after(s, pitch, k - 2)))
+    b = np.array(path.point(path.after(s, pitch, links - k, -1)))
+    half = (b - a) / 2
+    h = math.hypot(*half)
+    normal = np.array([-half[1], half[0]]) / h * math.sqrt(pitch * pitch - h * h)
+    candidates = [a + half + normal, a + half - normal]
+    return max(candidates, key=lambda p: math.hypot(*(p - side_of)))
+
+
+def rounded_polygon(rng):
+    """A convex polygon with its corners rounded: lines and arcs of one radius, in any place."""
+    corners = int(rng.integers(3, 8))
+    angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
+    while np.any(np.diff(np.append(angles, angles[0] + 2 * np.pi)) > 0.9 * np.pi):
+        angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
+    centres = rng.uniform(-1e3, 1e3, 2) + 300 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    radius = rng.uniform(40, 90)
+    parts = []
+    edges = np.roll(centres, -1, axis=0) - centres
+    headings = np.arctan2(edges[:, 1], edges[:, 0])
+    for index, (centre, edge, heading) in enumerate(zip(centres, edges, headings)):
+        right = radius * np.array([np.sin(heading), -np.cos(heading)])
+        parts.append(("line", *(centre + right), *(centre + right + edge)))
+        sweep = (headings[(index + 1) % corners] - heading) % (2 * np.pi)
+        parts.append(("arc", *centres[(index + 1) % corners], radius, heading - np.pi / 2, sweep))
+    return Path(parts)
+
+
+class Transfer:
+    """The paper's relations between the angles of two pins one link apart, on an arc (u) and on a wheel (v).
+
+    Both are measured away from the common tangent point. ``arithmetic`` is numpy or mpmath.
+    """
+
+    def __init__(self, pitch, r0, r1, r2, arithmetic=np):
+        self.pitch, self.r0, self.r1, self.r2, self.m = pitch, r0, r1, r2, arithmetic
+        self.c, self.a = r1 + r0, r2 - r0
+        self.dq, self.du, self.dd = (2 * arithmetic.asin(pitch / (2 * radius)) for radius in (r0, r1, r2))
+
+    def _angle(self, p, q, squares):
+        m = self.m
+        return m.atan2(q, p) - m.acos((self.pitch**2 - squares) / m.hypot(p, q))
+
+    def f(self, u):
+        """From the lower arc to the wheel."""
+        a, r0, r2, cos, sin = self.a, self.r0, self.r2, self.m.cos(u), self.m.sin(u)
+        return self._angle(2 * r0 * (a - r2 * cos), 2 * r0 * r2 * sin, r2**2 + a**2 + r0**2 - 2 * a * r2 * cos)
+
+    def f_back(self, v):
+        """From the wheel to the lower arc."""
+        a, r0, r2, cos, sin = self.a, self.r0, self.r2, self.m.cos(v), self.m.sin(v)
+        return self._angle(-2 * r2 * (a + r0 * cos), 2 * r0 * r2 * sin, r2**2 + a**2 + r0**2 + 2 * a * r0 * cos)
+
+    def g(self, u):
+        """From the upper arc to the wheel."""
+        c, r0, r1, cos, sin = self.c, self.r0, self.r1, self.m.cos(u), self.m.sin(u)
+        return self._angle(2 * r0 * (r1 * cos - c), 2 * r0 * r1 * sin, c**2 + r0**2 + r1**2 - 2 * c * r1 * cos)
+
+    def g_back(self, v):
+        """From the wheel to the upper arc."""
+        c, r0, r1, cos, sin = self.c, self.r0, self.r1, self.m.cos(v), self.m.sin(v)
+        return self._angle(2 * r1 * (r0 * cos - c), 2 * r0 * r1 * sin, c**2 + r0**2 + r1**2 - 2 * c * r0 * cos)
+
+
+def printed_case_list(relations, xi, theta1):
+    """theta13 by the paper's case list, misprints corrected; NaN where an arccos has no value.
+
+    It knows neither P10 on the lower arc nor P12 on a wheel.
+    """
+    dq, pi, alpha = relations.dq, np.pi, np.pi / 2 - xi
+    with np.errstate(invalid="ignore"):
+        # P1 and, up to 180 deg, P2 on the wheel; the last pin of the wheel goes over to the lower arc.
+        both = theta1 + dq <= pi + xi
+        lower = relations.f_back(pi + xi - np.where(both, theta1 + dq, theta1)) - alpha
+        # P10 is taken to be on the right wheel, P9 the last on the lower arc.
+        lower += (9 - np.where(both, 3, 2)) * relations.dd
+        wheel = pi + xi - relations.f(alpha - lower)
+        # P10, P11 on the wheel, P12 taken to be on the upper arc.
+        return pi / 2 - relations.g_back(wheel - dq) - relations.du
+
+
+def free_pin_at_100_degrees(pitch, r1, r2, digits=50):
+    """P14 for P1 at 100 deg on the left wheel, four pins a turn: P3..P9 lower, P10, P11 wheel, P12, P13 upper."""
+    with mpmath.workdps(digits):
+        length, r1, r2 = mpmath.mpf(pitch), mpmath.mpf(r1), mpmath.mpf(r2)
+        relations = Transfer(length, length / mpmath.sqrt(2), r1, r2, mpmath)
+        xi = mpmath.atan2(mpmath.sqrt(relations.a**2 - relations.c**2), relations.c)
+        alpha, quarter, theta1 = mpmath.pi / 2 - xi, mpmath.pi / 2, mpmath.radians(100)
+        lower = relations.f_back(mpmath.pi + xi - (theta1 + quarter)) - alpha + 6 * relations.dd  # P9
+        wheel = mpmath.pi + xi - relations.f(alpha - lower) - quarter  # P11
+        theta13 = quarter - relations.g_back(wheel) - relations.du
+        theta15 = relations.g_back(theta1 - quarter) - quarter  # P16 is on the wheel
+        half, middle = (theta13 - theta15) / 2, (theta13 + theta15) / 2
+        r = r1 * mpmath.cos(half) + mpmath.sqrt(length**2 - (r1 * mpmath.sin(half)) ** 2)
+        return complex(r * mpmath.sin(middle), -r * mpmath.cos(middle))

@@ -1,0 +1,140 @@
+"""Makes the computed figures of ``knotter.json`` in 40 digits: ``python -m tests.reference.make_knotter``.
+
+Only the equations of `tests.oracles.knotter` are used, nothing of the product. What stands under ``paper`` and the inputs
+of ``REF_PRINT`` are kept as they are in the file. Takes about a minute.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mpmath as mp
+import numpy as np
+
+from tests.oracles.knotter import SIZES, Exact
+
+FILE = Path(__file__).with_name("knotter.json")
+PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]
+EDGES = {"wrap": ("S3S4", "S4S5", "S5S3"), "bite": ("O5S8", "S8S9", "S9O5")}
+STEP = 0.25
+"""Degrees of the scan that brackets events."""
+
+
+def inside(machine: Exact, event: str, degrees: float) -> tuple[bool, list]:
+    """Whether the rope crosses the triangle, and the sides of the three edges."""
+    alpha = mp.radians(degrees)
+    sides = [machine.side(event, edge, alpha) for edge in range(3)]
+    return 0 < getattr(machine, event)(alpha)[1] < 1 and len({mp.sign(side) for side in sides}) == 1, sides
+
+
+def first_window(machine: Exact, event: str, low: float, high: float) -> tuple:
+    """Angle and edge of the first entry, and the angle of leaving or None, in degrees."""
+    places = np.arange(low, high + STEP / 2, STEP)
+    looks = [inside(machine, event, place) for place in places]
+    start = next(k for k in range(1, len(places)) if looks[k][0] and not looks[k - 1][0])
+    stop = next((k for k in range(start, len(places)) if not looks[k][0]), None)
+
+    def passed(k: int) -> list:
+        changed = [edge for edge in range(3) if looks[k][1][edge] * looks[k - 1][1][edge] < 0]
+        ends = [mp.radians(places[k - 1]), mp.radians(places[k])]
+        return [(mp.degrees(machine.root(event, edge, *ends)), EDGES[event][edge]) for edge in changed]
+
+    return (*max(passed(start)), None if stop is None else min(passed(stop))[0])
+
+
+def before_hit(machine: Exact, step: float) -> list:
+    """E1 at the last step of the source's scan before the rope is inside."""
+    places = np.arange(0, 180, step)
+    hit = next(k for k, place in enumerate(places) if inside(machine, "wrap", place)[0])
+    return list(machine.wrap(mp.radians(places[hit - 1]))[0])
+
+
+def needle() -> dict:
+    """Eqs 4 and 5 with the printed lengths."""
+
+    def free(degrees):
+        c, s = mp.cos(mp.radians(degrees)), mp.sin(mp.radians(degrees))
+        return 22 * c + 39 * s - 16 / c - 10
+
+    def lay(degrees):
+        c, s = mp.cos(mp.radians(degrees)), mp.sin(mp.radians(degrees))
+        return 30 * mp.sin(mp.radians(15)) + 22 * c + (142 + 39) * s
+
+    best = mp.findroot(lambda degrees: mp.diff(free, degrees), 39)
+    return {
+        "L_roots": [mp.findroot(free, guess) for guess in (6, 62)],
+        "L_max": [free(best), best],
+        "L": {str(degrees): free(degrees) for degrees in (0, 6, 7, 8, 10)},
+        "d5": {str(degrees): lay(degrees) for degrees in (7, 8, 9)},
+        "alpha2_for_54": mp.findroot(lambda degrees: lay(degrees) - 54, 8),
+    }
+
+
+def figures(file: dict) -> dict:
+    """Everything but what is kept."""
+    pair = {f"{alpha1},{alpha3}": Exact(alpha1, alpha3, round_angles=False) for alpha1, alpha3 in PAIRS}
+    chosen, right = pair["10,25"], mp.radians(270)
+    wrap = {}
+    for key, machine in pair.items():
+        angle, edge, leave = first_window(machine, "wrap", 0, 180)
+        wrap[key] = [angle, edge, *machine.wrap(mp.radians(angle))[0], leave]
+    bites = {key: first_window(pair[key], "bite", 270, 360) for key in file["bite"]}
+    bite = {}
+    for key, (angle, edge, _) in bites.items():
+        (x, z), _, (_, s8, s9) = pair[key].bite(mp.radians(angle))
+        assert edge == "S8S9"
+        bite[key] = [angle, mp.hypot(x - s8[0], z - s8[1]) / mp.hypot(s9[0] - s8[0], s9[1] - s8[1])]
+    worst = {key: mp.findroot(lambda a, of=pair[key]: mp.diff(of.depth, a), right) for key in file["worst_angle"]}
+    e2 = chosen.bite(mp.radians(bites["10,25"][0]))[0]
+
+    def at_s4(d5, alpha):
+        (y, z), _, _ = Exact(10, 25, round_angles=False, d5=d5).wrap(alpha)
+        return [y - 8, z + 28]
+
+    closing = mp.findroot(at_s4, (mp.mpf(74.5), mp.radians(126)))
+    printed = file["REF_PRINT"]
+    inputs = {**SIZES, **printed["parameters"], **printed["laws"]["beta"]}
+
+    def print_machine(key: str) -> Exact:
+        return Exact(*map(int, key.split(",")), printed["points"], False, **inputs)
+
+    return needle() | {
+        "S0_u4_10_25": {str(at): list(chosen.disc_in_bill(mp.radians(at))) for at in (0, 90, 180, 270)},
+        "wrap": wrap,
+        "S10_j3_at_270": {key: pair[key].depth(right) for key in file["S10_j3_at_270"]},
+        "worst_angle": {key: mp.degrees(at) for key, at in worst.items()},
+        "worst_10_25": chosen.depth(worst["10,25"]),
+        "bite": bite,
+        "E2_10_25": [e2[0], 0, e2[1]],
+        "closing_d5": [closing[0], mp.degrees(closing[1])],
+        "REF_PRINT": {
+            **printed,
+            "E1_before_hit": {
+                key: before_hit(print_machine(key), printed["scan_step"]) for key in printed["E1_before_hit"]
+            },
+        },
+        "REF_scan_step_2": {key: before_hit(pair[key], 2) for key in file["REF_scan_step_2"]},
+    }
+
+
+def rounded(value):
+    """Twelve decimals of every number that was computed."""
+    if isinstance(value, dict):
+        return {name: rounded(part) for name, part in value.items()}
+    if isinstance(value, list):
+        return [rounded(part) for part in value]
+    return round(float(value), 12) if isinstance(value, mp.mpf) else value
+
+
+def main() -> None:
+    """Rewrite the file."""
+    file = json.loads(FILE.read_text())
+    with mp.workdps(40):
+        made = {"paper": file["paper"], **rounded(figures(file))}
+    lines = [f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in made.items()]
+    FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+
+
+if __name__ == "__main__":
+    main()
