@@ -19,6 +19,7 @@ from app.main import create_app
 from app.openapi import description
 from app.settings import Settings
 from docs import figures, notebook
+from docs import map as layout
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -99,6 +100,17 @@ def test_every_linked_file_exists(path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", path.read_text()):
         if not re.match(r"[a-z]+:|#", target):
             assert (path.parent / target.partition("#")[0]).exists(), f"{names(path)} links to {target}"
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=names)
+def test_every_named_source_file_exists(path) -> None:
+    folders = "app|synthesis|linkage_atlas|data_build|benchmarks|tests|docs|deploy"
+    for file in re.findall(rf"`((?:{folders})/[\w./]+\.\w+)`", path.read_text()):
+        assert (ROOT / file).exists(), f"{names(path)} names {file}"
+
+
+def test_the_map_of_the_architecture_is_the_one_that_is_printed() -> None:
+    assert layout.picture().strip() in (ROOT / "docs" / "architecture.md").read_text(), "put in what `make map` prints"
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=names)
