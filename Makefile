@@ -7,13 +7,14 @@ ATLAS ?= atlas.h5
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help run test fault lint report accept stability bench docs scenes clean setup
+.PHONY: help run test fault lint map report accept stability bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
 	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
 	@echo "make test       style and the default tests (about five minutes)"
+	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
 	@echo "make fault      the slow destructive tests: kills, bit flips"
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
@@ -57,6 +58,9 @@ lint: $(READY)
 	$(BIN)/python -m mypy
 	$(BIN)/oxlint app/static
 
+map: $(READY)
+	$(BIN)/python -m docs.map
+
 bench: $(READY) $(ATLAS)
 	@echo "Needs 17 GB of memory (the flat index and seven million types), 3 GB of disk for temporary files, the packages of the"
 	@echo "extra 'baselines', about forty minutes, and a machine that does nothing else."
@@ -66,6 +70,8 @@ bench: $(READY) $(ATLAS)
 	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
 
 docs: $(READY)
+	$(BIN)/python -m docs.figures
+	$(BIN)/python -m docs.notebook
 	$(BIN)/python -m benchmarks.report
 
 scenes: $(READY)

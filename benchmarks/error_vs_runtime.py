@@ -254,6 +254,11 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "exact": report.table(shown, columns, 2),
         "classes": report.table(best, {"class": "{class}", **{method: f"{{{method}}}" for method in LOOK}}),
         "grids": report.table([row for row in exact if row["method"] in GRIDS], columns, 2),
+        "search": ", ".join(
+            f"{100 * row['reached']:.0f} % of {row['cases']} cases within {row['setting'].removeprefix('budget ')}"
+            for row in exact
+            if row["setting"] in ("budget 10 ms", "budget 100 ms", "budget 1000 ms")
+        ),
         "published": power(next(row["median"] for row in exact if row["method"] == PUBLISHED)),
     }
 

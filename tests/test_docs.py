@@ -1,22 +1,28 @@
-"""What the documents and the container files say exists, exists."""
+"""What the documents and the container files say exists, exists; what they show as output is what comes out."""
 
 from __future__ import annotations
 
 import importlib.util
+import io
+import json
 import re
+import shlex
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
 import yaml
 
 import linkage_atlas
-from app.cli import _parser
+from app.cli import _parser, main
 from app.main import create_app
 from app.openapi import description
 from app.settings import Settings
+from docs import figures, notebook
+from docs import map as layout
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 HTTP = (ROOT / "docs" / "http.md").read_text()
 
 
@@ -33,6 +39,24 @@ def commands(text: str) -> list[str]:
     lines += re.findall(r"^    (\S.*)$", rest, re.MULTILINE)
     lines += re.findall(r"`([^`\n]+)`", rest)
     return [re.sub(r"\s#.*", "", line).strip().removeprefix("$ ") for line in lines]
+
+
+NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
+
+
+def assert_same_output(found: str, wanted: str) -> None:
+    """The same words, numbers to a thousandth, rounding errors as rounding errors; times are not compared."""
+
+    def words(text: str) -> list[str]:
+        text = re.sub(r"(?:best objective after|stopped by).*|screen .* ms.*", "", text)
+        return NUMBER.sub(" # ", text).split()
+
+    def numbers(text: str) -> list[float]:
+        kept = [line for line in text.splitlines() if " ms" not in line]
+        return [float(one.replace(",", "")) for one in NUMBER.findall("\n".join(kept))]
+
+    assert words(found) == words(wanted), found
+    assert numbers(found) == pytest.approx(numbers(wanted), rel=1e-3, abs=1e-10), found
 
 
 # -- docs/http.md -----------------------------------------------------------------------------------------------------
@@ -79,9 +103,20 @@ def test_every_linked_file_exists(path) -> None:
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=names)
+def test_every_named_source_file_exists(path) -> None:
+    folders = "app|synthesis|linkage_atlas|data_build|benchmarks|tests|docs|deploy"
+    for file in re.findall(rf"`((?:{folders})/[\w./]+\.\w+)`", path.read_text()):
+        assert (ROOT / file).exists(), f"{names(path)} names {file}"
+
+
+def test_the_map_of_the_architecture_is_the_one_that_is_printed() -> None:
+    assert layout.picture().strip() in (ROOT / "docs" / "architecture.md").read_text(), "put in what `make map` prints"
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=names)
 def test_every_command_exists(path) -> None:
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    verbs = set(_parser(linkage_atlas.BATCH_COMMANDS, "")._subparsers._group_actions[0].choices)
+    verbs = set(_parser()._subparsers._group_actions[0].choices)
     for line in commands(path.read_text()):
         for target in re.findall(r"^make ([a-z]\S*)", line):
             assert target in targets, f"{names(path)}: {line}"
@@ -89,8 +124,65 @@ def test_every_command_exists(path) -> None:
             assert verb in verbs, f"{names(path)}: {line}"
         for module in re.findall(r"python3? -m ([\w.]+)", line):
             assert importlib.util.find_spec(module), f"{names(path)}: {line}"
-        for file in re.findall(r"\s@?((?:app|docs|tests|benchmarks|deploy|synthesis)/[\w./]+\w)", line):
+        for file in re.findall(r"\s@?((?:app|docs|tests|benchmarks|deploy|synthesis|linkage_atlas|data_build)/[\w./]+\w)", line):
             assert (ROOT / file).exists(), f"{names(path)}: {line}"
+
+
+# -- outputs ----------------------------------------------------------------------------------------------------------
+
+README = (ROOT / "README.md").read_text()
+
+
+def test_the_python_of_the_readme_gives_what_it_shows(tmp_path, monkeypatch) -> None:
+    (tmp_path / "app").symlink_to(ROOT / "app")
+    monkeypatch.chdir(tmp_path)
+    shown = re.findall(r"^```python\n(.*?)^```\n+^```text\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+    assert len(shown) == README.count("```python"), "each block of Python is followed by what it prints"
+    names: dict = {}
+    for source, wanted in shown:
+        with redirect_stdout(io.StringIO()) as printed:
+            exec(compile(source, "README.md", "exec"), names)
+        assert_same_output(printed.getvalue(), wanted)
+    assert (tmp_path / "linkage.dxf").stat().st_size > 1000
+
+
+def test_the_commands_of_the_readme_print_what_it_shows(atlas_path, monkeypatch, capsys) -> None:
+    monkeypatch.setenv("LINKAGE_ATLAS_ATLAS", str(atlas_path))
+    blocks = re.findall(r"^```console\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+    shown = [one.partition("\n") for block in blocks for one in re.split(r"^\$ ", block, flags=re.MULTILINE) if one]
+    assert len(shown) >= 2
+    for command, _, wanted in shown:
+        words = shlex.split(command.replace(" --atlas atlas.h5", ""))
+        assert words[0] == "linkage-atlas"
+        assert main(words[1:]) == 0
+        assert_same_output(capsys.readouterr().out, wanted)
+
+
+def test_the_notebook_gives_what_it_shows(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    cells = notebook.code_cells(json.loads(notebook.PLACE.read_text()))
+    assert len(cells) == 10
+    for cell, found in zip(cells, notebook.run(cells)):
+        assert [one["output_type"] for one in found] == [one["output_type"] for one in cell["outputs"]]
+        for one, wanted in zip(found, cell["outputs"]):
+            text = ["".join(part.get("text") or part["data"]["text/plain"]) for part in (one, wanted)]
+            assert_same_output(*text)
+            if "data" in wanted:
+                assert one["data"].keys() == wanted["data"].keys()
+    assert any("image/svg+xml" in one.get("data", ()) for cell in cells for one in cell["outputs"])
+
+
+def test_the_figures_are_those_of_their_script(tmp_path, monkeypatch) -> None:
+    committed = {name: (figures.IMAGES / name).read_text() for name in ("notation.svg", "motion.svg")}
+    monkeypatch.setattr(figures, "IMAGES", tmp_path)
+    figures.notation()
+    figures.motion()
+    number = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
+    for name, wanted in committed.items():
+        found = (tmp_path / name).read_text()
+        assert number.sub("#", found) == number.sub("#", wanted), f"{name}: make docs"
+        apart = [abs(float(a) - float(b)) for a, b in zip(number.findall(found), number.findall(wanted))]
+        assert max(apart) < 0.1, f"{name}: make docs"
 
 
 # -- container --------------------------------------------------------------------------------------------------------
@@ -122,9 +214,9 @@ def test_the_dockerfile_copies_what_exists() -> None:
     for path in copied:
         assert (ROOT / path).exists() and allowed_in_context(path), path
     project = (ROOT / "pyproject.toml").read_text()
-    for needed in ("linkage_atlas.py", "synthesis", "data_build", "app", "README.md", "LICENSE", "pyproject.toml"):
+    for needed in ("linkage_atlas", "synthesis", "data_build", "app", "README.md", "LICENSE", "pyproject.toml"):
         assert needed in copied
-        assert needed == "pyproject.toml" or needed.removesuffix(".py") in project
+        assert needed == "pyproject.toml" or needed in project
     assert all(words.startswith("--from=build /opt/") for name, words in final if name == "COPY")
 
 
@@ -142,7 +234,7 @@ def test_the_dockerfile_is_slim_in_two_stages_and_not_root() -> None:
 
 
 def test_what_the_dockerfile_runs_is_a_command_with_these_options() -> None:
-    parser = _parser(linkage_atlas.BATCH_COMMANDS, "")
+    parser = _parser()
     run = re.findall(r'"([^"]*)"', dict(stages()[1])["CMD"])
     assert run[0] == "linkage-atlas"
     options = parser.parse_args(run[1:])

@@ -1,4 +1,4 @@
-"""The floors of the code: who may import whom, and which scene costs what."""
+"""The floors of the code: who may import whom, how long a module may be, and which package costs what."""
 
 from __future__ import annotations
 
@@ -10,47 +10,86 @@ from pathlib import Path
 import pytest
 
 from app.scenes import SCENES
+from docs import map as layout
 
-ROOT = Path(__file__).parents[1]
-FLOORS = {"synthesis": {"synthesis"}, "data_build": {"synthesis", "data_build"}, "app": {"synthesis", "app"}}
+ROOT = layout.ROOT
+PRODUCT = layout.sources(*layout.FLOORS)
+BENCHMARKS = layout.sources("benchmarks")
 SOLE_IMPORTERS = {"h5py": "synthesis/atlas/file.py", "pywt": "synthesis/atlas/haar.py"}
+WEB = {"fastapi", "starlette", "uvicorn", "pydantic", "pydantic_settings"}
+MAX_LINES = 400
 
 
-def imported_names(path: Path) -> set[str]:
-    """Top-level names of everything that a file imports, also inside functions."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            names.add((node.module or "").split(".")[0])
-    return names
+def names(path: Path) -> str:
+    return str(path.relative_to(ROOT))
 
 
-def sources(*folders: str) -> list[Path]:
-    return [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
+def tops(path: Path) -> set[str]:
+    """Top-level names of everything that a file imports."""
+    return {name.partition(".")[0] for name in layout.imported(path)}
 
 
-def test_floors_import_only_from_below() -> None:
-    for floor, allowed in FLOORS.items():
-        for path in sources(floor):
-            own = imported_names(path) & set(FLOORS)
-            assert own <= allowed, f"{path} imports {own - allowed}"
+def test_no_arrow_goes_up_and_there_is_no_circle() -> None:
+    assert layout.faults() == []
 
 
-def test_each_heavy_library_has_one_importer() -> None:
-    for path in sources(*FLOORS):
-        for library, owner in SOLE_IMPORTERS.items():
-            if path != ROOT / owner:
-                assert library not in imported_names(path), f"{path} imports {library}"
-        if not path.is_relative_to(ROOT / "app"):
-            assert not imported_names(path) & {"fastapi", "starlette", "uvicorn", "pydantic"}, path
+def test_the_map_sees_an_arrow_up_and_a_circle(monkeypatch) -> None:
+    graph = {
+        "synthesis.pose": {"app.main"},
+        "app.main": set(),
+        "synthesis.atlas.scan": {"synthesis.search.seeds"},
+        "synthesis.search.search": {"synthesis.atlas.table"},
+        "synthesis.atlas.table": set(),
+        "synthesis.search.seeds": set(),
+        "synthesis.work": {"synthesis.target"},
+        "synthesis.target": {"synthesis.work"},
+    }
+    monkeypatch.setattr(layout, "module_graph", lambda: graph)
+    found = "\n".join(layout.faults())
+    assert "synthesis.pose imports app.main: up" in found
+    assert "a circle of modules: synthesis.work" in found or "a circle of modules: synthesis.target" in found
+    assert "a circle of packages" in found
+    del graph["synthesis.work"], graph["synthesis.target"]
+    found = "\n".join(layout.faults())
+    assert "circle of modules" not in found
+    assert "a circle of packages: synthesis.atlas" in found or "a circle of packages: synthesis.search" in found
 
 
-def test_there_is_no_drawer_for_everything() -> None:
-    for path in sources(*FLOORS):
-        assert path.stem not in {"utils", "util", "helpers", "misc", "common"}, path
+def test_the_service_calls_the_front_door_and_each_scene_its_own_machine() -> None:
+    for module, others in layout.module_graph().items():
+        if not module.startswith("app"):
+            continue
+        below = {other for other in others if not other.startswith(("app", "linkage_atlas"))}
+        scene = module.removeprefix("app.scenes.").removesuffix("_models") if module.startswith("app.scenes.") else ""
+        allowed = ("synthesis", f"synthesis.{scene}") if scene in SCENES else ()
+        wrong = {
+            other for other in below if other not in allowed and not (scene and other.startswith(f"{allowed[-1]}."))
+        }
+        assert not wrong, f"{module} imports {wrong}"
+
+
+@pytest.mark.parametrize("path", PRODUCT, ids=names)
+def test_each_heavy_library_has_its_importer(path: Path) -> None:
+    for library, owner in SOLE_IMPORTERS.items():
+        assert library not in tops(path) or path == ROOT / owner, f"only {owner} imports {library}"
+    if not path.is_relative_to(ROOT / "app"):
+        assert not tops(path) & WEB, "only app knows the web framework"
+    assert not tops(path) & {"benchmarks", "tests", "docs"}, "the product stands without its benchmarks and tests"
+
+
+@pytest.mark.parametrize("path", [*PRODUCT, *BENCHMARKS], ids=names)
+def test_a_module_is_short_and_says_what_it_is_for(path: Path) -> None:
+    text = path.read_text()
+    assert text.count("\n") <= MAX_LINES, f"longer than {MAX_LINES} lines: divide it"
+    first = (ast.get_docstring(ast.parse(text)) or "").partition("\n")[0]
+    assert first.endswith((".", "?", "::", ":")) and len(first) > 20, "the first line says what the module is for"
+    assert path.stem not in {"utils", "util", "helpers", "misc", "common"}, "name it by what it does"
+
+
+@pytest.mark.parametrize("path", layout.sources("tests"), ids=names)
+def test_only_the_tests_of_benchmarks_import_them(path: Path) -> None:
+    if not path.is_relative_to(ROOT / "tests" / "benchmarks"):
+        assert "benchmarks" not in tops(path)
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -1,0 +1,265 @@
+"""``python -m docs.figures``: draws docs/img/notation.svg and docs/img/motion.svg with the project's own linkage and sheet.
+
+Both hold their own paper, light or dark as the reader's system asks, so that they are legible on any background.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import linkage_atlas as la
+from synthesis.fourbar.linkage import Linkage
+from synthesis.sheet import Sheet
+
+ROOT = Path(__file__).parents[1]
+IMAGES = ROOT / "docs" / "img"
+
+STYLE = """<style>
+svg{--paper:#fff;--ink:#1d2733;--soft:#7b8794;--line:#cbd2d9;--crank:#c2410c;--body:#2563eb;--path:#0f766e;--wanted:#b91c1c}
+@media (prefers-color-scheme:dark){svg{--paper:#12181f;--ink:#e4e7eb;--soft:#9aa5b1;--line:#3e4c59;--crank:#fb923c;
+--body:#60a5fa;--path:#2dd4bf;--wanted:#f87171}}
+.paper{fill:var(--paper)}
+path{fill:none;stroke:var(--ink);stroke-width:3;stroke-linejoin:round;stroke-linecap:round}
+.crank{stroke:var(--crank);stroke-width:9}.rocker{stroke-width:9}.coupler{stroke:var(--body);stroke-width:9}
+.ground{stroke:var(--soft);stroke-width:4}.hatch{stroke:var(--soft);stroke-width:2}
+.body{stroke:var(--body);stroke-width:3;fill:var(--body);fill-opacity:.14}
+.thin{stroke:var(--soft);stroke-width:1.6}.dash{stroke:var(--soft);stroke-width:2;stroke-dasharray:9 8}
+.arc{stroke:var(--ink);stroke-width:1.8}.head{fill:var(--ink);stroke:none}
+.turn{stroke:var(--path);stroke-width:2;stroke-opacity:.45}.path{stroke:var(--path);stroke-width:4}
+.mark{stroke:var(--path);stroke-width:5}.wanted{stroke:var(--wanted);stroke-width:2.2}
+circle{fill:var(--paper);stroke:var(--ink);stroke-width:3}.pivot{fill:var(--ink)}.point{fill:var(--path);stroke:none}
+.pose{fill:var(--wanted);stroke:none}.ghost{stroke:var(--soft);stroke-width:2}
+text{font:italic 27px Georgia,'DejaVu Serif',serif;fill:var(--ink)}
+.word{font:20px system-ui,'DejaVu Sans',sans-serif;fill:var(--soft)}.big{font:600 23px system-ui,'DejaVu Sans',sans-serif}
+.t-crank{fill:var(--crank)}.t-body{fill:var(--body)}.t-path{fill:var(--path)}.t-wanted{fill:var(--wanted)}
+</style>"""
+
+
+class Figure:
+    """A sheet that is drawn on in the plane's own coordinates; offsets and radii of labels are in the page's unit."""
+
+    def __init__(self, corners: list[complex], size: float) -> None:
+        self.sheet = Sheet(np.array(corners), 0.0, size, digits=5)
+        self.parts = [
+            STYLE,
+            f'<rect class="paper" width="{self.sheet.width:.5g}" height="{self.sheet.height:.5g}" rx="14"/>',
+        ]
+
+    def line(self, points: Any, name: str, closed: bool = False) -> None:
+        self.parts.append(
+            f'<path class="{name}" d="M{" L".join(map(self.sheet.at, np.atleast_1d(points)))}{"Z" if closed else ""}"/>'
+        )
+
+    def dot(self, z: complex, radius: float, name: str) -> None:
+        self.parts.append(self.sheet.dot(z, radius, f'class="{name}"'))
+
+    def text(
+        self, words: str, z: complex, offset: tuple[float, float] = (0, 0), name: str = "", at: str = "middle"
+    ) -> None:
+        x, y = (float(one) for one in self.sheet.at(z).split(","))
+        self.parts.append(
+            f'<text class="{name}" x="{x + offset[0]:.5g}" y="{y - offset[1]:.5g}" text-anchor="{at}">{words}</text>'
+        )
+
+    def arc(
+        self, centre: complex, radius: float, first: float, last: float, words: str, out: float = 24, name: str = ""
+    ) -> None:
+        """An angle from one direction to another, with a head at its end and its name outside of its middle."""
+        reach = radius / self.sheet.scale
+        shown = np.linspace(first, last, 40)
+        self.line(centre + reach * np.exp(1j * shown), "arc")
+        side = np.sign(last - first)
+        back = last - side * 11 / radius
+        self.line(
+            [centre + reach * np.exp(1j * last)]
+            + [centre + (reach + k * 4.5 / self.sheet.scale) * np.exp(1j * back) for k in (1, -1)],
+            "head",
+            closed=True,
+        )
+        middle = (first + last) / 2
+        self.text(words, centre + (radius + out) / self.sheet.scale * np.exp(1j * middle), (0, -9), name)
+
+    def pivot(self, z: complex, below: float) -> None:
+        """A fixed pivot on its hatched ground; ``below`` is the direction of the ground."""
+        unit = 1 / self.sheet.scale
+        down, along = np.exp(1j * below) * unit, np.exp(1j * (below + np.pi / 2)) * unit
+        foot = [z + 30 * down - 21 * along, z + 30 * down + 21 * along]
+        self.line([z, foot[0], foot[1]], "ground", closed=True)
+        for k in range(-2, 3):
+            self.line([z + 30 * down + 10 * k * along, z + 40 * down + (10 * k - 8) * along], "hatch")
+        self.dot(z, 9, "pivot")
+
+    def save(self, name: str, title: str) -> None:
+        (IMAGES / name).write_text(self.sheet.text(title, self.parts))
+
+
+def sub(letter: str, index: str) -> str:
+    """A letter with an index."""
+    return f'{letter}<tspan font-size="70%" dy="6">{index}</tspan>'
+
+
+def notation() -> None:
+    """The symbols of the documents on one four-bar: both branches, all angles, the body and its point."""
+    turn, start, radius, angle = np.deg2rad(10), np.deg2rad(52), 6.3, np.deg2rad(38)
+    marked = np.deg2rad(62)
+    linkage = Linkage((4.6, 9.2, 8.0, 12.2), 1, start, 0j, turn, (radius, angle), marked - np.deg2rad(30))
+    other = Linkage(linkage.links, -1, start, 0j, turn)
+    here, there = linkage.joints(0.0), other.joints(0.0)
+    a, b, d, c = here.pivot_a, here.pivot_b, complex(here.crank_pin[0]), complex(here.coupler_pin[0])
+    assert here.body_point is not None
+    p, mirrored = complex(here.body_point[0]), complex(there.coupler_pin[0])
+    theta2, theta3, gamma = float(here.coupler_angle[0]), float(here.rocker_angle[0]), float(here.rotation[0])
+    origin = a - 3.6 - 2.4j
+    figure = Figure([-4.9 - 6.5j, 19.6 + 15.2j], 1100)
+    ray = np.exp(1j * turn)
+
+    # axes, and where pivot A lies
+    for way, word, offset in ((3.0, "x", (16, -8)), (2.6j, "y", (0, 10))):
+        figure.line([origin, origin + way], "thin")
+        figure.text(word, origin + way, offset)
+    figure.line([origin, a], "dash")
+    figure.text(sub("L", "B") + '<tspan dy="-6">, β</tspan>', (origin + a) / 2, (-40, 8))
+    # the other branch
+    figure.line([d, mirrored, b], "dash")
+    figure.line([d, b], "thin")
+    figure.dot(mirrored, 7, "ghost")
+    figure.text("branch −1: C to the right of D → B", mirrored, (14, -30), "word")
+    figure.text("branch +1: C to the left of D → B", c, (22, 16), "word", "start")
+    # directions that angles are measured from
+    figure.line([a, a + 7.4], "thin")
+    figure.line([d, d + 4.6 * ray], "thin")
+    figure.line([b, b + 4.4 * ray], "thin")
+    figure.line([p, p + 4.2], "thin")
+    # the linkage
+    figure.line([a, b], "ground")
+    figure.line([d, c, p], "body", closed=True)
+    figure.line([d, c], "coupler")
+    figure.line([a, d], "crank")
+    figure.line([b, c], "rocker")
+    figure.line([p, p + 3.4 * np.exp(1j * gamma)], "mark")
+    # angles
+    figure.arc(a, 245, 0.0, turn, sub("θ", "4"), 26)
+    figure.arc(a, 80, turn, turn + start, sub("θ", "1"), 22)
+    figure.arc(d, 125, turn, theta2, sub("θ", "2"), 24)
+    figure.arc(d, 84, theta2, theta2 + angle, sub("θ", "P"), 26, "t-body")
+    figure.arc(b, 70, turn, theta3, sub("θ", "3"), 24)
+    figure.arc(p, 100, 0.0, gamma, "γ", 24, "t-path")
+    # joints and names
+    figure.pivot(a, -np.pi / 2)
+    figure.pivot(b, -np.pi / 2)
+    figure.dot(d, 8, "pin")
+    figure.dot(c, 8, "pin")
+    figure.dot(p, 8, "point")
+    for word, z, offset in (
+        ("A", a, (-26, 8)),
+        ("B", b, (30, -22)),
+        ("C", c, (4, 22)),
+        ("D", d, (-26, 4)),
+        ("P", p, (-24, 6)),
+    ):
+        figure.text(word, z, offset)
+    for word, z, offset, name in (
+        (sub("L", "1"), (a + d) / 2, (-26, 6), "t-crank"),
+        (sub("L", "2"), (d + c) / 2, (52, -2), "t-body"),
+        (sub("L", "3"), (b + c) / 2, (34, 0), ""),
+        (sub("L", "4"), (a + b) / 2, (110, -24), ""),
+        (sub("L", "P"), (d + p) / 2, (-26, 6), "t-body"),
+    ):
+        figure.text(word, z, offset, name)
+    low = -4.5 - 6.0j
+    figure.text(
+        "crank AD, coupler DC with the guided body CDP, rocker BC, ground AB; γ: the body's rotation",
+        low,
+        (0, 0),
+        "word",
+        "start",
+    )
+    figure.save("notation.svg", "Notation of the four-bar linkage")
+
+
+def motion(seconds: float = 8.0, frames: int = 180) -> None:
+    """The worked example solved, and its best linkage turning through the motion that was asked for."""
+    request = json.loads((ROOT / "app" / "examples" / "worked_example.json").read_text())
+    result = la.synthesize(request["rotation"], request["position"], request["crank_span"], top=1)
+    assert result.status == "reached"
+    linkage = result.linkage
+    turn = linkage.joints(np.linspace(0, 360, frames + 1))
+    used = linkage.joints(np.linspace(0, request["crank_span"], 71))
+
+    def plane(points: Any) -> Any:
+        return points @ [1, 1j]
+
+    assert turn.body_point is not None and used.body_point is not None
+    a, b = complex(plane(turn.pivot_a)), complex(plane(turn.pivot_b))
+    pins, ends, points = plane(turn.crank_pin), plane(turn.coupler_pin), plane(turn.body_point)
+    wanted = plane(np.array(request["position"]))
+    figure = Figure([-34 - 20j, 166 + 108j], 1100)
+    scale = figure.sheet.scale
+
+    figure.line([a, b], "dash")
+    figure.line(points, "turn", closed=True)
+    figure.line(plane(used.body_point), "path")
+    for number, (place, angle) in enumerate(zip(wanted, np.deg2rad(request["rotation"]))):
+        if number % 3 == 0:
+            figure.line([place, place + 9 * np.exp(1j * angle)], "wanted")
+        figure.dot(place, 4.5, "pose")
+    figure.pivot(a, -np.pi / 2)
+    figure.pivot(b, -np.pi / 2)
+
+    def moved(kind: str, values: list[str]) -> str:
+        return (
+            f'<animateTransform attributeName="transform" type="{kind}" dur="{seconds:g}s" repeatCount="indefinite" '
+            f'values="{";".join(values)}"/>'
+        )
+
+    def shape(z: Any) -> str:
+        return " L".join(f"{scale * one.real:.5g},{-scale * one.imag:.5g}" for one in z)
+
+    def turns(direction: Any) -> list[str]:
+        return [f"{-angle:.2f}" for angle in direction]
+
+    def at(z: complex) -> str:
+        return figure.sheet.at(z).replace(",", " ")
+
+    # the body in the frame of its crank pin, at coupler direction 0
+    back = np.exp(-1j * np.deg2rad(turn.coupler_direction[0]))
+    c, p = (ends[0] - pins[0]) * back, (points[0] - pins[0]) * back
+    way = np.exp(1j * np.deg2rad(turn.rotation[0])) * back
+    crank, rocker, still = abs(pins[0] - a), abs(ends[0] - b), turn.coupler_direction[0]
+    figure.parts += [
+        f'<g transform="translate({at(b)})"><g transform="rotate({-turn.rocker_direction[0]:.2f})">'
+        f'<path class="rocker" d="M0,0 L{scale * rocker:.5g},0"/>{moved("rotate", turns(turn.rocker_direction))}</g></g>',
+        f'<g transform="translate({at(pins[0])})">{moved("translate", [at(z) for z in pins])}'
+        f'<g transform="rotate({-still:.2f})">{moved("rotate", turns(turn.coupler_direction))}'
+        f'<path class="body" d="M0,0 L{shape([c, p])}Z"/><path class="coupler" d="M0,0 L{shape([c])}"/>'
+        f'<path class="mark" d="M{shape([p, p + 12 * way])}"/>'
+        f'<circle class="point" r="8" cx="{scale * p.real:.5g}" cy="{-scale * p.imag:.5g}"/>'
+        f'<circle class="pin" r="8" cx="{scale * c.real:.5g}" cy="{-scale * c.imag:.5g}"/></g></g>',
+        f'<g transform="translate({at(a)})"><g transform="rotate({-turn.crank_direction[0]:.2f})">'
+        f'<path class="crank" d="M0,0 L{scale * crank:.5g},0"/><circle class="pin" r="8" cx="{scale * crank:.5g}" cy="0"/>'
+        f"{moved('rotate', turns(turn.crank_direction))}</g></g>",
+    ]
+    figure.dot(a, 7, "pivot")
+    figure.dot(b, 7, "pivot")
+    lengths = [f"{name} {getattr(linkage, name):.6g}" for name in ("crank", "coupler", "rocker", "ground")]
+    for number, (words, name) in enumerate(
+        (
+            (f"wanted: {len(wanted)} places and angles of a body", "big t-wanted"),
+            (f"while a crank turns by {request['crank_span']}°", "big t-wanted"),
+            (f"found: {', '.join(lengths[:2])},", "big"),
+            (", ".join(lengths[2:]), "big"),
+            ("reached: the error lies below the tolerance of 1e-10", "word"),
+        )
+    ):
+        figure.text(words, 66 + 8j, (0, -34 * number), name, "start")
+    figure.save("motion.svg", "The linkage found for the worked example, turning through the motion asked for")
+
+
+if __name__ == "__main__":
+    notation()
+    motion()
+    print(f"wrote {IMAGES}/notation.svg and motion.svg")
