@@ -13,7 +13,17 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
-__all__ = ["LIMITS", "MAX_LENGTH", "MAX_SAMPLES", "MIN_LENGTH", "MIN_SAMPLES", "Motion", "radians_in", "read_limits"]
+__all__ = [
+    "LIMITS",
+    "MAX_LENGTH",
+    "MAX_SAMPLES",
+    "MIN_LENGTH",
+    "MIN_SAMPLES",
+    "Motion",
+    "number",
+    "radians_in",
+    "read_limits",
+]
 
 LIMITS = ("transmission_angle_min", "pivot_box", "link_min", "link_max", "family")
 """Names of the limits, as over HTTP."""
@@ -87,6 +97,17 @@ class Motion:
         ]
 
 
+def number(field: str, value: Any, least: float = -np.inf) -> float:
+    """A finite number of at least ``least``, or a FieldError that names the argument."""
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        raise FieldError(f"/{field}", f"wanted a number, found {value!r}") from None
+    if not (np.isfinite(found) and found >= least):
+        raise FieldError(f"/{field}", f"wanted a finite number of at least {least:g}, found {found:g}")
+    return found
+
+
 def _numbers(name: str, values: ArrayLike) -> Any:
     try:
         return np.asarray(values, dtype=float)
@@ -112,12 +133,16 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
         if name not in LIMITS:
             raise FieldError(f"/limits/{name}", f"there is no such limit; there are {', '.join(LIMITS)}")
     given = {name: value for name, value in given.items() if value is not None}
+    for name in ("transmission_angle_min", "link_min", "link_max"):
+        if name in given:
+            given[name] = number(f"limits/{name}", given[name])
     if "transmission_angle_min" in given:
         given["transmission_angle_min"] *= motion.radian
-    if (box := given.get("pivot_box")) is not None:
-        if len(box) != 4:
-            raise FieldError("/limits/pivot_box", f"wanted [xmin, ymin, xmax, ymax], found {len(box)} numbers")
-        given["pivot_box"] = tuple(float(edge) for edge in box)
+    if "pivot_box" in given:
+        box = _numbers("limits/pivot_box", given["pivot_box"])
+        if box.shape != (4,):
+            raise FieldError("/limits/pivot_box", f"wanted [xmin, ymin, xmax, ymax], found shape {box.shape}")
+        given["pivot_box"] = tuple(box.tolist())
     checked = Limits(**given)
     checked.check_against(motion.target)
     return checked
