@@ -71,9 +71,9 @@ class Motion:
                 make_target(
                     None if rotation is None else _numbers("rotation", rotation) * radian,
                     None if position is None else _points(position),
-                    None if crank_span is None else float(_numbers("crank_span", crank_span)) * radian,
+                    None if crank_span is None else number("crank_span", crank_span) * radian,
                     None if crank_angle is None else _numbers("crank_angle", crank_angle) * radian,
-                    length_scale,
+                    None if length_scale is None else number("length_scale", length_scale),
                 ),
                 degrees,
             )
@@ -104,7 +104,8 @@ def number(field: str, value: Any, least: float = -np.inf) -> float:
     except (TypeError, ValueError):
         raise FieldError(f"/{field}", f"wanted a number, found {value!r}") from None
     if not (np.isfinite(found) and found >= least):
-        raise FieldError(f"/{field}", f"wanted a finite number of at least {least:g}, found {found:g}")
+        bound = "" if least == -np.inf else f" of at least {least:g}"
+        raise FieldError(f"/{field}", f"wanted a finite number{bound}")
     return found
 
 
