@@ -18,23 +18,24 @@ from threadpoolctl import threadpool_limits
 from benchmarks import baselines, report
 from benchmarks.product import (
     DEFAULT_TOLERANCE,
+    FOURBAR,
     TURN,
     AtlasRule,
     FullCrankChart,
-    Levels,
     Limits,
     OrderRule,
-    Problem,
+    ProjectedProblem,
     Scan,
+    SeedTables,
     Target,
     TypeRule,
+    Work,
     atlas_of,
     best_rows,
     counter_clockwise,
     coupler_angle,
-    make_solutions,
+    minimise,
     objective,
-    refine,
     search,
     target_of,
 )
@@ -97,6 +98,12 @@ def spread_out(unknowns: np.ndarray, count: int) -> np.ndarray:
     return np.sort(first)[:count]
 
 
+def solved(target: Target, lengths: np.ndarray, branch: np.ndarray, start: np.ndarray) -> float:
+    """The objective of one shape at a start, as a mounted linkage recomputed from its own numbers."""
+    linkages = FOURBAR.mounted(target, lengths, branch, start)
+    return FOURBAR.assess(target, linkages)[0].errors.objective
+
+
 def run_grid(grid: Grid, target: Target) -> Measured:
     """The rows of a grid as they are, and refined from several numbers of seeds; screening is part of each time."""
     clock, chart = time.process_time, FullCrankChart()
@@ -108,27 +115,28 @@ def run_grid(grid: Grid, target: Target) -> Measured:
         target, coupler_angle(grid.scan.lengths[row[few]], branch[few], start[few, None] + target.crank)
     )
     best = np.argmin(error, keepdims=True)
-    make_solutions(target, grid.scan.lengths[row[best]], branch[best], start[best])
+    solved(target, grid.scan.lengths[row[best]], branch[best], start[best])
     yield ROWS, grid.name, clock() - begin, error[best[0]]
     for seeds in SEEDS:
         begin = clock()
         unknowns = np.column_stack([grid.unknowns[row], start])
         sides = [np.flatnonzero(branch == side) for side in (1.0, -1.0)]
         seed = np.concatenate([places[spread_out(unknowns[places], seeds)] for places in sides])
-        done = refine(Problem(target, chart), unknowns[seed], branch[seed], STEPS, 0.3 * DEFAULT_TOLERANCE)
+        problem = ProjectedProblem(target, chart)
+        done = minimise(problem.evaluate, unknowns[seed], branch[seed], STEPS, 0.3 * DEFAULT_TOLERANCE)
         one = np.argmin(done.cost, keepdims=True)
         found = np.inf
         if np.isfinite(done.cost[one[0]]):
             lengths = chart.shape(done.unknowns[one, :3]).lengths
-            found = make_solutions(target, lengths, done.branch[one], done.unknowns[one, 3])[0].errors.objective
+            found = solved(target, lengths, branch[seed][one], done.unknowns[one, 3])
         yield REFINED, f"{grid.name}, {seeds} seeds a branch", clock() - begin + screened, found
 
 
-def run_service(levels: Levels, target: Target) -> Measured:
+def run_service(tables: SeedTables, target: Target) -> Measured:
     """The search of the service under budgets of processor time."""
     for budget in BUDGETS_MS:
         begin = time.process_time()
-        solutions, _ = search(levels, target, Limits(), 1, DEFAULT_TOLERANCE, time.process_time, budget / 1000)
+        solutions, _ = search(tables, target, Limits(), 1, work=Work(budget / 1000, clock=time.process_time))
         found = solutions[0].errors.objective if solutions else np.inf
         yield SERVICE, f"budget {budget} ms", time.process_time() - begin, found
 
@@ -156,16 +164,16 @@ def run_slow(target: Target, seed: int, missing: dict[str, str]) -> Measured:
 def measure(cases: int, slow_cases: int) -> dict[str, Any]:
     """All methods: of each class, method and setting the milliseconds and the J of its cases, in the order of their seeds."""
     begin, missing = time.perf_counter(), baselines.missing()
-    levels, published = Levels(), Scan(atlas_of(AtlasRule(TypeRule(), 128)))
+    tables, published = SeedTables(FOURBAR), Scan(atlas_of(AtlasRule(TypeRule(), 128)))
     grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
     warm = target_of(make_case("plain", 999).request)
-    for run in (run_service(levels, warm), run_grid(grids[0], warm), run_published(published, warm)):
+    for run in (run_service(tables, warm), run_grid(grids[0], warm), run_published(published, warm)):
         list(run)
     runs: dict[str, Any] = {}
     for kind in NAMES:
         for seed in range(cases):
             target = counter_clockwise(target_of(make_case(kind, seed).request))
-            parts = [run_service(levels, target), run_published(published, target)]
+            parts = [run_service(tables, target), run_published(published, target)]
             parts += [run_grid(grid, target) for grid in grids]
             parts += [run_slow(target, seed, missing)] if seed < slow_cases else []
             for method, setting, seconds, found in (one for part in parts for one in part):

@@ -17,7 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks import report
-from benchmarks.product import STARTS, Scan, Target, Windows, coupler_angle, load_atlas, make_target, window_errors
+from benchmarks.product import STARTS, Scan, Target, Windows, coupler_angle, load_atlas, make_target
 from benchmarks.report import repeat, significant, size
 from benchmarks.service import build
 
@@ -46,7 +46,7 @@ def one_by_one(scan: Scan, target: Target) -> float:
     rows = np.linspace(0, len(scan.lengths) - 1, NAIVE_TYPES).astype(int)
     row, start, branch = (v.ravel() for v in np.meshgrid(rows, np.arange(STARTS), [1, -1], indexing="ij"))
     windows = Windows(row, start, branch, np.zeros(row.size))
-    times = repeat(lambda: window_errors(scan.lengths, target, windows), 1, warm_up=0)
+    times = repeat(lambda: scan.errors(target, windows), 1, warm_up=0)
     return times.median.processor * len(scan.lengths) / NAIVE_TYPES
 
 

@@ -124,12 +124,12 @@ def text() -> str:
 
 
 def _solve() -> None:
-    from app.motion import SynthesizeRequest, answer_synthesize
+    from app.fourbar.answers import answer_synthesize
+    from app.fourbar.models import SynthesizeRequest
     from app.resources import ServiceResources
     from app.settings import Settings
 
     resources = ServiceResources(Settings())
-    _ = resources.levels
     for name, _, _, make in EXAMPLES:
         for budget in (120, 10000):
             request = SynthesizeRequest.model_validate({**make(), "top": 8, "budget_ms": budget})

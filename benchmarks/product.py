@@ -5,18 +5,21 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import numpy as np
-
-from app.motion import SynthesizeRequest, answer_synthesize
+import linkage_atlas as la
+from app.fourbar.answers import answer_synthesize
+from app.fourbar.models import SynthesizeRequest
 from app.resources import ServiceResources
 from app.settings import Settings
 from benchmarks.report import Times
+from linkage_atlas.motions import read_limits
 from synthesis.atlas.best import best_rows
-from synthesis.atlas.file import Atlas, AtlasRule, generator_versions, load_atlas
+from synthesis.atlas.file import generator_versions, load_atlas
 from synthesis.atlas.rows import compute_rows
-from synthesis.atlas.scan import STARTS, TIE, Scan, Windows, window_errors
+from synthesis.atlas.scan import STARTS, Scan
+from synthesis.atlas.table import Atlas, AtlasRule
+from synthesis.atlas.windows import TIE, Windows
 from synthesis.errors import FieldError
-from synthesis.fourbar.charts import AnyChart, Chart, FullCrankChart
+from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.dimension_types import (
     MAX_PERIMETER,
     OrderRule,
@@ -24,16 +27,22 @@ from synthesis.fourbar.dimension_types import (
     count_types,
     enumerate_types,
 )
-from synthesis.fourbar.kinematics import TURN, close_loop, coupler_angle, family
+from synthesis.fourbar.kinematics import close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.pose import objective
-from synthesis.fourbar.solution import make_solutions
-from synthesis.search.refine import LimitedProblem, Problem, refine
-from synthesis.search.search import DEFAULT_TOLERANCE, Levels, mirrored, search
-from synthesis.target import MIN_SPAN, Target, make_target
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.least_squares import minimise
+from synthesis.mechanism import Chart
+from synthesis.pose import objective
+from synthesis.search.limited import LimitedProblem
+from synthesis.search.projected import ProjectedProblem
+from synthesis.search.search import DEFAULT_TOLERANCE, search
+from synthesis.search.seeds import SeedTables
+from synthesis.target import MIN_SPAN, TURN, Target, make_target
+from synthesis.work import Work
 
 __all__ = [
     "DEFAULT_TOLERANCE",
+    "FOURBAR",
     "MAX_PERIMETER",
     "MIN_SPAN",
     "STARTS",
@@ -45,17 +54,18 @@ __all__ = [
     "Chart",
     "FieldError",
     "FullCrankChart",
-    "Levels",
     "LimitedProblem",
     "Limits",
     "OrderRule",
-    "Problem",
+    "ProjectedProblem",
     "Scan",
+    "SeedTables",
     "ServiceResources",
     "Settings",
     "Target",
     "TypeRule",
     "Windows",
+    "Work",
     "answer",
     "atlas_of",
     "best_rows",
@@ -67,22 +77,19 @@ __all__ = [
     "family",
     "limits_of",
     "load_atlas",
-    "make_solutions",
     "make_target",
+    "minimise",
     "objective",
     "prepared_service",
-    "refine",
     "search",
     "target_of",
-    "window_errors",
 ]
 
 
 def prepared_service() -> ServiceResources:
     """What a service holds after its start without an atlas file."""
-    resources = ServiceResources(Settings())
-    _ = resources.levels
-    return resources
+    la.prepare()
+    return ServiceResources(Settings())
 
 
 def answer(request: dict[str, Any], resources: ServiceResources, times: Times) -> dict[str, Any]:
@@ -94,31 +101,30 @@ def answer(request: dict[str, Any], resources: ServiceResources, times: Times) -
     return json.loads(times.run(reply))
 
 
+def _motion(request: dict[str, Any]) -> la.Motion:
+    parts = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
+    return la.Motion.of(*(request.get(name) for name in parts), degrees=request.get("angle_unit", "deg") == "deg")
+
+
 def target_of(request: dict[str, Any]) -> Target:
     """A request as the numerics see it."""
-    model = SynthesizeRequest.model_validate(request)
-    return model.target(model.rotation, model.position, model.length_scale)
+    return _motion(request).target
 
 
 def counter_clockwise(target: Target) -> Target:
     """The same motion, mirrored where the crank turns clockwise."""
-    return mirrored(target) if target.span < 0 else target
+    return target.mirrored() if target.clockwise else target
 
 
-def limits_of(request: dict[str, Any], clockwise: bool = False) -> Limits:
+def limits_of(request: dict[str, Any]) -> Limits:
     """The limits of a request, mirrored where its crank turns clockwise."""
-    asked = request["limits"]
-    box = asked.get("pivot_box")
-    if clockwise and box is not None:
-        box = (box[0], -box[3], box[2], -box[1])
-    least = np.radians(asked.get("transmission_angle_min", 0.0))
-    return Limits(
-        asked["family"], least, None if box is None else tuple(box), asked.get("link_min"), asked.get("link_max")
-    )
+    motion = _motion(request)
+    limits = read_limits(request["limits"], motion)
+    return limits.mirrored() if motion.target.clockwise else limits
 
 
 def atlas_of(rule: AtlasRule) -> Atlas:
     """An atlas made in this process, without a file."""
     lengths = enumerate_types(rule.types)
     rows = compute_rows(lengths, rule.samples)
-    return Atlas(rule, lengths.astype("<u2"), generator=generator_versions(), **rows._asdict())
+    return Atlas(rule=rule, lengths=lengths.astype("<u2"), generator=generator_versions(), **rows._asdict())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from threading import Event
 
 import numpy as np
@@ -204,6 +205,23 @@ def test_few_windows_of_a_reachable_motion_are_looked_at(both_ways, monkeypatch)
         looked_at = 0
         scan.best(request(scan, rng, "between"), 10)
         assert 0 < looked_at < 0.06 * scan.windows
+
+
+def test_a_scan_whose_series_for_positions_are_not_there_keeps_a_short_budget(atlas_path) -> None:
+    """Processor time, so that a busy machine does not matter; making the series alone takes many times the budget."""
+    scan = Scan(load_atlas(atlas_path), threads=2)
+    spent = []
+    for seed in range(4):
+        target = request(scan, np.random.default_rng(seed), "both")
+        begin = time.process_time()
+        found, report = scan.best(target, 10, work=Work(0.02, clock=time.process_time))
+        spent.append(time.process_time() - begin)
+        assert not report.exhaustive and found.row.size == 10
+        # what is returned are windows with their exact errors, if not the best ones
+        assert np.allclose(found.error, scan.errors(target, found), rtol=1e-9)
+    assert min(spent) < 0.15
+    begin = time.process_time()
+    assert scan.prepare_positions(Work()) and time.process_time() - begin > 0.5
 
 
 def test_types_that_the_file_leaves_unresolved_are_taken_from_their_lengths() -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from threading import Event
 
 import numpy as np
@@ -14,10 +14,9 @@ from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import scan as scan_module
 from synthesis.atlas.cells import Arcs, Cells, make_cells
 from synthesis.atlas.descent import Descent
-from synthesis.atlas.file import load_atlas
 from synthesis.atlas.matrices import Matrices
 from synthesis.atlas.scan import HARMONICS, SERIES_ERROR, STARTS, Scan
-from synthesis.atlas.series import join, prepare, prepare_phasors
+from synthesis.atlas.series import Phasors, join, prepare, prepare_phasors
 from synthesis.atlas.table import AtlasRule, Table
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -50,11 +49,13 @@ class Bounds:
             shares.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
         return cls(table, [make_cells(join(shares[key])) for key in sorted(shares)])
 
+    @cached_property
+    def phasors(self) -> list[Phasors]:
+        return [prepare_phasors(self.table, cells.bucket, 512, Event()) for cells in self.cells]
+
     def below(self, target: Target, limit: float) -> tuple[np.ndarray, np.ndarray]:
         """Numbers (as of `every_window`, see `place_of`) and bounds of all windows that a limit leaves."""
-        phasors = [None] * len(self.cells)
-        if target.position is not None:
-            phasors = [prepare_phasors(self.table, cells.bucket, 512, Event()) for cells in self.cells]
+        phasors = [None] * len(self.cells) if target.position is None else self.phasors
         reaches = [cells.bucket.harmonics for cells in self.cells] + [p.reach for p in phasors if p is not None]
         arcs, matrices = Arcs(target, STARTS), Matrices(target, 2 * max(reaches), STARTS)
         parts = [Descent(cells, arcs, matrices, known) for cells, known in zip(self.cells, phasors)]
@@ -109,9 +110,7 @@ def naive_scan(scan: Scan, target: Target, top: int) -> tuple[Windows, Windows]:
     return windows.take(order[:top]), windows
 
 
-def random_target(
-    scan: Scan, rng: np.random.Generator, kind: str, reachable: bool, weighted: bool = False
-) -> Target:
+def random_target(scan: Scan, rng: np.random.Generator, kind: str, reachable: bool, weighted: bool = False) -> Target:
     """A motion of some type of the atlas, or of nothing at all; samples weighed and some missing, or all alike."""
     samples = int(rng.integers(8, 65))
     span = rng.choice([1, -1]) * np.deg2rad(rng.uniform(10, 350))
@@ -167,7 +166,7 @@ def check_scan(scan: Scan, bounds_of: Bounds, target: Target, top: int) -> None:
 @pytest.mark.parametrize("name", ATLASES)
 def test_scan_is_that_of_all_windows(scans, bounds_of, name, kind, reachable, weighted) -> None:
     rng = np.random.default_rng([list(ATLASES).index(name), len(kind), reachable, weighted])
-    for top in (1, 10, 60):
+    for top in (10,) if weighted else (1, 60):
         check_scan(scans[name], bounds_of[name], random_target(scans[name], rng, kind, reachable, weighted), top)
 
 
@@ -305,20 +304,6 @@ class Counting:
     def __call__(self) -> float:
         self.readings += 1
         return self.readings - 1
-
-
-def test_a_scan_whose_series_for_positions_are_not_there_keeps_a_short_budget(atlas_path) -> None:
-    """Processor time, so that a busy machine does not matter; making the series alone takes many times the budget."""
-    scan, again = (Scan(load_atlas(atlas_path)) for _ in range(2))
-    target = random_target(scan, np.random.default_rng(3), "both", False)
-    begin = time.process_time()
-    found, report = scan.best(target, 10, work=Work(0.02, clock=time.process_time))
-    assert time.process_time() - begin < 0.12
-    assert not report.exhaustive and found.row.size == 10
-    # what is returned are windows with their exact errors, if not the best ones
-    assert np.allclose(found.error, again.errors(target, found), rtol=1e-12)
-    begin = time.process_time()
-    assert again.prepare_positions(Work()) and time.process_time() - begin > 0.2
 
 
 def test_an_atlas_without_types_has_no_answers() -> None:
