@@ -11,16 +11,17 @@ import xml.etree.ElementTree as ElementTree
 import ezdxf
 import numpy as np
 import pytest
-from app.export import ExportSolution, mounted
-from app.motion import SynthesizeRequest
-from app.queries import worked_example
 from fastapi.testclient import TestClient
 
 import linkage_atlas as la
+from app import cli
+from app.fourbar.answers import worked_example
 from app.main import create_app
 from synthesis.errors import FieldError
-from synthesis.fourbar.files import Linkage, to_csv, to_dxf, to_mjcf, to_svg
-from synthesis.target import make_target
+from synthesis.fourbar.drawing import to_svg
+from synthesis.fourbar.files import to_csv, to_dxf, to_mjcf
+from synthesis.fourbar.linkage import Linkage
+from synthesis.target import Interval, make_target
 
 DEG = np.pi / 180
 SVG = "{http://www.w3.org/2000/svg}"
