@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import threading
 import time
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -41,9 +42,9 @@ class ServiceResources:
         atlas = self.atlas
         return {**atlas.describe(), "scan_bytes": atlas.scan.nbytes, "load_ms": 1000 * self.load_seconds}
 
-    def work(self, budget: float | None = None) -> la.Work:
-        """A watch over the time of an answer, in seconds."""
-        return la.Work(budget)
+    def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
+        """A watch over the time of an answer, in seconds, and over whether it is still wanted."""
+        return la.Work(budget, cancelled)
 
     def prepare(self) -> None:
         """Load everything now; an atlas that cannot be used is remembered as the `failure` and not raised."""

@@ -24,6 +24,16 @@ class Turnstile:
         self._most = concurrent + waiting
         self._inside = 0
 
+    @property
+    def computing(self) -> int:
+        """Requests that compute now."""
+        return self._limiter.borrowed_tokens
+
+    @property
+    def waiting(self) -> int:
+        """Requests that wait for their turn."""
+        return self._limiter.statistics().tasks_waiting
+
     async def run(
         self, request: Request, function: Callable[[Any, Resources], Any], body: Any, resources: Resources
     ) -> Any:
@@ -68,7 +78,7 @@ async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScop
 class _Attended:
     """Resources of one request, whose work is cancelled once the client has gone."""
 
-    def __init__(self, resources: Resources, gone: threading.Event) -> None:
+    def __init__(self, resources: Any, gone: threading.Event) -> None:
         self._resources = resources
         self._gone = gone
 
@@ -77,4 +87,4 @@ class _Attended:
 
     def work(self, budget: float | None = None) -> Work:
         """A watch that also asks whether the client is still there."""
-        return Work(budget, self._gone.is_set)
+        return self._resources.work(budget, self._gone.is_set)

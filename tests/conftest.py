@@ -10,8 +10,9 @@ from hypothesis import HealthCheck, settings
 
 from data_build.batch import build_atlas
 from data_build.executors import local_executor
-from synthesis.atlas.file import Atlas, AtlasRule, encode_atlas, generator_versions
+from synthesis.atlas.file import encode_atlas, generator_versions
 from synthesis.atlas.rows import compute_rows
+from synthesis.atlas.table import Atlas, AtlasRule
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 
 # Every run tries the same examples, and a slow machine is no failure.
@@ -25,7 +26,7 @@ def make_atlas(rule: AtlasRule) -> Atlas:
     """An atlas in memory, without the batch."""
     lengths = enumerate_types(rule.types)
     rows = compute_rows(lengths, rule.samples)
-    return Atlas(rule, lengths.astype("<u2"), generator=generator_versions(), **rows._asdict())
+    return Atlas(rule=rule, lengths=lengths.astype("<u2"), generator=generator_versions(), **rows._asdict())
 
 
 @pytest.fixture(scope="session")

@@ -74,12 +74,6 @@ def curve_from_features(average: ArrayLike, details: ArrayLike, normalisation: s
     return pywt.waverec(parts, "haar", mode="periodization", axis=-1)
 
 
-def similarity(details: ArrayLike, other: ArrayLike) -> Floats:
-    """Rms difference of curves after the best constant offset, from their orthonormal details, shape (...)."""
-    details, other = np.asarray(details, dtype=float), np.asarray(other, dtype=float)
-    return np.sqrt(np.sum((details - other) ** 2, axis=-1) / (details.shape[-1] + 1))
-
-
 def resample(crank_angle: ArrayLike, curve: ArrayLike) -> tuple[Floats, Floats]:
     """A curve at evenly spaced crank angles, as many as the next power of two.
 

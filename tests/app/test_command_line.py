@@ -10,6 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
+import sysconfig
 import time
 import urllib.error
 import urllib.request
@@ -21,9 +22,15 @@ import pytest
 from app.queries import all_queries, worked_example
 
 import linkage_atlas
+<<<<<<< HEAD
+=======
+from app import cli
+from app.fourbar.answers import worked_example
+from app.registry import all_queries
+>>>>>>> coretests
 
 ROOT = Path(__file__).parents[2]
-COMMAND = [sys.executable, "linkage_atlas.py"]
+COMMAND = [str(Path(sysconfig.get_path("scripts")) / "linkage-atlas")]
 OK, USAGE, DAMAGED, INTERRUPTED = 0, 2, 3, 130
 
 
@@ -52,7 +59,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
         raw = stdin.encode() if isinstance(stdin, str) else stdin
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(raw)))
         try:
-            code = linkage_atlas.main([str(argument) for argument in arguments])
+            code = cli.main([str(argument) for argument in arguments])
         except SystemExit as end:
             code = end.code
         out, err = capsys.readouterr()
@@ -199,10 +206,10 @@ def test_an_impossible_port_is_refused(port, run) -> None:
 
 
 def test_an_interrupt_ends_with_130(run, request_file, small_path, monkeypatch) -> None:
-    def interrupt(*_: object) -> None:
+    def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("app.motion.make_target", interrupt)
+    monkeypatch.setattr("linkage_atlas.match", interrupt)
     assert run("match", request_file, "--atlas", small_path) == (INTERRUPTED, "", "interrupted\n")
 
 

@@ -6,8 +6,8 @@ import json
 import math
 import threading
 import time
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Callable, Iterator
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,13 @@ import pytest
 from app.queries import all_queries, worked_example
 from fastapi.testclient import TestClient
 
+import linkage_atlas as la
+from app.fourbar.answers import worked_example
 from app.main import create_app
+<<<<<<< HEAD
+=======
+from app.registry import all_queries
+>>>>>>> coretests
 from app.resources import ServiceResources
 from app.scenes import scene_queries
 from app.settings import Settings
@@ -315,11 +321,8 @@ def test_tolerance_decides_the_status(client) -> None:
 class TickingResources(ServiceResources):
     """A clock that goes on by ten milliseconds whenever it is looked at: the same budget on every machine."""
 
-    now = 0.0
-
-    def clock(self) -> float:
-        self.now += 0.01
-        return self.now
+    def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
+        return la.Work(budget, cancelled, count(step=0.01).__next__)
 
 
 def ticking(**settings: Any) -> TestClient:
@@ -634,10 +637,10 @@ def test_an_impossible_type_is_pointed_at(number, client) -> None:
 
 
 def test_a_fault_of_the_service_is_a_problem_too(client, monkeypatch) -> None:
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise RuntimeError(MARK)
 
-    monkeypatch.setattr("app.motion.make_target", fail)
+    monkeypatch.setattr("linkage_atlas.synthesize", fail)
     with TestClient(create_app(Settings(atlas=Path("none"))), raise_server_exceptions=False) as blunt:
         reply = blunt.post("/v1/synthesize", json=EXAMPLE)
     values = problem(reply, range(500, 501))
@@ -690,16 +693,17 @@ def test_overload_is_refused_at_once_while_health_answers(tmp_path) -> None:
     release, running = threading.Event(), threading.Event()
     settings = Settings(atlas=tmp_path / "none", max_concurrent=1, max_waiting=1)
 
-    class Slow(ServiceResources):
-        def clock(self) -> float:
-            running.set()
-            assert release.wait(30)
-            return time.perf_counter()
+    def held() -> bool:
+        running.set()
+        assert release.wait(30)
+        return False
 
-    resources = ServiceResources(settings)
+    class Slow(ServiceResources):
+        def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
+            return la.Work(budget, held)
+
     statuses: list[int] = []
-    with TestClient(create_app(resources=resources)) as client:
-        resources.__class__ = Slow
+    with TestClient(create_app(resources=Slow(settings))) as client:
 
         def post() -> None:
             statuses.append(client.post("/v1/synthesize", json={**EXAMPLE, "top": 1}).status_code)
@@ -708,8 +712,7 @@ def test_overload_is_refused_at_once_while_health_answers(tmp_path) -> None:
         threads[0].start()
         assert running.wait(30)
         threads[1].start()
-        waiting = client.app.state.turnstile._limiter.statistics
-        while not waiting().tasks_waiting:
+        while not client.app.state.turnstile.waiting:
             time.sleep(0.01)
         reply = client.post("/v1/synthesize", json=EXAMPLE)
         problem(reply, range(503, 504))

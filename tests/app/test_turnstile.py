@@ -19,8 +19,16 @@ import pytest
 import uvicorn
 from app.queries import all_queries, worked_example
 
+<<<<<<< HEAD
 from app.main import create_app
 from app.problems import ClientGone, Overloaded
+=======
+import linkage_atlas as la
+from app.fourbar.answers import worked_example
+from app.main import create_app
+from app.problems import Overloaded
+from app.registry import all_queries
+>>>>>>> coretests
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile
@@ -44,24 +52,27 @@ STROKE = {"stroke": [200, 510], "objective": {"kind": "discrete", "n": 500}}
 class Slow(ServiceResources):
     """A clock whose readings take their time: the search in noise takes all of its 30 s on every machine."""
 
-    def clock(self) -> float:
-        time.sleep(0.05)
-        return super().clock()
+    def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
+        def clock() -> float:
+            time.sleep(0.05)
+            return time.perf_counter()
+
+        return la.Work(budget, cancelled, clock)
 
 
 class Service:
     """A real server in this process, with one place to compute and one to wait."""
 
-    def __init__(self, port: int, limiter: Any) -> None:
-        self.port, self._limiter = port, limiter
+    def __init__(self, port: int, turnstile: Turnstile) -> None:
+        self.port, self._turnstile = port, turnstile
 
     @property
     def computing(self) -> int:
-        return self._limiter.borrowed_tokens
+        return self._turnstile.computing
 
     @property
     def waiting(self) -> int:
-        return self._limiter.statistics().tasks_waiting
+        return self._turnstile.waiting
 
     def post(
         self, path: str, body: dict[str, Any], connection: http.client.HTTPConnection | None = None
@@ -95,7 +106,7 @@ def serving(resources: ServiceResources) -> Iterator[Service]:
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
         thread.start()
         until(lambda: server.started)
-        yield Service(listener.getsockname()[1], service.state.turnstile._limiter)
+        yield Service(listener.getsockname()[1], service.state.turnstile)
         server.should_exit = True
         thread.join(PATIENCE)
 
@@ -129,12 +140,12 @@ def test_work_ends_soon_after_its_client_has_gone(path, body, service, caplog) -
 def test_nothing_is_computed_for_a_client_that_went_while_it_waited(service, monkeypatch) -> None:
     searched = []
 
-    def recording(levels, target, limits, top, *others):
+    def recording(*arguments, top, **others):
         searched.append(top)
-        return search(levels, target, limits, top, *others)
+        return synthesize(*arguments, top=top, **others)
 
-    search = app.motion.search
-    monkeypatch.setattr(app.motion, "search", recording)
+    synthesize = la.synthesize
+    monkeypatch.setattr(la, "synthesize", recording)
     computing = service.post("/v1/synthesize", {**NOISE, "top": 11})
     until(lambda: searched == [11])
     impatient = service.post("/v1/synthesize", {**NOISE, "top": 12})
@@ -162,15 +173,16 @@ def test_a_client_that_stays_is_answered_again_and_again(service) -> None:
 
 
 class Abandoned(ServiceResources):
-    """A clock that is read twice, then the client has gone."""
+    """A client that is asked for twice, then it has gone."""
 
     left = 2
 
-    def clock(self) -> float:
+    def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
+        return la.Work(budget, self.gone)
+
+    def gone(self) -> bool:
         self.left -= 1
-        if self.left < 0:
-            raise ClientGone
-        return super().clock()
+        return self.left < 0
 
 
 @pytest.mark.parametrize(
@@ -192,7 +204,7 @@ def test_long_work_asks_the_clock_throughout(path, body, small_bytes, tmp_path, 
     resources.prepare()
     monkeypatch.setattr(resources, "__class__", Abandoned)
     begin = time.process_time()
-    with pytest.raises(ClientGone):
+    with pytest.raises(la.Cancelled):
         query.answer(query.request(**body), resources)
     assert resources.left == -1 and time.process_time() - begin < SOON
 

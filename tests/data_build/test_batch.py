@@ -25,7 +25,8 @@ from data_build import batch
 from data_build.batch import BuildLocked, build_atlas, compute_shard
 from data_build.cli import EXIT_DAMAGED, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, main
 from data_build.executors import dask_executor, local_executor
-from synthesis.atlas.file import AtlasRule, encode_atlas, load_atlas
+from synthesis.atlas.file import encode_atlas, load_atlas
+from synthesis.atlas.table import AtlasRule
 from synthesis.fourbar.dimension_types import TypeRule, enumerate_types
 from tests.conftest import make_atlas
 

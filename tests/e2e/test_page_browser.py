@@ -21,8 +21,13 @@ import httpx2 as httpx
 import numpy as np
 import pytest
 import uvicorn
+<<<<<<< HEAD
 from app.export import ExportSolution, mounted
 
+=======
+
+import linkage_atlas as la
+>>>>>>> coretests
 from app.main import create_app
 from app.scenes import SCENES
 
@@ -218,16 +223,16 @@ def test_joints_are_drawn_where_the_reply_says(opened, address, example) -> None
     span = request.get("crank_span") or request["crank_angle"][-1]
     for rank in (0, min(2, len(reply["solutions"]) - 1)):
         opened.find_elements(By.CSS_SELECTOR, "#solutions button")[rank].click()
-        linkage = mounted(ExportSolution.model_validate(reply["solutions"][rank]), DEG)
+        linkage = la.FourBar.from_dict(reply["solutions"][rank])
         for share in (0.0, 0.37, 1.0):
             slide(opened, abs(span) * share)
-            wanted = linkage.joints(np.array([share * span * DEG]))
+            wanted = linkage.joints([share * span])
             half_pixel = 0.5 / view(opened)[2]
-            assert abs(drawn(opened, "a") - wanted.pivot_a) < half_pixel
-            assert abs(drawn(opened, "b") - wanted.pivot_b) < half_pixel
-            assert abs(drawn(opened, "d") - wanted.crank_pin[0]) < half_pixel
-            assert abs(drawn(opened, "c") - wanted.coupler_pin[0]) < half_pixel
-            assert abs(drawn(opened, "p") - wanted.body_point[0]) < half_pixel
+            assert abs(drawn(opened, "a") - complex(*wanted.pivot_a)) < half_pixel
+            assert abs(drawn(opened, "b") - complex(*wanted.pivot_b)) < half_pixel
+            assert abs(drawn(opened, "d") - complex(*wanted.crank_pin[0])) < half_pixel
+            assert abs(drawn(opened, "c") - complex(*wanted.coupler_pin[0])) < half_pixel
+            assert abs(drawn(opened, "p") - complex(*wanted.body_point[0])) < half_pixel
 
 
 @pytest.mark.timed

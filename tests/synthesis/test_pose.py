@@ -6,44 +6,63 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthesis.fourbar.pose import DEGENERATE, fit_positions, mount, objective, position_condition, wrap
 
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.scan import Scan
-from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.fourbar.kinematics import coupler_angle, wrap
 from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.solution import mounted
+from synthesis.pose import DEGENERATE, fit_positions, objective
 from synthesis.target import Target, make_target
+from tests.oracles import naive
+from tests.oracles.conditions import position_condition
 
 LENGTHS = np.array([19.0, 72, 144, 165])
 laws = settings(derandomize=True, max_examples=30, deadline=None)
 
 
-def motion(seed: int, span: float = 2.0, noise: float = 0.0) -> tuple[Target, np.ndarray]:
-    """A motion of `LENGTHS` with random pose, and theta2."""
+def motion(seed: int, span: float = 2.0, noise: float = 0.0, weighted: bool = False) -> tuple[Target, np.ndarray]:
+    """A motion of `LENGTHS` with random pose, and theta2; the samples weighed, a third of them missing, or all alike."""
     rng = np.random.default_rng(seed)
     crank = np.linspace(0, span, 24)
     theta2 = coupler_angle(LENGTHS, 1, rng.uniform(0, 6) + crank)
     pivot, z1, z2, *other = rng.normal(size=27) + 1j * rng.normal(size=27)
     position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * theta2) + noise * np.array(other)
-    return make_target(position=position, crank_span=span), theta2
+    weights = rng.uniform(0.1, 3, 24) * (np.arange(24) % 3 > 0) if weighted else None
+    return make_target(position=position, crank_span=span, position_weights=weights), theta2
 
 
 @laws
-@given(st.integers(0, 10**6), st.sampled_from([0.0, 0.3]), st.sampled_from([0.5, 2.0, -5.0]))
-def test_no_other_pose_is_better(seed, noise, span) -> None:
-    target, theta2 = motion(seed, span, noise)
+@given(st.integers(0, 10**6), st.sampled_from([0.0, 0.3]), st.sampled_from([0.5, 2.0, -5.0]), st.booleans())
+def test_no_other_pose_is_better(seed, noise, span, weighted) -> None:
+    target, theta2 = motion(seed, span, noise, weighted)
+    mean = target.position_mean
     fit = fit_positions(target, theta2[None, :])
     columns = np.stack([np.ones(24), np.exp(1j * target.crank), np.exp(1j * theta2)])
     pose = np.array([fit.pivot[0], fit.crank_vector[0], fit.coupler_vector[0]])
     assert np.allclose(target.position - pose @ columns, fit.residual[0], rtol=0, atol=1e-11)
-    least = np.mean(np.abs(fit.residual) ** 2)
+    least = mean(np.abs(fit.residual) ** 2)[0]
     rng = np.random.default_rng(seed)
     for size in (1e-3, 1e-1, 10.0):
         moved = pose + size * (rng.normal(size=3) + 1j * rng.normal(size=3))
-        assert np.mean(np.abs(target.position - moved @ columns) ** 2) >= least
-    if not noise:
-        assert np.sqrt(least) < 1e-13
+        assert mean(np.abs(target.position - moved @ columns) ** 2) >= least
+    assert noise or np.sqrt(least) < 1e-13
+
+
+@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_pose_is_that_of_a_plain_least_squares_fit(seed, weighted) -> None:
+    target, theta2 = motion(seed, noise=0.3, weighted=weighted)
+    columns = [np.ones(24), np.exp(1j * target.crank), np.exp(1j * theta2)]
+    left, wanted = naive.fit(columns, target.position, target.position_weights)
+    fit = fit_positions(target, theta2[None, :])
+    found = np.array([fit.pivot[0], fit.crank_vector[0], fit.coupler_vector[0]])
+    # numpy's fit of columns so alike loses a few digits
+    assert found == pytest.approx(wanted, rel=1e-9)
+    assert target.position_mean(np.abs(fit.residual[0]) ** 2) == pytest.approx(left, rel=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -51,10 +70,10 @@ def test_no_other_pose_is_better(seed, noise, span) -> None:
 )
 def test_pose_follows_the_motion(scale, offset) -> None:
     target, theta2 = motion(4)
-    moved = make_target(position=scale * target.position + offset, crank_span=target.span)
+    moved = make_target(position=scale * target.position + offset, crank_span=target.interval.last)
     before, after = (fit_positions(case, theta2[None, :]) for case in (target, moved))
     # an offset of 10^6 sizes leaves ten digits of the positions, of which the fit's condition takes some
-    lost = 1e-12 + 1e-16 * abs(offset) / scale * position_condition(target, theta2[None, :])[0]
+    lost = 1e-12 + 1e-16 * abs(offset) / scale * position_condition(target.crank, theta2)
     for name in ("crank_vector", "coupler_vector"):
         assert getattr(after, name)[0] / scale == pytest.approx(getattr(before, name)[0], abs=4 * lost)
     assert (after.pivot[0] - offset) / scale == pytest.approx(before.pivot[0], abs=4 * lost)
@@ -65,14 +84,34 @@ def test_mount_puts_the_body_point_where_the_fit_has_it() -> None:
     target, theta2 = motion(5, noise=0.1)
     fit = fit_positions(target, theta2[None, :])
     for start in (0.0, 2.0, -40.0):
-        pose = mount(LENGTHS, start, fit.pivot[0], fit.crank_vector[0], fit.coupler_vector[0])
-        point = pose.body_point(LENGTHS, start + target.crank, theta2)
-        assert np.allclose(target.position - point, fit.residual[0], rtol=0, atol=1e-12)
-        ground = pose.pivot_b - pose.pivot_a
-        assert abs(ground) == pytest.approx(pose.scale * LENGTHS[3])
-        assert np.angle(ground) == pytest.approx(pose.ground_angle)
-        assert pose.scale > 0 and pose.coupler_radius >= 0
-        assert -np.pi < pose.ground_angle <= np.pi and -np.pi < pose.coupler_angle <= np.pi
+        angle = coupler_angle(LENGTHS, 1, start + target.crank)
+        own = fit_positions(target, angle[None, :])
+        (one,) = mounted(target, LENGTHS[None], [1], [start])
+        check_pose(one, target, angle, own.residual[0])
+        # the same linkage from its pose
+        pose = own.pivot, np.angle(own.crank_vector) - start, own.coupler_vector
+        (posed,) = FOURBAR.posed(np.array([one.links]), np.array([1]), np.array([start]), pose)
+        check_pose(posed, target, angle, own.residual[0])
+    best = mounted(target, LENGTHS[None], [1], [true_start(5)])[0]
+    check_pose(best, target, theta2, fit.residual[0])
+
+
+def true_start(seed: int) -> float:
+    """The start from which `motion` has its linkage turn."""
+    return np.random.default_rng(seed).uniform(0, 6)
+
+
+def check_pose(one: Linkage, target: Target, theta2: np.ndarray, residual: np.ndarray) -> None:
+    point = one.body_point(one.start + target.crank, theta2)
+    assert np.allclose(target.position - point, residual, rtol=0, atol=1e-12)
+    ground = one.pivot_b - one.pivot_a
+    scale = one.links[0] / LENGTHS[0]
+    assert np.allclose(one.links, scale * LENGTHS, rtol=1e-14)
+    assert abs(ground) == pytest.approx(scale * LENGTHS[3])
+    assert np.angle(ground) == pytest.approx(one.ground_angle)
+    radius, angle = one.coupler_point
+    assert scale > 0 and radius >= 0
+    assert -np.pi < one.ground_angle <= np.pi and -np.pi < angle <= np.pi
 
 
 def test_wrap_keeps_pi_and_turns_minus_pi() -> None:
@@ -121,15 +160,17 @@ def test_worked_example_is_recovered(default_scan, scale, offset) -> None:
     solutions, report = best_rows(default_scan, target, Limits(), 3)
     assert report.exhaustive
     best = solutions[0]
-    assert (best.row + 1, best.branch) == (45_185, 1)
-    assert np.rad2deg(best.start) == pytest.approx(30)
+    assert (best.row + 1, best.linkage.branch) == (45_185, 1)
+    one = best.linkage
+    radius, angle = one.coupler_point
+    assert np.rad2deg(one.start) == pytest.approx(30)
     digits = 1e-6 if not offset else 1e-3
-    assert best.links / scale == pytest.approx(LENGTHS, rel=digits)
-    assert np.rad2deg(best.mount.ground_angle) == pytest.approx(30, abs=100 * digits)
-    assert np.rad2deg(best.mount.coupler_angle) == pytest.approx(60, abs=100 * digits)
-    assert best.mount.coupler_radius / scale == pytest.approx(20, rel=digits)
-    assert best.mount.pivot_a / scale == pytest.approx(pivot, abs=10 * digits)
-    assert best.body_offset + theta4 == pytest.approx(-0.8012, abs=digits)
+    assert np.array(one.links) / scale == pytest.approx(LENGTHS, rel=digits)
+    assert np.rad2deg(one.ground_angle) == pytest.approx(30, abs=100 * digits)
+    assert np.rad2deg(angle) == pytest.approx(60, abs=100 * digits)
+    assert radius / scale == pytest.approx(20, rel=digits)
+    assert one.pivot_a / scale == pytest.approx(pivot, abs=10 * digits)
+    assert one.body_offset + theta4 == pytest.approx(-0.8012, abs=digits)
     assert best.errors.objective < digits
     objectives = [solution.errors.objective for solution in solutions]
     assert objectives == sorted(objectives) and len({s.row for s in solutions}) == 3

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from synthesis.fourbar.kinematics import close_loop, condition_of_closure, family
+from synthesis.fourbar.kinematics import close_loop, family
+from tests.oracles.conditions import condition_of_closure
 
 FILE = Path(__file__).with_name("kinematics.json")
 SEED = 20240817

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import time
+from threading import Event
+
 import numpy as np
 import pytest
 
 from synthesis.atlas import cells as scan_cells
-from synthesis.atlas import descent as scan_descent
-from synthesis.atlas import scan as scan_module
-from synthesis.atlas.cells import ARCS, PARTS, Arcs, Cells
+from synthesis.atlas.cells import ARCS, PARTS, Arcs, Cells, make_cells
 from synthesis.atlas.descent import Left
-from synthesis.atlas.file import AtlasRule, load_atlas
-from synthesis.atlas.scan import STARTS, Scan
+from synthesis.atlas.file import load_atlas
+from synthesis.atlas.matrices import RotationMatrix
+from synthesis.atlas.scan import HARMONICS, SERIES_ERROR, STARTS, Scan
+from synthesis.atlas.series import Bucket, prepare, prepare_phasors
+from synthesis.atlas.table import Atlas, AtlasRule
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
-from synthesis.fourbar.kinematics import TURN, coupler_angle
-from synthesis.target import Target, make_target
+from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.target import TURN, Target, make_target
+from synthesis.work import Cancelled, Work
 from tests.conftest import make_atlas
 
 
@@ -25,7 +30,13 @@ def cells() -> list[Cells]:
         patch.setattr(scan_cells, "LEAF", 3)
         patch.setattr(scan_cells, "FEWEST", 1)
         atlas = make_atlas(AtlasRule(TypeRule(72, 2, OrderRule.FULL_CRANK), 64))
-        return [cells for cells in Scan(atlas)._cells if len(cells.levels) > 1]
+        made = [make_cells(bucket) for bucket in buckets(atlas)]
+        return [cells for cells in made if len(cells.levels) > 1]
+
+
+def buckets(atlas: Atlas) -> list[Bucket]:
+    """The series of an atlas as a scan prepares them."""
+    return list(prepare(atlas, np.arange(len(atlas)), SERIES_ERROR, HARMONICS))
 
 
 def types_below(cells: Cells, level: int, cell: int) -> np.ndarray:
@@ -177,42 +188,62 @@ def test_ties_of_all_windows_go_by_number(both_ways) -> None:
 def test_few_windows_of_a_reachable_motion_are_looked_at(both_ways, monkeypatch) -> None:
     scan, _ = both_ways
     looked_at = 0
-    error = scan_descent.RotationMatrix._error
 
-    def counted(*values):
-        nonlocal looked_at
-        result = error(*values)
-        looked_at += result.size
-        return result
+    def counting(method):
+        def counted(*values):
+            nonlocal looked_at
+            result = method(*values)
+            looked_at += result.size
+            return result
 
-    monkeypatch.setattr(scan_descent.RotationMatrix, "_error", counted)
+        return counted
+
+    for name in ("mean_square_error", "of_windows", "of_pairs"):
+        monkeypatch.setattr(RotationMatrix, name, counting(getattr(RotationMatrix, name)))
     rng = np.random.default_rng(4)
     for _ in range(5):
         looked_at = 0
         scan.best(request(scan, rng, "between"), 10)
-        assert looked_at < 0.06 * scan.windows
+        assert 0 < looked_at < 0.06 * scan.windows
+
+
+def test_a_scan_whose_series_for_positions_are_not_there_keeps_a_short_budget(atlas_path) -> None:
+    """Processor time, so that a busy machine does not matter; making the series alone takes many times the budget."""
+    scan = Scan(load_atlas(atlas_path), threads=2)
+    spent = []
+    for seed in range(4):
+        target = request(scan, np.random.default_rng(seed), "both")
+        begin = time.process_time()
+        found, report = scan.best(target, 10, work=Work(0.02, clock=time.process_time))
+        spent.append(time.process_time() - begin)
+        assert not report.exhaustive and found.row.size == 10
+        # what is returned are windows with their exact errors, if not the best ones
+        assert np.allclose(found.error, scan.errors(target, found), rtol=1e-9)
+    assert min(spent) < 0.15
+    begin = time.process_time()
+    assert scan.prepare_positions(Work()) and time.process_time() - begin > 0.5
 
 
 def test_types_that_the_file_leaves_unresolved_are_taken_from_their_lengths() -> None:
     atlas = make_atlas(AtlasRule(TypeRule(60, 2, OrderRule.FULL_CRANK), 16))
     assert np.mean(atlas.curve_error > 1e-3) > 0.1
-    scan = Scan(atlas)
-    assert np.mean(np.concatenate([cells.bucket.error for cells in scan._cells]) > 1e-5) < 0.01
-    scan.prepare_positions()
-    assert np.mean(np.concatenate([phasors.error for phasors in scan._phasors]) > 1e-4) < 0.01
+    rotation = buckets(atlas)
+    assert np.mean(np.concatenate([bucket.error for bucket in rotation]) > 1e-5) < 0.01
+    position = [prepare_phasors(atlas, bucket, 512, Event()) for bucket in rotation]
+    assert np.mean(np.concatenate([phasors.error for phasors in position]) > 1e-4) < 0.01
 
 
-def test_a_preparation_that_is_given_up_leaves_nothing_half_made(monkeypatch) -> None:
-    class GivenUp(Exception):
-        pass
-
-    def checkpoint() -> None:
-        raise GivenUp
-
-    monkeypatch.setattr(scan_module, "_PATIENCE", 1e-4)
-    scan = Scan(make_atlas(AtlasRule(TypeRule(150, 2), 256)))
-    with pytest.raises(GivenUp):
-        scan.prepare_positions(checkpoint)
-    assert not scan._phasors
-    scan.prepare_positions()
-    assert len(scan._phasors) == len(scan._cells)
+@pytest.mark.parametrize("end", ["cancelled", "out of time"])
+def test_a_preparation_that_is_given_up_leaves_nothing_half_made(end) -> None:
+    atlas = make_atlas(AtlasRule(TypeRule(200, 2), 256))
+    scan, other = Scan(atlas, threads=2), Scan(atlas)
+    before = scan.nbytes
+    if end == "cancelled":
+        with pytest.raises(Cancelled):
+            scan.prepare_positions(Work(cancelled=lambda: True))
+    else:
+        assert not scan.prepare_positions(Work(0.0))
+    assert scan.nbytes == before
+    assert scan.prepare_positions(Work()) and other.prepare_positions(Work())
+    assert scan.nbytes == other.nbytes > before
+    assert scan.prepare_positions(Work(0.0)), "they are there: no time is needed"

@@ -18,13 +18,12 @@ from synthesis.atlas import haar
 from synthesis.atlas.file import (
     HEADER_BYTES,
     MAGIC,
-    Atlas,
-    AtlasRule,
     check_bytes,
     decode_atlas,
     encode_atlas,
     load_atlas,
 )
+from synthesis.atlas.table import Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from synthesis.atlas import haar
 from tests.oracles import naive
+from tests.oracles.conditions import feature_distance
 
 laws = settings(derandomize=True, max_examples=40, deadline=None)
 curves = st.builds(
@@ -55,9 +56,9 @@ def test_a_constant_moves_the_average_alone(curve, constant) -> None:
 
 @laws
 @given(curves, st.floats(-10, 10))
-def test_similarity_is_the_rms_after_the_best_offset(curve, constant) -> None:
+def test_the_distance_of_features_is_the_rms_after_the_best_offset(curve, constant) -> None:
     other = constant + np.cos(np.arange(curve.size)) * np.abs(curve).max()
-    found = haar.similarity(*(haar.features(values, "orthonormal")[1] for values in (curve, other)))
+    found = feature_distance(*(haar.features(values, "orthonormal")[1] for values in (curve, other)))
     assert found == pytest.approx(np.std(curve - other), rel=1e-9)
 
 

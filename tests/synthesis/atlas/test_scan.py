@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from threading import Event
 
 import numpy as np
 import pytest
@@ -10,11 +13,21 @@ from synthesis.fourbar.pose import objective
 
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import scan as scan_module
-from synthesis.atlas.file import AtlasRule
-from synthesis.atlas.scan import STARTS, TIE, Scan, Windows, window_errors
+from synthesis.atlas.cells import Arcs, Cells, make_cells
+from synthesis.atlas.descent import Descent
+from synthesis.atlas.matrices import Matrices
+from synthesis.atlas.scan import HARMONICS, SERIES_ERROR, STARTS, Scan
+from synthesis.atlas.series import Phasors, join, prepare, prepare_phasors
+from synthesis.atlas.table import AtlasRule, Table
+from synthesis.atlas.windows import TIE, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
+<<<<<<< HEAD
+=======
+from synthesis.pose import objective
+>>>>>>> coretests
 from synthesis.target import Target, make_target
+from synthesis.work import Work
 from tests.conftest import make_atlas
 from tests.oracles import naive
 
@@ -26,13 +39,60 @@ ATLASES = {
 }
 
 
-@pytest.fixture(scope="module")
-def scans() -> Iterator[dict[str, Scan]]:
-    """Scans whose cells have several levels although the atlases are small enough for the twin."""
+@dataclass
+class Bounds:
+    """The bounds of windows that a scan of a table rests on, made from its parts."""
+
+    table: Table
+    cells: list[Cells]
+
+    @classmethod
+    def of(cls, table: Table) -> Bounds:
+        shares: dict[tuple[int, int], list] = {}
+        for bucket in prepare(table, np.arange(len(table)), SERIES_ERROR, HARMONICS):
+            shares.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
+        return cls(table, [make_cells(join(shares[key])) for key in sorted(shares)])
+
+    @cached_property
+    def phasors(self) -> list[Phasors]:
+        return [prepare_phasors(self.table, cells.bucket, 512, Event()) for cells in self.cells]
+
+    def below(self, target: Target, limit: float) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers (as of `every_window`, see `place_of`) and bounds of all windows that a limit leaves."""
+        phasors = [None] * len(self.cells) if target.position is None else self.phasors
+        reaches = [cells.bucket.harmonics for cells in self.cells] + [p.reach for p in phasors if p is not None]
+        arcs, matrices = Arcs(target, STARTS), Matrices(target, 2 * max(reaches), STARTS)
+        parts = [Descent(cells, arcs, matrices, known) for cells, known in zip(self.cells, phasors)]
+        found = [batch(limit) for part in parts for batch in part.batches(limit)[0]]
+        found = [(np.empty(0, dtype=np.int64), np.empty(0)), *filter(None, found)]
+        ids, bounds = (np.concatenate(column) for column in zip(*found))
+        return place_of(ids), bounds
+
+
+def place_of(ids: np.ndarray) -> np.ndarray:
+    """Places in `every_window` of window numbers: type by type, all starts of branch +1, then of branch -1."""
+    row, window = np.divmod(ids, 2 * STARTS)
+    side, start = np.divmod(window, STARTS)
+    return (row * STARTS + start) * 2 + side
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_cells() -> Iterator[None]:
+    """Cells of several levels although the atlases are small enough for the twin."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scan_cells, "LEAF", 3)
         patch.setattr(scan_cells, "FEWEST", 1)
-        yield {name: Scan(make_atlas(rule)) for name, rule in ATLASES.items()}
+        yield
+
+
+@pytest.fixture(scope="module")
+def scans(small_cells) -> dict[str, Scan]:
+    return {name: Scan(make_atlas(rule)) for name, rule in ATLASES.items()}
+
+
+@pytest.fixture(scope="module")
+def bounds_of(small_cells) -> dict[str, Bounds]:
+    return {name: Bounds.of(make_atlas(rule)) for name, rule in ATLASES.items()}
 
 
 def every_window(scan: Scan) -> Windows:
@@ -54,8 +114,8 @@ def naive_scan(scan: Scan, target: Target, top: int) -> tuple[Windows, Windows]:
     return windows.take(order[:top]), windows
 
 
-def random_target(scan: Scan, rng: np.random.Generator, kind: str, reachable: bool) -> Target:
-    """A motion of some type of the atlas, or of nothing at all."""
+def random_target(scan: Scan, rng: np.random.Generator, kind: str, reachable: bool, weighted: bool = False) -> Target:
+    """A motion of some type of the atlas, or of nothing at all; samples weighed and some missing, or all alike."""
     samples = int(rng.integers(8, 65))
     span = rng.choice([1, -1]) * np.deg2rad(rng.uniform(10, 350))
     crank = np.linspace(0, span, samples)
@@ -71,62 +131,64 @@ def random_target(scan: Scan, rng: np.random.Generator, kind: str, reachable: bo
         wave = rng.normal(size=4) @ np.sin(np.outer(np.arange(1, 5), 2 * crank / span))
         rotation = rng.uniform(0.01, 1) * wave + rng.choice([0, 1]) * crank
         position = position * (1 + 0.3 * wave * rng.random())
+    angle = crank + rng.uniform(-3, 3)
+
+    def weights() -> np.ndarray | None:
+        return rng.uniform(0.1, 3, samples) * (rng.random(samples) < 0.7) + 0.01 * (np.arange(samples) % 3 == 0)
+
     return make_target(
         rotation if kind != "position" else None,
         position if kind != "rotation" else None,
-        crank_angle=crank + rng.uniform(-3, 3),
+        crank_angle=angle,
+        rotation_weights=weights() if weighted and kind != "position" else None,
+        position_weights=weights() if weighted and kind != "rotation" else None,
     )
 
 
-def all_bounds(scan: Scan, target: Target, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers and bounds of all windows that a limit leaves."""
-    found = [(np.empty(0, dtype=np.int64), np.empty(0)), *scan._bounds(scan._requested(target), lambda: limit)]
-    ids, bounds = (np.concatenate(column) for column in zip(*found))
-    return ids, bounds
+def check_scan(scan: Scan, bounds_of: Bounds, target: Target, top: int) -> None:
+    """The scan's answer is the twin's, and the bounds that its proof rests on hold."""
+    wanted, everything = naive_scan(scan, target, top)
+    found, report = scan.best(target, top)
+    assert report.exhaustive and report.windows == scan.windows == everything.row.size
+    for column in ("row", "start", "branch"):
+        assert np.array_equal(getattr(found, column), getattr(wanted, column)), column
+    assert np.allclose(found.error, wanted.error, rtol=0, atol=TIE)
+
+    # no window's bound is above its exact error
+    # ... and, whatever the limit is, every window that it does not exclude is found, and once
+    for share in (1e-4, 1e-2, 0.1, 1):
+        limit = np.inf if share == 1 else np.quantile(everything.error, share)
+        place, bounds = bounds_of.below(target, limit)
+        assert np.unique(place).size == place.size and np.all(bounds <= limit)
+        assert np.all(bounds <= everything.error[place] + 1e-15)
+        assert set(np.flatnonzero(everything.error <= limit)) <= set(place)
 
 
+@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
 @pytest.mark.parametrize("reachable", [True, False], ids=["reachable", "unreachable"])
 @pytest.mark.parametrize("kind", ["rotation", "both", "position"])
 @pytest.mark.parametrize("name", ATLASES)
-def test_scan_is_that_of_all_windows(scans, name, kind, reachable) -> None:
-    scan = scans[name]
-    rng = np.random.default_rng([list(ATLASES).index(name), len(kind), reachable])
-    for _ in range(1):
-        target = random_target(scan, rng, kind, reachable)
-        top = int(rng.choice([1, 10, 60]))
-        wanted, everything = naive_scan(scan, target, top)
-        found, report = scan.best(target, top)
-        assert report.exhaustive and report.windows == scan.windows == everything.row.size
-        for column in ("row", "start", "branch"):
-            assert np.array_equal(getattr(found, column), getattr(wanted, column)), column
-        assert np.allclose(found.error, wanted.error, rtol=0, atol=TIE)
-
-        # the bounds that the proof rests on: no window's bound is above its exact error
-        # ... and, whatever the limit is, every window that it does not exclude is found, and once
-        for share in (1e-4, 1e-2, 0.1, 1):
-            limit = np.inf if share == 1 else np.quantile(everything.error, share)
-            ids, bounds = all_bounds(scan, target, limit)
-            assert np.unique(ids).size == ids.size and np.all(bounds <= limit)
-            windows = scan._windows(ids)
-            place = (windows.row * STARTS + windows.start.astype(int)) * 2 + (windows.branch < 0)
-            assert np.all(bounds <= everything.error[place] + 1e-15)
-            assert set(np.flatnonzero(everything.error <= limit)) <= set(place)
+def test_scan_is_that_of_all_windows(scans, bounds_of, name, kind, reachable, weighted) -> None:
+    rng = np.random.default_rng([list(ATLASES).index(name), len(kind), reachable, weighted])
+    for top in (10,) if weighted else (1, 60):
+        check_scan(scans[name], bounds_of[name], random_target(scans[name], rng, kind, reachable, weighted), top)
 
 
+@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
 @pytest.mark.parametrize("kind", ["rotation", "both", "position"])
-def test_errors_are_those_of_the_textbook(scans, kind) -> None:
+def test_errors_are_those_of_the_textbook(scans, kind, weighted) -> None:
     scan, rng = scans["full_crank"], np.random.default_rng(5)
     for reachable in (True, False):
-        target = random_target(scan, rng, kind, reachable)
+        target = random_target(scan, rng, kind, reachable, weighted)
         chosen = rng.choice(scan.windows, 100, replace=False)
         windows = every_window(scan).take(chosen)
+        motion = (target.crank, target.rotation, target.position, target.length_scale)
+        weights = (target.rotation_weights, target.position_weights)
         plain = [
-            naive.window_error(
-                scan.lengths[row], branch, start, target.crank, target.rotation, target.position, target.length_scale
-            )
+            naive.window_error(scan.lengths[row], branch, start, *motion, *weights)
             for row, start, branch, _ in zip(*windows)
         ]
-        assert window_errors(scan.lengths, target, windows) == pytest.approx(plain, rel=1e-6, abs=1e-9)
+        assert scan.errors(target, windows) == pytest.approx(plain, rel=1e-6, abs=1e-9)
 
 
 def test_ties_go_by_number_start_and_branch(scans) -> None:
@@ -151,7 +213,7 @@ def test_refused_windows_are_no_answers(scans) -> None:
     target = random_target(scan, np.random.default_rng(9), "rotation", True)
 
     def odd_rows(windows: Windows) -> np.ndarray:
-        return np.where(windows.row % 2 == 1, window_errors(scan.lengths, target, windows), np.inf)
+        return np.where(windows.row % 2 == 1, scan.errors(target, windows), np.inf)
 
     _, everything = naive_scan(scan, target, 1)
     odd = everything.take(np.flatnonzero(everything.row % 2 == 1))
@@ -171,7 +233,7 @@ def test_what_the_first_look_found_is_not_lost(scans) -> None:
     probed: list[Windows] = []
 
     def few(windows: Windows) -> np.ndarray:
-        error = window_errors(scan.lengths, target, windows)
+        error = scan.errors(target, windows)
         allowed = windows.row % 50 == 7
         probed.append(windows.take(np.flatnonzero(allowed)))
         return np.where(allowed, error, np.inf)
@@ -187,37 +249,30 @@ def test_no_pass_forgets_the_ceiling(scans, monkeypatch) -> None:
     target = random_target(scan, np.random.default_rng(12), "rotation", True)
     monkeypatch.setattr(scan_module, "_COUNT_BELOW", 8)
     limits: list[float] = []
-    lowest = Scan._lowest
-    monkeypatch.setattr(
-        Scan,
-        "_lowest",
-        lambda self, parts, count, ceiling, *rest: (
-            limits.append(ceiling) or lowest(self, parts, count, ceiling, *rest)
-        ),
-    )
+    batches = Descent.batches
+    monkeypatch.setattr(Descent, "batches", lambda part, limit: limits.append(limit) or batches(part, limit))
     wanted, everything = naive_scan(scan, target, 1)
     rare = everything.take(np.flatnonzero(everything.row % 5 == 2))
     wanted = rare.take(np.argsort(np.round(rare.error / TIE), kind="stable")[:12])
     found, report = scan.best(
         target,
         12,
-        lambda windows: np.where(windows.row % 5 == 2, window_errors(scan.lengths, target, windows), np.inf),
+        lambda windows: np.where(windows.row % 5 == 2, scan.errors(target, windows), np.inf),
     )
     assert report.exhaustive and all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
     assert len(limits) > 1 and np.all(np.diff(limits) <= 0)
 
 
 @pytest.mark.parametrize("constant", [0.0, 99995.50866340027, 1e6 - 1])
-def test_a_large_constant_in_the_rotation_breaks_no_bound(scans, constant) -> None:
+def test_a_large_constant_in_the_rotation_breaks_no_bound(scans, bounds_of, constant) -> None:
     # Rounding of so large a mean leaves a mean of 6e-11, which counts for targets as short as this.
     scan = scans["increasing"]
     target = make_target(np.full(100, constant), crank_angle=np.deg2rad(np.linspace(0, 0.3, 100)))
     wanted, everything = naive_scan(scan, target, 60)
     found, _ = scan.best(target, 60)
     assert all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
-    ids, bounds = all_bounds(scan, target, np.inf)
-    windows = scan._windows(ids)
-    place = (windows.row * STARTS + windows.start.astype(int)) * 2 + (windows.branch < 0)
+    place, bounds = bounds_of["increasing"].below(target, np.inf)
+    assert place.size == scan.windows
     assert np.all(bounds <= everything.error[place] + 1e-15)
 
 
@@ -237,18 +292,22 @@ def test_objectives_of_any_size_are_scanned(scans, scale) -> None:
 def test_a_scan_without_time_says_so(scans, patience) -> None:
     scan = scans["increasing"]
     target = random_target(scan, np.random.default_rng(3), "both", False)
-    asked = 0
-
-    def expired() -> bool:
-        nonlocal asked
-        asked += 1
-        return asked > patience
-
-    found, report = scan.best(target, 10, expired=expired)
-    assert report.exhaustive == (asked <= patience)
+    clock = Counting()
+    found, report = scan.best(target, 10, work=Work(patience + 0.5, clock=clock))
+    assert report.exhaustive == (clock.readings <= patience + 1)  # the first reading is the work's beginning
     assert found.row.size == 10 and np.all(np.isfinite(found.error))
     if patience > 1000:
         assert report.exhaustive and np.array_equal(found.error, scan.best(target, 10)[0].error)
+
+
+class Counting:
+    """A clock that goes on by a second at every reading."""
+
+    readings = 0
+
+    def __call__(self) -> float:
+        self.readings += 1
+        return self.readings - 1
 
 
 def test_an_atlas_without_types_has_no_answers() -> None:

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.kinematics import (
     FULL_CRANK,
-    TURN,
     Family,
     close_loop,
-    condition_of_closure,
     coupler_angle,
     family,
     grashof_excesses,
     transmission_angle_over,
 )
+from synthesis.target import TURN, Interval
 from tests.oracles import naive
+from tests.oracles.conditions import condition_of_closure
 
 ULP = np.finfo(float).eps
 FEW = 8
@@ -121,7 +121,7 @@ def test_scale_changes_no_bit(exponent) -> None:
     for law in (coupler_angle, condition_of_closure):
         assert np.array_equal(law(scaled, 1, crank), law(lengths, 1, crank))
     assert family(scaled)[()] == Family.CRANK_ROCKER
-    assert transmission_angle_over(scaled, 0.3, 2.0) == transmission_angle_over(lengths, 0.3, 2.0)
+    assert transmission_angle_over(scaled, Interval(0.3, 2.0)) == transmission_angle_over(lengths, Interval(0.3, 2.0))
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1e200])
@@ -151,7 +151,7 @@ def test_what_does_not_close_is_nan_and_masked(bad, place) -> None:
         gradient.sum(-1),
     ):
         assert np.array_equal(np.isfinite(numbers), good)
-    over = transmission_angle_over(lengths, crank[0], crank)
+    over = transmission_angle_over(lengths, Interval(crank[0], crank))
     assert np.array_equal(np.isfinite(over), good[:, 1] if place < 4 else good[0])
     family(lengths)
 
@@ -163,7 +163,7 @@ def test_extreme_numbers_give_no_warning() -> None:
         closure = close_loop(lengths, [0.0, 1.0, 1e300])
         closure.coupler_angle_gradient(1)
         condition_of_closure(lengths, 1, [0.0, 1.0])
-        transmission_angle_over(lengths, -1e300, 1e300)
+        transmission_angle_over(lengths, Interval(-1e300, 1e300))
 
 
 def test_wrong_shape_names_the_field() -> None:
@@ -245,7 +245,7 @@ def test_gradient_at_a_dead_position_is_nan() -> None:
 @laws
 @given(st.tuples(LENGTH, LENGTH, LENGTH, LENGTH), st.floats(-9, 9), st.floats(-9, 9))
 def test_transmission_angle_over_is_the_least_of_dense_samples(lengths, first, last) -> None:
-    least = transmission_angle_over(lengths, first, last)
+    least = transmission_angle_over(lengths, Interval(first, last))
     folds = np.pi * np.arange(-3, 4)
     dense = np.concatenate(
         [np.linspace(first, last, 999), folds[(folds > min(first, last)) & (folds < max(first, last))]]
@@ -261,8 +261,8 @@ def test_transmission_angle_over_is_the_least_of_dense_samples(lengths, first, l
 
 def test_transmission_angle_over_takes_many_intervals_at_once() -> None:
     lengths = np.array([[19.0, 72, 144, 165], [3.0, 1, 1, 3]])
-    over = transmission_angle_over(lengths, [[0.0], [1.0]], [[1.0, 7.0], [0.0, 2.0]][0])
+    over = transmission_angle_over(lengths, Interval([[0.0], [1.0]], [1.0, 7.0]))
     assert over.shape == (2, 2)
-    assert over[0, 0] == transmission_angle_over(lengths[0], 1.0, 0.0)
-    assert transmission_angle_over(lengths[0], 0, 1) > transmission_angle_over(lengths[0], 0, 7)
-    assert np.isnan(transmission_angle_over(lengths[1], 0.0, TURN))
+    assert over[0, 0] == transmission_angle_over(lengths[0], Interval(1.0, 0.0))
+    assert transmission_angle_over(lengths[0], Interval(0, 1)) > transmission_angle_over(lengths[0], Interval(0, 7))
+    assert np.isnan(transmission_angle_over(lengths[1], Interval(0.0, TURN)))

@@ -14,24 +14,44 @@ from synthesis.search.refine import LimitedProblem, Problem, refine
 from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle
 from synthesis.fourbar.limits import Limits
+<<<<<<< HEAD
+=======
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.least_squares import Evaluation, Minima, minimise
+from synthesis.pose import objective
+from synthesis.search.limited import LimitedProblem
+from synthesis.search.projected import ProjectedProblem
+>>>>>>> coretests
 from synthesis.target import Target, make_target
+from synthesis.work import Work
 
 KINDS = ("both", "rotation", "position")
 CHARTS = [FullCrankChart(), AnyChart()]
 LAW = settings(derandomize=True, deadline=None, max_examples=25)
 
 
-def random_target(seed: int, kind: str = "both", samples: int = 16) -> Target:
-    """Smooth curves that no linkage is bound to perform, over uneven crank angles."""
+def refine(problem: ProjectedProblem | LimitedProblem, *arguments: object, **options: object) -> Minima:
+    return minimise(problem.evaluate, *arguments, **options)
+
+
+def random_target(seed: int, kind: str = "both", samples: int = 16, weighted: bool = False) -> Target:
+    """Smooth curves that no linkage is bound to perform, over uneven crank angles; with random weights, or all alike."""
     random = np.random.default_rng(seed)
     crank = np.concatenate([[0.0], np.cumsum(random.uniform(0.1, 0.4, samples - 1))])
     wave = random.standard_normal((3, 3)) @ np.sin(np.outer([1, 2, 3], crank) + random.uniform(0, 6, (3, 1)))
     rotation = None if kind == "position" else wave[0]
     position = None if kind == "rotation" else wave[1] + 1j * wave[2] + complex(*random.uniform(-3, 3, 2))
-    return make_target(rotation, position, crank_angle=crank)
+    weights = random.uniform(0.2, 3, (2, samples)) * (np.arange(samples) % 4 != [[1], [2]])
+    return make_target(
+        rotation,
+        position,
+        crank_angle=crank,
+        rotation_weights=weights[0] if weighted and kind != "position" else None,
+        position_weights=weights[1] if weighted and kind != "rotation" else None,
+    )
 
 
-def closing_candidates(problem: Problem, seed: int, count: int = 40) -> tuple[np.ndarray, np.ndarray]:
+def closing_candidates(problem: ProjectedProblem, seed: int, count: int = 40) -> tuple[np.ndarray, np.ndarray]:
     """Random unknowns that close, away from the edge of closing, and branches."""
     random = np.random.default_rng(seed)
     unknowns = np.column_stack([random.uniform(-1.5, 1.5, (4000, 3)), random.uniform(0, 6, 4000)])
@@ -45,10 +65,11 @@ def closing_candidates(problem: Problem, seed: int, count: int = 40) -> tuple[np
     return unknowns[good], branch[good]
 
 
+@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: type(chart).__name__)
-def test_jacobian_is_that_of_central_differences(chart, kind) -> None:
-    problem = Problem(random_target(3, kind), chart)
+def test_jacobian_is_that_of_central_differences(chart, kind, weighted) -> None:
+    problem = ProjectedProblem(random_target(3, kind, weighted=weighted), chart)
     unknowns, branch = closing_candidates(problem, 4)
     analytic = problem.evaluate(unknowns, branch).stack[:, :4]
     for k in range(4):
@@ -60,10 +81,11 @@ def test_jacobian_is_that_of_central_differences(chart, kind) -> None:
         assert np.max(np.abs(analytic[:, k] - (ahead - behind) / 2e-6) / scale) < 1e-6
 
 
+@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: type(chart).__name__)
-def test_cost_is_the_square_of_the_objective(chart, kind) -> None:
-    problem = Problem(random_target(5, kind), chart)
+def test_cost_is_the_square_of_the_objective(chart, kind, weighted) -> None:
+    problem = ProjectedProblem(random_target(5, kind, weighted=weighted), chart)
     unknowns, branch = closing_candidates(problem, 6)
     crank = unknowns[:, 3:] + problem.target.crank
     angle = coupler_angle(chart.shape(unknowns[:, :3]).lengths, branch, crank)
@@ -78,14 +100,14 @@ def test_a_linkage_that_opens_between_samples_is_no_answer() -> None:
     shape = AnyChart().unknowns(lengths)[0]
     across, beside = np.array([*shape, np.pi - 1.0]), np.array([*shape, np.pi + 1.0])
     assert close_loop(lengths, across[3] + target.crank).closed.all()
-    costs = Problem(target, AnyChart()).evaluate(np.array([across, beside]), np.ones(2)).cost
+    costs = ProjectedProblem(target, AnyChart()).evaluate(np.array([across, beside]), np.ones(2)).cost
     assert np.isinf(costs[0]) and np.isfinite(costs[1])
 
 
 @LAW
 @given(st.integers(0, 10_000), st.sampled_from(KINDS), st.sampled_from(CHARTS))
 def test_no_candidate_is_worse_than_its_seed(seed, kind, chart) -> None:
-    problem = Problem(random_target(seed, kind), chart)
+    problem = ProjectedProblem(random_target(seed, kind), chart)
     random = np.random.default_rng(seed)
     reach = 1 if isinstance(chart, AnyChart) else 6
     unknowns = np.column_stack([random.uniform(-reach, reach, (30, 3)), random.uniform(-9, 9, 30)])
@@ -102,31 +124,33 @@ def test_no_candidate_is_worse_than_its_seed(seed, kind, chart) -> None:
 def test_no_candidate_within_limits_is_worse_than_its_seed(seed) -> None:
     limits = Limits("any", 0.5, (-3.0, -3.0, 3.0, 3.0), 0.2, 4.0)
     target = random_target(seed)
-    problem = LimitedProblem(target, AnyChart(), 0, limits, 3.0)
-    unknowns, branch = closing_candidates(Problem(target, AnyChart()), seed, 10)
-    unknowns = problem.lift(unknowns, branch)
+    problem = LimitedProblem(FOURBAR, target, AnyChart(), limits, 3.0)
+    unknowns, branch = closing_candidates(ProjectedProblem(target, AnyChart()), seed, 10)
+    unknowns = problem.with_pose(unknowns, branch)
     before = problem.evaluate(unknowns, branch).cost
     done = refine(problem, unknowns, branch, 15)
     assert np.all(done.cost <= before)
 
 
-def test_a_penalty_of_nothing_changes_nothing() -> None:
-    target = random_target(7)
-    plain = Problem(target, FullCrankChart())
-    free = LimitedProblem(target, FullCrankChart(), 0, Limits(link_min=1e-9), 5.0)
+@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
+def test_a_penalty_of_nothing_changes_nothing(weighted) -> None:
+    target = random_target(7, weighted=weighted)
+    plain = ProjectedProblem(target, FullCrankChart())
+    free = LimitedProblem(FOURBAR, target, FullCrankChart(), Limits(link_min=1e-9), 5.0)
     unknowns, branch = closing_candidates(plain, 8)
-    lifted = free.lift(unknowns, branch)
+    lifted = free.with_pose(unknowns, branch)
     np.testing.assert_allclose(free.evaluate(lifted, branch).cost, plain.evaluate(unknowns, branch).cost, rtol=1e-9)
 
 
+@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: type(chart).__name__)
-def test_derivatives_within_limits_are_those_of_central_differences(chart, kind) -> None:
-    target = random_target(13, kind)
+def test_derivatives_within_limits_are_those_of_central_differences(chart, kind, weighted) -> None:
+    target = random_target(13, kind, weighted=weighted)
     box = None if kind == "rotation" else (-1.0, -1.0, 1.0, 1.0)
-    problem = LimitedProblem(target, chart, 0, Limits("any", 0.9, box, 0.5, 1.5), 3.0)
-    unknowns, branch = closing_candidates(Problem(target, chart), 14)
-    unknowns = problem.lift(unknowns, branch)
+    problem = LimitedProblem(FOURBAR, target, chart, Limits("any", 0.9, box, 0.5, 1.5), 3.0)
+    unknowns, branch = closing_candidates(ProjectedProblem(target, chart), 14)
+    unknowns = problem.with_pose(unknowns, branch)
     analytic = problem.evaluate(unknowns, branch).stack
     ends = [
         problem.evaluate(unknowns + sign * step, branch).stack[:, -1]
@@ -143,7 +167,7 @@ def test_derivatives_within_limits_are_those_of_central_differences(chart, kind)
 
 @pytest.mark.parametrize("sheet", [-1, 1])
 def test_a_sheet_is_never_left(sheet) -> None:
-    problem = Problem(random_target(9), FullCrankChart(), sheet)
+    problem = ProjectedProblem(random_target(9), FullCrankChart(sheet))
     random = np.random.default_rng(10)
     unknowns = np.column_stack([random.uniform(-2, 2, (60, 3)), random.uniform(0, 6, 60)])
     done = refine(problem, unknowns, np.ones(60), 30)
@@ -166,24 +190,34 @@ def exact_target(kind: str = "both") -> tuple[Target, np.ndarray]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_refinement_from_nearby_reaches_rounding(kind) -> None:
     target, truth = exact_target(kind)
-    done = refine(Problem(target, FullCrankChart()), truth + np.array([0.05, -0.05, 0.05, 0.03]), np.ones(1), 50)
+    done = refine(
+        ProjectedProblem(target, FullCrankChart()), truth + np.array([0.05, -0.05, 0.05, 0.03]), np.ones(1), 50
+    )
     assert np.sqrt(done.cost[0]) < 1e-13
     np.testing.assert_allclose(done.unknowns, truth, atol=1e-8)
 
 
 def test_refinement_ends_at_the_tolerance_and_when_time_is_up() -> None:
     target, truth = exact_target()
-    problem, seed = Problem(target, FullCrankChart()), truth + 0.05
-    free = refine(problem, seed, np.ones(1), 50)
-    loose = refine(problem, seed, np.ones(1), 50, tolerance=1e-4)
-    assert np.sqrt(loose.cost[0]) < 1e-4 and loose.steps < free.steps
-    late = refine(problem, seed, np.ones(1), 50, expired=lambda: True)
-    assert late.steps == 0
+    problem, seed = ProjectedProblem(target, FullCrankChart()), truth + 0.05
+    asked = []
+
+    def evaluate(*candidates: np.ndarray) -> Evaluation:
+        asked.append(candidates)
+        return problem.evaluate(*candidates)
+
+    minimise(evaluate, seed, np.ones(1), 50)
+    free = len(asked)
+    loose = minimise(evaluate, seed, np.ones(1), 50, tolerance=1e-4)
+    assert np.sqrt(loose.cost[0]) < 1e-4 and len(asked) - free < free
+    asked.clear()
+    late = minimise(evaluate, seed, np.ones(1), 50, work=Work(0.0))
+    assert len(asked) == 1, "the seed itself, and no step"
     np.testing.assert_array_equal(late.unknowns, seed)
 
 
 def test_candidates_do_not_touch_one_another() -> None:
-    problem = Problem(random_target(11), FullCrankChart())
+    problem = ProjectedProblem(random_target(11), FullCrankChart())
     unknowns, branch = closing_candidates(problem, 12, 10)
     together = refine(problem, unknowns, branch, 10)
     alone = [refine(problem, unknowns[k : k + 1], branch[k : k + 1], 10).unknowns[0] for k in range(len(branch))]
@@ -194,6 +228,8 @@ def test_the_unit_of_length_does_not_matter() -> None:
     target, truth = exact_target()
     for scale in (2.0**-30, 2.0**30):
         scaled = replace(target, position=target.position * scale, length_scale=target.length_scale * scale)
-        ours, theirs = (Problem(one, FullCrankChart()).evaluate(truth + 0.1, np.ones(1)) for one in (target, scaled))
+        ours, theirs = (
+            ProjectedProblem(one, FullCrankChart()).evaluate(truth + 0.1, np.ones(1)) for one in (target, scaled)
+        )
         np.testing.assert_array_equal(ours.cost, theirs.cost)
         np.testing.assert_array_equal(ours.stack, theirs.stack)

@@ -5,20 +5,32 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import replace
-from itertools import pairwise
+from itertools import count, pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+<<<<<<< HEAD
 from app.motion import SynthesizeRequest, answer_synthesize
 
+=======
+
+import linkage_atlas as la
+from app.fourbar.answers import answer_synthesize
+from app.fourbar.models import SynthesizeRequest
+>>>>>>> coretests
 from app.resources import ServiceResources
 from app.settings import Settings
+from synthesis.fourbar.determination import determinations, sensitivities
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.solution import SAME, Solution, Status, determinations, distinct, sensitivities
-from synthesis.search.search import DEFAULT_TOLERANCE, Levels, StoppedBy, search
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.ranking import SAME, Status, distinct
+from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
+from synthesis.search.seeds import SeedTables
 from synthesis.target import Target
+from synthesis.work import Work
 from tests.oracles.classes import EXACT, UNREACHABLE, Case, limited_case, make_case
 from tests.oracles.recompute import REACHED, broken_limits, compare, recompute
 
@@ -31,8 +43,8 @@ def resources() -> ServiceResources:
 
 
 @pytest.fixture(scope="module")
-def levels(resources) -> Levels:
-    return resources.levels
+def tables() -> SeedTables:
+    return SeedTables(FOURBAR)
 
 
 def ask(request: dict[str, Any], resources: ServiceResources) -> dict[str, Any]:
@@ -42,8 +54,8 @@ def ask(request: dict[str, Any], resources: ServiceResources) -> dict[str, Any]:
 
 def target_of(request: dict[str, Any]) -> Target:
     """A request as the numerics see it."""
-    model = SynthesizeRequest.model_validate(request)
-    return model.target(model.rotation, model.position, model.length_scale)
+    parts = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
+    return la.Motion.of(*(request.get(name) for name in parts)).target
 
 
 def without_times(reply: dict[str, Any]) -> str:
@@ -192,12 +204,15 @@ def test_solutions_are_sorted_and_differ(kind, resources) -> None:
                 assert max(*places, radius, arm * size) > SAME * size
 
 
-def test_equal_solutions_are_kept_once(levels) -> None:
+def test_equal_solutions_are_kept_once(tables) -> None:
     target = target_of(make_case("plain", 5800).request)
-    solutions, _ = search(levels, target, Limits(), 3, DEFAULT_TOLERANCE, time.perf_counter)
+    solutions, _ = search(tables, target, Limits(), 3)
     one = solutions[0]
-    close = replace(one, links=one.links * (1 + 1e-9))
-    far = replace(one, links=one.links * (1 + 1e-4))
+
+    def larger(by: float) -> Any:
+        return replace(one, linkage=replace(one.linkage, links=tuple(link * (1 + by) for link in one.linkage.links)))
+
+    close, far = larger(1e-9), larger(1e-4)
     assert distinct([one, close, far], 9) == [one, far]
     assert distinct([one, far], 1) == [one]
 
@@ -255,33 +270,33 @@ def test_what_lies_far_from_the_motion_is_feasible_too(resources) -> None:
 # -- anytime ----------------------------------------------------------------------------------------------------------
 
 
-def test_the_budget_is_kept(levels) -> None:
+def test_the_budget_is_kept(tables) -> None:
     """Processor time, so that a busy machine does not matter."""
     target = target_of(make_case(UNREACHABLE, 6000).request)
-    search(levels, target, Limits(), 10, DEFAULT_TOLERANCE, time.process_time, 0.05)  # warms up
+    search(tables, target, Limits(), 10, work=Work(0.05, clock=time.process_time))  # warms up
     for budget in (0.03, 0.1, 0.3):
         begin = time.process_time()
-        solutions, report = search(levels, target, Limits(), 10, DEFAULT_TOLERANCE, time.process_time, budget)
+        solutions, report = search(tables, target, Limits(), 10, work=Work(budget, clock=time.process_time))
         assert time.process_time() - begin < budget + 0.15
         assert report.stopped_by == StoppedBy.BUDGET and solutions
         assert Status.of(solutions, DEFAULT_TOLERANCE) is Status.CLOSEST
 
 
-def test_more_time_is_never_worse(levels) -> None:
+def test_more_time_is_never_worse(tables) -> None:
     """A clock that counts its readings: budgets mean the same on every machine."""
     target = target_of(make_case("noise", 6001).request)
     found = []
     for budget in (5, 20, 80, 320):
-        readings = iter(range(10**6))
-        solutions, _ = search(levels, target, Limits(), 1, 1e-10, lambda readings=readings: next(readings), budget)
+        work = Work(budget, clock=count().__next__)
+        solutions, _ = search(tables, target, Limits(), 1, 1e-10, work)
         found.append(solutions[0].errors.objective)
     assert all(later <= earlier * (1 + 1e-6) for earlier, later in pairwise(found))
 
 
-def test_the_trace_falls_to_what_is_returned(levels) -> None:
+def test_the_trace_falls_to_what_is_returned(tables) -> None:
     for kind in ("plain", "noise", UNREACHABLE):
         target = target_of(make_case(kind, 6002).request)
-        solutions, report = search(levels, target, Limits(), 10, DEFAULT_TOLERANCE, time.perf_counter)
+        solutions, report = search(tables, target, Limits(), 10)
         times, objectives = zip(*report.trace)
         assert list(times) == sorted(times)
         assert objectives[-1] == pytest.approx(solutions[0].errors.objective, abs=1e-12)
@@ -289,30 +304,31 @@ def test_the_trace_falls_to_what_is_returned(levels) -> None:
         assert report.stopped_by == (StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED)
 
 
-def test_a_loose_tolerance_ends_sooner(levels) -> None:
+def test_a_loose_tolerance_ends_sooner(tables) -> None:
     target = target_of(make_case("tiny span", 6003).request)
-    _, strict = search(levels, target, Limits(), 1, DEFAULT_TOLERANCE, time.perf_counter)
-    solutions, loose = search(levels, target, Limits(), 1, 1e-3, time.perf_counter)
+    _, strict = search(tables, target, Limits(), 1)
+    solutions, loose = search(tables, target, Limits(), 1, 1e-3)
     assert loose.seeds <= strict.seeds and solutions[0].errors.objective < 1e-3
 
 
-def test_levels_fit_the_memory_promised(levels) -> None:
-    assert levels.nbytes < 24_000_000
+def test_tables_fit_the_memory_promised(tables) -> None:
+    assert tables.nbytes < 24_000_000
 
 
 # -- how well a linkage is determined ---------------------------------------------------------------------------------
 
 
-def motion(target: Target, numbers: np.ndarray, solution: Solution) -> np.ndarray:
+def motion(target: Target, numbers: np.ndarray, linkage: Linkage) -> np.ndarray:
     """The motion in the objective's measure, from (log links, start, offset, ground turn, pivot, coupler vector)."""
     links = np.exp(numbers[:4])
     start, offset, turn = numbers[4:7]
-    pose, scale = solution.mount, target.length_scale
+    scale = target.length_scale
     crank = start + target.crank
-    angle = close_loop(links, crank).coupler_angle(solution.branch)
-    pivot = pose.pivot_a + scale * complex(*numbers[7:9])
-    ground = np.exp(1j * (pose.ground_angle + turn))
-    vector = pose.coupler_radius * np.exp(1j * pose.coupler_angle) + scale * complex(*numbers[9:11])
+    angle = close_loop(links, crank).coupler_angle(linkage.branch)
+    pivot = linkage.pivot_a + scale * complex(*numbers[7:9])
+    ground = np.exp(1j * (linkage.ground_angle + turn))
+    radius, direction = linkage.coupler_point
+    vector = radius * np.exp(1j * direction) + scale * complex(*numbers[9:11])
     points = pivot + ground * (links[0] * np.exp(1j * crank) + vector * np.exp(1j * angle))
     rows = [points.real / scale, points.imag / scale]
     if target.rotation is not None:
@@ -321,42 +337,42 @@ def motion(target: Target, numbers: np.ndarray, solution: Solution) -> np.ndarra
 
 
 @pytest.mark.parametrize("kind", ["plain", "position only", "double-crank"])
-def test_determination_is_that_of_finite_differences(kind, levels) -> None:
+def test_determination_is_that_of_finite_differences(kind, tables) -> None:
     target = target_of(make_case(kind, 6100).request)
-    solution = search(levels, target, Limits(), 1, DEFAULT_TOLERANCE, time.perf_counter)[0][0]
-    at = np.concatenate([np.log(solution.links), [solution.start], np.zeros(6)])
+    solution = search(tables, target, Limits(), 1)[0][0]
+    linkage = solution.linkage
+    at = np.concatenate([np.log(linkage.links), [linkage.start], np.zeros(6)])
     columns = [k for k in range(11) if k != 5 or target.rotation is not None]
     matrix = []
     for k in columns:
         step = np.zeros(11)
         step[k] = 1e-6
-        matrix.append((motion(target, at + step, solution) - motion(target, at - step, solution)) / 2e-6)
+        matrix.append((motion(target, at + step, linkage) - motion(target, at - step, linkage)) / 2e-6)
     _, singular, vectors = np.linalg.svd(np.array(matrix).T, full_matrices=False)
     resolution = 1e-7
-    mine = determinations(target, [solution], [resolution])[0]
+    mine = determinations(target, [linkage], [resolution])[0]
     assert mine.condition == pytest.approx(singular[0] / singular[-1], rel=1e-3)
     uncertainty = resolution * np.sqrt(np.sum((vectors[:, :4] / singular[:, None]) ** 2, axis=0))
     np.testing.assert_allclose(mine.length_uncertainty, uncertainty, rtol=1e-3)
 
 
 @pytest.mark.parametrize("kind", ["plain", "position only", "rotation only"])
-def test_sensitivity_is_that_of_finite_differences(kind, levels) -> None:
+def test_sensitivity_is_that_of_finite_differences(kind, tables) -> None:
     target = target_of(make_case(kind, 6200).request)
-    solution = search(levels, target, Limits(), 1, DEFAULT_TOLERANCE, time.perf_counter)[0][0]
-    mine = sensitivities(target, [solution])[0]
-    crank = solution.start + target.crank
+    solution = search(tables, target, Limits(), 1)[0][0]
+    linkage = solution.linkage
+    mine = sensitivities(target, [linkage])[0]
+    crank, links = linkage.start + target.crank, np.array(linkage.links)
     for k in range(4):
         step = np.zeros(4)
-        step[k] = 1e-6 * solution.links[k]
-        ahead, behind = (
-            close_loop(solution.links + sign * step, crank).coupler_angle(solution.branch) for sign in (1, -1)
-        )
+        step[k] = 1e-6 * links[k]
+        ahead, behind = (close_loop(links + sign * step, crank).coupler_angle(linkage.branch) for sign in (1, -1))
         if mine.rotation is not None:
             change = np.sqrt(np.mean(((ahead - behind) / (2 * step[k])) ** 2))
             assert mine.rotation[k] == pytest.approx(change, rel=1e-5)
         if mine.position is not None:
             points = [
-                solution.mount.body_point(solution.links + sign * step, crank, angle)
+                replace(linkage, links=tuple(links + sign * step)).body_point(crank, angle)
                 for sign, angle in ((1, ahead), (-1, behind))
             ]
             change = np.sqrt(np.mean(np.abs((points[0] - points[1]) / (2 * step[k])) ** 2))
