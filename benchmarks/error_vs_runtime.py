@@ -29,18 +29,11 @@ from benchmarks.product import (
     Target,
     TypeRule,
     Work,
-<<<<<<< HEAD
     best_rows,
     counter_clockwise,
     coupler_angle,
-=======
-    atlas_of,
-    best_rows,
-    counter_clockwise,
-    coupler_angle,
-    minimise,
->>>>>>> coretests
     objective,
+    refine,
     search,
     solved,
     table_of,
@@ -105,12 +98,6 @@ def spread_out(unknowns: np.ndarray, count: int) -> np.ndarray:
     return np.sort(first)[:count]
 
 
-def solved(target: Target, lengths: np.ndarray, branch: np.ndarray, start: np.ndarray) -> float:
-    """The objective of one shape at a start, as a mounted linkage recomputed from its own numbers."""
-    linkages = FOURBAR.mounted(target, lengths, branch, start)
-    return FOURBAR.assess(target, linkages)[0].errors.objective
-
-
 def run_grid(grid: Grid, target: Target) -> Measured:
     """The rows of a grid as they are, and refined from several numbers of seeds; screening is part of each time."""
     clock, chart = time.process_time, FullCrankChart()
@@ -129,21 +116,12 @@ def run_grid(grid: Grid, target: Target) -> Measured:
         unknowns = np.column_stack([grid.unknowns[row], start])
         sides = [np.flatnonzero(branch == side) for side in (1.0, -1.0)]
         seed = np.concatenate([places[spread_out(unknowns[places], seeds)] for places in sides])
-<<<<<<< HEAD
         done = refine(ProjectedProblem(target, chart), unknowns[seed], branch[seed], STEPS, 0.3 * DEFAULT_TOLERANCE)
-=======
-        problem = ProjectedProblem(target, chart)
-        done = minimise(problem.evaluate, unknowns[seed], branch[seed], STEPS, 0.3 * DEFAULT_TOLERANCE)
->>>>>>> coretests
         one = np.argmin(done.cost, keepdims=True)
         found = np.inf
         if np.isfinite(done.cost[one[0]]):
             lengths = chart.shape(done.unknowns[one, :3]).lengths
-<<<<<<< HEAD
             found = solved(target, lengths, branch[seed][one], done.unknowns[one, 3])[0].errors.objective
-=======
-            found = solved(target, lengths, branch[seed][one], done.unknowns[one, 3])
->>>>>>> coretests
         yield REFINED, f"{grid.name}, {seeds} seeds a branch", clock() - begin + screened, found
 
 
@@ -151,13 +129,9 @@ def run_service(tables: SeedTables, target: Target) -> Measured:
     """The search of the service under budgets of processor time."""
     for budget in BUDGETS_MS:
         begin = time.process_time()
-<<<<<<< HEAD
         solutions, _ = search(
             tables, target, Limits(), 1, DEFAULT_TOLERANCE, Work(budget / 1000, clock=time.process_time)
         )
-=======
-        solutions, _ = search(tables, target, Limits(), 1, work=Work(budget / 1000, clock=time.process_time))
->>>>>>> coretests
         found = solutions[0].errors.objective if solutions else np.inf
         yield SERVICE, f"budget {budget} ms", time.process_time() - begin, found
 
@@ -185,7 +159,6 @@ def run_slow(target: Target, seed: int, missing: dict[str, str]) -> Measured:
 def measure(cases: int, slow_cases: int) -> dict[str, Any]:
     """All methods: of each class, method and setting the milliseconds and the J of its cases, in the order of their seeds."""
     begin, missing = time.perf_counter(), baselines.missing()
-<<<<<<< HEAD
     tables, published = SeedTables(FOURBAR), Scan(table_of(TypeRule(), 128))
     grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
     warm = target_of(make_case("plain", 999).request)
@@ -195,12 +168,6 @@ def measure(cases: int, slow_cases: int) -> dict[str, Any]:
         run_published(published, warm),
         run_slow(warm, 0, missing),
     ):
-=======
-    tables, published = SeedTables(FOURBAR), Scan(atlas_of(AtlasRule(TypeRule(), 128)))
-    grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
-    warm = target_of(make_case("plain", 999).request)
-    for run in (run_service(tables, warm), run_grid(grids[0], warm), run_published(published, warm)):
->>>>>>> coretests
         list(run)
     runs: dict[str, Any] = {}
     for kind in NAMES:

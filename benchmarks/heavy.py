@@ -20,7 +20,7 @@ from benchmarks.product import (
     ProjectedProblem,
     Target,
     family,
-    minimise,
+    refine,
 )
 
 BRANCHES = (1.0, -1.0)
@@ -59,17 +59,11 @@ def heavy_objective(
         best = np.argsort(problem.evaluate(unknowns, side, derivatives=False).cost, kind="stable")
         # two thirds the best of all, one third at random: neither one valley nor hopeless seeds alone
         chosen = np.concatenate([best[: 2 * starts // 3], random.choice(best[2 * starts // 3 : 3000], starts // 3)])
-<<<<<<< HEAD
         done = refine(problem, unknowns[chosen], side[: len(chosen)], iterations)
         ends.append((done.unknowns, side[: len(chosen)], done.cost))
     unknowns, branch, cost = map(np.concatenate, zip(*ends))
-=======
-        end = minimise(problem.evaluate, unknowns[chosen], side[: len(chosen)], iterations)
-        ends.append((end.unknowns, side[: len(chosen)], end.cost))
-    unknowns, branch, cost = (np.concatenate(column) for column in zip(*ends))
->>>>>>> coretests
     best = np.argsort(cost, kind="stable")[:40]
-    return float(np.sqrt(minimise(problem.evaluate, unknowns[best], branch[best], 2000).cost.min()))
+    return float(np.sqrt(refine(problem, unknowns[best], branch[best], 2000).cost.min()))
 
 
 def heavy_within(
@@ -80,11 +74,6 @@ def heavy_within(
     Feasibility is looked for first at random, then by refinement of the penalty alone from the seeds that violate least.
     """
     random = np.random.default_rng(seed)
-<<<<<<< HEAD
-=======
-    sheet = SHEETS.get(limits.family, 0)
-    charts: list[Chart] = [FullCrankChart(sheet)] + ([AnyChart()] if limits.family == "any" else [])
->>>>>>> coretests
     least = np.inf
     for chart in FOURBAR.charts(limits.family):
         sheets = (-1, 1) if chart.sheet == 0 and not isinstance(chart, AnyChart) else (chart.sheet,)
@@ -101,12 +90,7 @@ def heavy_within(
             chosen = chosen[np.isfinite(cost[chosen])]
             seeds, side = seeds[chosen], side[chosen]
             for weight in (0.3, 10.0, 1e3, 1e5):
-<<<<<<< HEAD
                 seeds = refine(LimitedProblem(FOURBAR, target, chart, limits, weight), seeds, side, 60).unknowns
-=======
-                problem = LimitedProblem(FOURBAR, target, chart, limits, weight)
-                seeds = minimise(problem.evaluate, seeds, side, 60).unknowns
->>>>>>> coretests
                 cost = free.evaluate(seeds, side).cost
                 least = min(least, cost[np.all(free.slacks(seeds) >= 0, axis=1)].min(initial=np.inf))
     return float(np.sqrt(least)) if np.isfinite(least) else None

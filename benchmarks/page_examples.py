@@ -79,32 +79,8 @@ def text() -> str:
     return "[\n" + ",\n".join(json.dumps(one, ensure_ascii=False) for one in examples()) + "\n]\n"
 
 
-<<<<<<< HEAD
 def main() -> None:
     """Write the file; print solutions if asked."""
-=======
-def _solve() -> None:
-    from app.fourbar.answers import answer_synthesize
-    from app.fourbar.models import SynthesizeRequest
-    from app.resources import ServiceResources
-    from app.settings import Settings
-
-    resources = ServiceResources(Settings())
-    for name, _, _, make in EXAMPLES:
-        for budget in (120, 10000):
-            request = SynthesizeRequest.model_validate({**make(), "top": 8, "budget_ms": budget})
-            reply = answer_synthesize(request, resources)
-            print(f"{name}: {reply.status} by {reply.report.stopped_by}, {reply.report.elapsed_ms['total']:.0f} ms")
-            for s in reply.solutions[:4]:
-                lengths = " ".join(f"{v:.4g}" for v in s.links.model_dump().values())
-                print(
-                    f"  {s.family:14} {lengths:32} rotation {s.errors.rotation_rms:.3g} position "
-                    f"{s.errors.position_rms:.3g} transmission {s.transmission_angle_min:.0f}"
-                )
-
-
-if __name__ == "__main__":
->>>>>>> coretests
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--solve", action="store_true")
     FILE.write_text(text())

@@ -19,15 +19,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from app.queries import all_queries, worked_example
 
 import linkage_atlas
-<<<<<<< HEAD
-=======
 from app import cli
 from app.fourbar.answers import worked_example
 from app.registry import all_queries
->>>>>>> coretests
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [str(Path(sysconfig.get_path("scripts")) / "linkage-atlas")]

@@ -13,16 +13,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from app.queries import all_queries, worked_example
 from fastapi.testclient import TestClient
 
 import linkage_atlas as la
 from app.fourbar.answers import worked_example
 from app.main import create_app
-<<<<<<< HEAD
-=======
 from app.registry import all_queries
->>>>>>> coretests
 from app.resources import ServiceResources
 from app.scenes import scene_queries
 from app.settings import Settings

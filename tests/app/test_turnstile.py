@@ -13,22 +13,15 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
-import app.motion
 import numpy as np
 import pytest
 import uvicorn
-from app.queries import all_queries, worked_example
 
-<<<<<<< HEAD
-from app.main import create_app
-from app.problems import ClientGone, Overloaded
-=======
 import linkage_atlas as la
 from app.fourbar.answers import worked_example
 from app.main import create_app
 from app.problems import Overloaded
 from app.registry import all_queries
->>>>>>> coretests
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile

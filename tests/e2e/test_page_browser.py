@@ -21,13 +21,8 @@ import httpx2 as httpx
 import numpy as np
 import pytest
 import uvicorn
-<<<<<<< HEAD
-from app.export import ExportSolution, mounted
-
-=======
 
 import linkage_atlas as la
->>>>>>> coretests
 from app.main import create_app
 from app.scenes import SCENES
 

@@ -9,7 +9,6 @@ from threading import Event
 
 import numpy as np
 import pytest
-from synthesis.fourbar.pose import objective
 
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import scan as scan_module
@@ -22,10 +21,7 @@ from synthesis.atlas.table import AtlasRule, Table
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
-<<<<<<< HEAD
-=======
 from synthesis.pose import objective
->>>>>>> coretests
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 from tests.conftest import make_atlas

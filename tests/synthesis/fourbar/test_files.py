@@ -11,18 +11,11 @@ import xml.etree.ElementTree as ElementTree
 import ezdxf
 import numpy as np
 import pytest
-from app.export import ExportSolution, mounted
-from app.motion import SynthesizeRequest
-from app.queries import worked_example
 from fastapi.testclient import TestClient
 
-<<<<<<< HEAD
-import linkage_atlas
-=======
 import linkage_atlas as la
 from app import cli
 from app.fourbar.answers import worked_example
->>>>>>> coretests
 from app.main import create_app
 from synthesis.errors import FieldError
 from synthesis.fourbar.drawing import to_svg

@@ -8,20 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthesis.fourbar.pose import objective
-from synthesis.search.refine import LimitedProblem, Problem, refine
 
 from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle
 from synthesis.fourbar.limits import Limits
-<<<<<<< HEAD
-=======
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.least_squares import Evaluation, Minima, minimise
 from synthesis.pose import objective
 from synthesis.search.limited import LimitedProblem
 from synthesis.search.projected import ProjectedProblem
->>>>>>> coretests
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 

@@ -10,15 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-<<<<<<< HEAD
-from app.motion import SynthesizeRequest, answer_synthesize
-
-=======
 
 import linkage_atlas as la
 from app.fourbar.answers import answer_synthesize
 from app.fourbar.models import SynthesizeRequest
->>>>>>> coretests
 from app.resources import ServiceResources
 from app.settings import Settings
 from synthesis.fourbar.determination import determinations, sensitivities
