@@ -25,7 +25,7 @@ from app.scenes.chain_models import (
     WithoutSlotReply,
 )
 from app.scenes.chain_text import table_slot, table_track
-from synthesis.errors import FieldError
+from linkage_atlas import FieldError
 
 if TYPE_CHECKING:
     from synthesis.chain.crescent import Crescent

@@ -26,7 +26,7 @@ from app.scenes.knotter_models import (
     ScanRequest,
 )
 from app.scenes.knotter_tables import limit_table, needle_table, scan_csv, scan_table
-from synthesis.errors import FieldError
+from linkage_atlas import FieldError
 
 MIN_SLOPE = 1e-12
 """Slope of eq 5 against its amplitude, below which the angle for a length is undetermined."""

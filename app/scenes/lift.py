@@ -25,7 +25,7 @@ from app.scenes.lift_models import (
     PublishedReply,
 )
 from app.scenes.lift_tables import batch_table, motion_table, optimize_table
-from synthesis.errors import FieldError
+from linkage_atlas import FieldError
 
 if TYPE_CHECKING:
     from synthesis.lift.motion import Motion
