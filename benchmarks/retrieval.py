@@ -250,7 +250,9 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "all windows by matrix products"
     )
     if flat:
-        single, batch = (significant(seconds / ours, 2) for seconds in (flat["single_s"]["median"], flat["batch_s_each"]))
+        single, batch = (
+            significant(seconds / ours, 2) for seconds in (flat["single_s"]["median"], flat["batch_s_each"])
+        )
         headline += (
             f"; a flat index of single-precision windows, made for one span, takes {single} times as long for a single query "
             f"and {batch} times as long for each of a batch"

@@ -110,7 +110,9 @@ def test_every_named_source_file_exists(path) -> None:
 
 
 def test_the_map_of_the_architecture_is_the_one_that_is_printed() -> None:
-    assert layout.picture().strip() in (ROOT / "docs" / "architecture.md").read_text(), "put in what `make map` prints"
+    assert layout.picture().strip() in (ROOT / "docs" / "architecture.md").read_text(), (
+        "put in what `make map` prints"
+    )
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=names)
@@ -124,7 +126,9 @@ def test_every_command_exists(path) -> None:
             assert verb in verbs, f"{names(path)}: {line}"
         for module in re.findall(r"python3? -m ([\w.]+)", line):
             assert importlib.util.find_spec(module), f"{names(path)}: {line}"
-        for file in re.findall(r"\s@?((?:app|docs|tests|benchmarks|deploy|synthesis|linkage_atlas|data_build)/[\w./]+\w)", line):
+        for file in re.findall(
+            r"\s@?((?:app|docs|tests|benchmarks|deploy|synthesis|linkage_atlas|data_build)/[\w./]+\w)", line
+        ):
             assert (ROOT / file).exists(), f"{names(path)}: {line}"
 
 
