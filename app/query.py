@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict
 
-from linkage_atlas import Atlas, Work
+if TYPE_CHECKING:
+    from linkage_atlas import Atlas, Work
 
 Number = Annotated[float, Strict(), AllowInfNan(False)]
 """A finite JSON number; no strings, no booleans, no NaN or infinity."""

@@ -105,8 +105,7 @@ def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
             if names := broken_limits(request, solution):
                 broken.append({"seed": seed, "rank": solution["rank"], "limits": names})
         if reply["status"] == "infeasible":
-            target = target_of(request)
-            best = heavy_within(counter_clockwise(target), limits_of(request, clockwise=target.span < 0))
+            best = heavy_within(*counter_clockwise(target_of(request), limits_of(request)))
             if best is not None:
                 stopped = reply["report"]["stopped_by"]
                 wrong.append({"seed": seed, "objective": best, "limits": request["limits"], "stopped_by": stopped})

@@ -19,7 +19,7 @@ from benchmarks.product import (
     TURN,
     Atlas,
     FullCrankChart,
-    Problem,
+    ProjectedProblem,
     Target,
     close_loop,
     coupler_angle,
@@ -64,7 +64,7 @@ def evolve(target: Target, generations: int, seed: int) -> float:
     """
     from scipy.optimize import differential_evolution
 
-    problem = Problem(target, FullCrankChart())
+    problem = ProjectedProblem(target, FullCrankChart())
     best, goal = np.inf, DEFAULT_TOLERANCE**2
     for branch in (1.0, -1.0):
 

@@ -18,24 +18,25 @@ from threadpoolctl import threadpool_limits
 from benchmarks import baselines, report
 from benchmarks.product import (
     DEFAULT_TOLERANCE,
+    FOURBAR,
     TURN,
-    AtlasRule,
     FullCrankChart,
-    Levels,
     Limits,
     OrderRule,
-    Problem,
+    ProjectedProblem,
     Scan,
+    SeedTables,
     Target,
     TypeRule,
-    atlas_of,
+    Work,
     best_rows,
     counter_clockwise,
     coupler_angle,
-    make_solutions,
     objective,
     refine,
     search,
+    solved,
+    table_of,
     target_of,
 )
 from benchmarks.report import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, power, significant
@@ -78,7 +79,7 @@ class Grid:
 
     def __init__(self, perimeter: int, starts: int) -> None:
         self.name = f"perimeter {perimeter}, step {360 // starts} deg"
-        self.scan = Scan(atlas_of(AtlasRule(TypeRule(perimeter, 1, OrderRule.FULL_CRANK), 64)), starts, 1e-3, (8, 20))
+        self.scan = Scan(table_of(TypeRule(perimeter, 1, OrderRule.FULL_CRANK), 64), starts, 1e-3, (8, 20))
         self.unknowns = FullCrankChart().unknowns(self.scan.lengths)
 
     def rows(self, target: Target) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -108,27 +109,29 @@ def run_grid(grid: Grid, target: Target) -> Measured:
         target, coupler_angle(grid.scan.lengths[row[few]], branch[few], start[few, None] + target.crank)
     )
     best = np.argmin(error, keepdims=True)
-    make_solutions(target, grid.scan.lengths[row[best]], branch[best], start[best])
+    solved(target, grid.scan.lengths[row[best]], branch[best], start[best])
     yield ROWS, grid.name, clock() - begin, error[best[0]]
     for seeds in SEEDS:
         begin = clock()
         unknowns = np.column_stack([grid.unknowns[row], start])
         sides = [np.flatnonzero(branch == side) for side in (1.0, -1.0)]
         seed = np.concatenate([places[spread_out(unknowns[places], seeds)] for places in sides])
-        done = refine(Problem(target, chart), unknowns[seed], branch[seed], STEPS, 0.3 * DEFAULT_TOLERANCE)
+        done = refine(ProjectedProblem(target, chart), unknowns[seed], branch[seed], STEPS, 0.3 * DEFAULT_TOLERANCE)
         one = np.argmin(done.cost, keepdims=True)
         found = np.inf
         if np.isfinite(done.cost[one[0]]):
             lengths = chart.shape(done.unknowns[one, :3]).lengths
-            found = make_solutions(target, lengths, done.branch[one], done.unknowns[one, 3])[0].errors.objective
+            found = solved(target, lengths, branch[seed][one], done.unknowns[one, 3])[0].errors.objective
         yield REFINED, f"{grid.name}, {seeds} seeds a branch", clock() - begin + screened, found
 
 
-def run_service(levels: Levels, target: Target) -> Measured:
+def run_service(tables: SeedTables, target: Target) -> Measured:
     """The search of the service under budgets of processor time."""
     for budget in BUDGETS_MS:
         begin = time.process_time()
-        solutions, _ = search(levels, target, Limits(), 1, DEFAULT_TOLERANCE, time.process_time, budget / 1000)
+        solutions, _ = search(
+            tables, target, Limits(), 1, DEFAULT_TOLERANCE, Work(budget / 1000, clock=time.process_time)
+        )
         found = solutions[0].errors.objective if solutions else np.inf
         yield SERVICE, f"budget {budget} ms", time.process_time() - begin, found
 
@@ -156,16 +159,21 @@ def run_slow(target: Target, seed: int, missing: dict[str, str]) -> Measured:
 def measure(cases: int, slow_cases: int) -> dict[str, Any]:
     """All methods: of each class, method and setting the milliseconds and the J of its cases, in the order of their seeds."""
     begin, missing = time.perf_counter(), baselines.missing()
-    levels, published = Levels(), Scan(atlas_of(AtlasRule(TypeRule(), 128)))
+    tables, published = SeedTables(FOURBAR), Scan(table_of(TypeRule(), 128))
     grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
     warm = target_of(make_case("plain", 999).request)
-    for run in (run_service(levels, warm), run_grid(grids[0], warm), run_published(published, warm)):
+    for run in (
+        run_service(tables, warm),
+        run_grid(grids[0], warm),
+        run_published(published, warm),
+        run_slow(warm, 0, missing),
+    ):
         list(run)
     runs: dict[str, Any] = {}
     for kind in NAMES:
         for seed in range(cases):
             target = counter_clockwise(target_of(make_case(kind, seed).request))
-            parts = [run_service(levels, target), run_published(published, target)]
+            parts = [run_service(tables, target), run_published(published, target)]
             parts += [run_grid(grid, target) for grid in grids]
             parts += [run_slow(target, seed, missing)] if seed < slow_cases else []
             for method, setting, seconds, found in (one for part in parts for one in part):

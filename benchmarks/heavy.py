@@ -10,20 +10,20 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.product import (
+    FOURBAR,
     TURN,
     AnyChart,
     Chart,
     FullCrankChart,
     LimitedProblem,
     Limits,
-    Problem,
+    ProjectedProblem,
     Target,
     family,
     refine,
 )
 
 BRANCHES = (1.0, -1.0)
-SHEETS = {"crank_rocker": -1, "double_crank": 1}
 FAMILIES = {-1: ["crank_rocker"], 1: ["double_crank"], 0: ["crank_rocker", "double_crank"]}
 
 
@@ -51,7 +51,7 @@ def heavy_objective(
     draws, seed, iterations : int
     """
     random, chart = np.random.default_rng(seed), FullCrankChart()
-    problem = Problem(target, chart)
+    problem = ProjectedProblem(target, chart)
     ends = []
     for branch in BRANCHES:
         unknowns = np.concatenate([random_seeds(random, chart, sheet, draws // 2) for sheet in (-1, 1)])
@@ -59,10 +59,9 @@ def heavy_objective(
         best = np.argsort(problem.evaluate(unknowns, side, derivatives=False).cost, kind="stable")
         # two thirds the best of all, one third at random: neither one valley nor hopeless seeds alone
         chosen = np.concatenate([best[: 2 * starts // 3], random.choice(best[2 * starts // 3 : 3000], starts // 3)])
-        ends.append(refine(problem, unknowns[chosen], side[: len(chosen)], iterations))
-    unknowns, branch, cost = (
-        np.concatenate([getattr(end, k) for end in ends]) for k in ("unknowns", "branch", "cost")
-    )
+        done = refine(problem, unknowns[chosen], side[: len(chosen)], iterations)
+        ends.append((done.unknowns, side[: len(chosen)], done.cost))
+    unknowns, branch, cost = map(np.concatenate, zip(*ends))
     best = np.argsort(cost, kind="stable")[:40]
     return float(np.sqrt(refine(problem, unknowns[best], branch[best], 2000).cost.min()))
 
@@ -75,17 +74,15 @@ def heavy_within(
     Feasibility is looked for first at random, then by refinement of the penalty alone from the seeds that violate least.
     """
     random = np.random.default_rng(seed)
-    sheet = SHEETS.get(limits.family, 0)
-    charts: list[Chart] = [FullCrankChart()] + ([AnyChart()] if limits.family == "any" else [])
     least = np.inf
-    for chart in charts:
-        sheets = (-1, 1) if sheet == 0 and not isinstance(chart, AnyChart) else (sheet,)
+    for chart in FOURBAR.charts(limits.family):
+        sheets = (-1, 1) if chart.sheet == 0 and not isinstance(chart, AnyChart) else (chart.sheet,)
         unknowns = np.concatenate([random_seeds(random, chart, part, draws // len(sheets)) for part in sheets])
         for branch in BRANCHES:
             side = np.full(len(unknowns), branch)
-            free = LimitedProblem(target, chart, sheet, limits, 0.0)
-            cost = Problem(target, chart, sheet).evaluate(unknowns, side, derivatives=False).cost
-            seeds = free.lift(unknowns, side)
+            free = LimitedProblem(FOURBAR, target, chart, limits, 0.0)
+            cost = ProjectedProblem(target, chart).evaluate(unknowns, side, derivatives=False).cost
+            seeds = free.with_pose(unknowns, side)
             slacks = np.nan_to_num(free.slacks(seeds), nan=-1e3, neginf=-1e3)
             violation = np.where(np.isfinite(cost), np.sum(np.minimum(slacks, 0.0) ** 2, axis=1), np.inf)
             least = min(least, cost[violation == 0].min(initial=np.inf))
@@ -93,7 +90,7 @@ def heavy_within(
             chosen = chosen[np.isfinite(cost[chosen])]
             seeds, side = seeds[chosen], side[chosen]
             for weight in (0.3, 10.0, 1e3, 1e5):
-                seeds = refine(LimitedProblem(target, chart, sheet, limits, weight), seeds, side, 60).unknowns
+                seeds = refine(LimitedProblem(FOURBAR, target, chart, limits, weight), seeds, side, 60).unknowns
                 cost = free.evaluate(seeds, side).cost
                 least = min(least, cost[np.all(free.slacks(seeds) >= 0, axis=1)].min(initial=np.inf))
     return float(np.sqrt(least)) if np.isfinite(least) else None

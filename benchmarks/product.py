@@ -8,38 +8,41 @@ import json
 from typing import Any
 
 import numpy as np
-from app.motion import SynthesizeRequest, answer_synthesize
-from synthesis.fourbar.pose import objective
-from synthesis.search.refine import LimitedProblem, Problem, refine
 
+import linkage_atlas as la
+from app.fourbar.answers import answer_synthesize
+from app.fourbar.models import SynthesizeRequest
 from app.resources import ServiceResources
 from app.settings import Settings
 from benchmarks.report import Times
+from linkage_atlas.motions import Motion
 from synthesis.atlas.best import best_rows
-from synthesis.atlas.file import Atlas, AtlasRule, generator_versions, load_atlas
-from synthesis.atlas.rows import compute_rows
-from synthesis.atlas.scan import STARTS, TIE, Scan, Windows, window_errors
+from synthesis.atlas.file import load_atlas
+from synthesis.atlas.scan import STARTS, Scan
+from synthesis.atlas.table import Atlas, Table, make_table
+from synthesis.atlas.windows import TIE, Windows
 from synthesis.errors import FieldError
-from synthesis.fourbar.charts import AnyChart, Chart, FullCrankChart
-from synthesis.fourbar.dimension_types import (
-    MAX_PERIMETER,
-    OrderRule,
-    TypeRule,
-    count_types,
-    enumerate_types,
-)
-from synthesis.fourbar.kinematics import TURN, close_loop, coupler_angle, family
+from synthesis.fourbar.charts import AnyChart, FullCrankChart
+from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
+from synthesis.fourbar.kinematics import close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.solution import make_solutions
-from synthesis.search.search import DEFAULT_TOLERANCE, Levels, mirrored, search
-from synthesis.target import MIN_SPAN, Target, make_target
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.solution import Solution, assess, mounted
+from synthesis.least_squares import Minima, minimise
+from synthesis.mechanism import Chart
+from synthesis.pose import objective
+from synthesis.search.limited import LimitedProblem
+from synthesis.search.projected import ProjectedProblem
+from synthesis.search.search import DEFAULT_TOLERANCE, search
+from synthesis.search.seeds import SeedTables
+from synthesis.target import MIN_SPAN, TURN, Target, make_target
+from synthesis.work import Work
 
 
 def prepared_service() -> ServiceResources:
     """What a service holds after its start without an atlas file."""
-    resources = ServiceResources(Settings())
-    _ = resources.levels
-    return resources
+    la.prepare()
+    return ServiceResources(Settings())
 
 
 def answer(request: dict[str, Any], resources: ServiceResources, times: Times) -> dict[str, Any]:
@@ -53,29 +56,39 @@ def answer(request: dict[str, Any], resources: ServiceResources, times: Times) -
 
 def target_of(request: dict[str, Any]) -> Target:
     """A request as the numerics see it."""
-    model = SynthesizeRequest.model_validate(request)
-    return model.target(model.rotation, model.position, model.length_scale)
+    names = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
+    return Motion.of(**{name: request.get(name) for name in names}).target
 
 
-def counter_clockwise(target: Target) -> Target:
-    """The same motion, mirrored where the crank turns clockwise."""
-    return mirrored(target) if target.span < 0 else target
-
-
-def limits_of(request: dict[str, Any], clockwise: bool = False) -> Limits:
-    """The limits of a request, mirrored where its crank turns clockwise."""
+def limits_of(request: dict[str, Any]) -> Limits:
+    """The limits of a request as the numerics see them."""
     asked = request["limits"]
     box = asked.get("pivot_box")
-    if clockwise and box is not None:
-        box = (box[0], -box[3], box[2], -box[1])
     least = np.radians(asked.get("transmission_angle_min", 0.0))
     return Limits(
         asked["family"], least, None if box is None else tuple(box), asked.get("link_min"), asked.get("link_max")
     )
 
 
-def atlas_of(rule: AtlasRule) -> Atlas:
-    """An atlas made in this process, without a file."""
-    lengths = enumerate_types(rule.types)
-    rows = compute_rows(lengths, rule.samples)
-    return Atlas(rule, lengths.astype("<u2"), generator=generator_versions(), **rows._asdict())
+def counter_clockwise(motion: Target, *limits: Limits) -> Any:
+    """The same motion, and its limits if given, mirrored where the crank turns clockwise."""
+    both = (motion, *limits)
+    both = tuple(one.mirrored() for one in both) if motion.clockwise else both
+    return both if limits else both[0]
+
+
+def refine(
+    problem: ProjectedProblem | LimitedProblem, seeds: Any, branch: Any, steps: int, tolerance: float = 0.0
+) -> Minima:
+    """Seeds refined all at once."""
+    return minimise(problem.evaluate, seeds, branch, steps, tolerance)
+
+
+def solved(target: Target, lengths: Any, branch: Any, start: Any) -> list[Solution]:
+    """Linkages of given shapes in their best pose, with their errors."""
+    return assess(target, mounted(target, lengths, branch, start))
+
+
+def table_of(rule: TypeRule, samples: int) -> Table:
+    """The types of a rule with their curves, made in this process."""
+    return make_table(FOURBAR, enumerate_types(rule), samples)

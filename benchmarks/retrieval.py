@@ -25,7 +25,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import report
 from benchmarks.baselines import flat_index, stumpy_mass
-from benchmarks.product import STARTS, TIE, Scan, Target, Windows, load_atlas, make_target, window_errors
+from benchmarks.product import STARTS, TIE, Scan, Target, Windows, load_atlas, make_target
 from benchmarks.report import Times, repeat, significant, size, spread
 from benchmarks.service import build
 from tests.oracles.rotations import KINDS, SPANS, hard_target, reachable
@@ -97,7 +97,7 @@ def measure_atlas(file: Path, smallest: float, cores: int) -> dict[str, Any]:
     rows = np.linspace(0, len(atlas) - 1, NAIVE_TYPES).astype(int)
     row, start, branch = (v.ravel() for v in np.meshgrid(rows, np.arange(STARTS), [1, -1], indexing="ij"))
     windows, target = Windows(row, start, branch, np.zeros(row.size)), reachable("naive", 0, NAIVE_SPAN, smallest)
-    naive = repeat(lambda: window_errors(scan.lengths, target, windows), 1, warm_up=0).median.processor
+    naive = repeat(lambda: scan.errors(target, windows), 1, warm_up=0).median.processor
     ours = repeat(lambda: scan.best(target, TOP)).median.processor
     return found | {"one_by_one_ratio": naive * len(atlas) / NAIVE_TYPES / ours}
 

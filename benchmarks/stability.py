@@ -14,7 +14,7 @@ from benchmarks import report
 from benchmarks.product import (
     FieldError,
     FullCrankChart,
-    Problem,
+    ProjectedProblem,
     ServiceResources,
     answer,
     close_loop,
@@ -132,7 +132,7 @@ def kinematics() -> Iterator[dict[str, Any]]:
         theta2=max(errors),
     )
     random, count = np.random.default_rng(2), 400
-    problem = Problem(target_of(make_case("any order", 3).request), FullCrankChart())
+    problem = ProjectedProblem(target_of(make_case("any order", 3).request), FullCrankChart())
     unknowns = random.uniform((-5, -30, -12, 0), (5, 3, 12, 6.28), (count, 4))
     branch = random.choice([-1.0, 1.0], count)
     state = problem.evaluate(unknowns, branch)

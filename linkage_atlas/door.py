@@ -22,7 +22,7 @@ from linkage_atlas.answers import (
 )
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.linkages import FourBar
-from linkage_atlas.motions import Motion, read_limits
+from linkage_atlas.motions import Motion, number, read_limits
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
@@ -124,7 +124,9 @@ def synthesize(
         raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
     if effort == "atlas" and atlas is None:
         raise FieldError("/atlas", "effort 'atlas' needs one: linkage_atlas.load_atlas(path)")
-    _check_above_zero(top=top, budget=budget, round_to=round_to)
+    _check_top(top)
+    _check_above_zero(budget=budget, round_to=round_to)
+    tolerance = number("tolerance", tolerance, 0.0)
     # made once, by whoever asks first: no part of this request's time
     prepared = atlas.scan if effort == "atlas" and atlas is not None else seed_tables()
     watch = work(budget)
@@ -170,9 +172,14 @@ def synthesize(
     )
 
 
+def _check_top(top: int) -> None:
+    if not isinstance(top, (int, np.integer)) or top < 1:
+        raise FieldError("/top", f"wanted a whole number of at least 1, found {top!r}")
+
+
 def _check_above_zero(**values: float | None) -> None:
     for name, value in values.items():
-        if value is not None and not value > 0:
+        if value is not None and not number(name, value) > 0:
             raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
 
 
@@ -268,7 +275,7 @@ def match(
     FieldError
         Naming the argument.
     """
-    _check_above_zero(top=top)
+    _check_top(top)
     scan, watch = atlas.scan, work(None)
     motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)
     target, radian = motion.target, motion.radian

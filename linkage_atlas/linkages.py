@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from linkage_atlas.motions import Motion, radians_in
+from linkage_atlas.motions import Motion, number, radians_in
 from synthesis.errors import FieldError
 from synthesis.fourbar import drawing, files
 from synthesis.fourbar.linkage import Linkage
@@ -103,7 +103,7 @@ class FourBar:
         radian = radians_in(degrees)
         lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
         for name, length in lengths.items():
-            if not (np.isfinite(length) and length > 0):
+            if not number(name, length) > 0:
                 raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
         if branch not in (-1, 1):
             raise FieldError("/branch", f"wanted 1 or -1, found {branch}")

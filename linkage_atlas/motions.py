@@ -13,7 +13,17 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
-__all__ = ["LIMITS", "MAX_LENGTH", "MAX_SAMPLES", "MIN_LENGTH", "MIN_SAMPLES", "Motion", "radians_in", "read_limits"]
+__all__ = [
+    "LIMITS",
+    "MAX_LENGTH",
+    "MAX_SAMPLES",
+    "MIN_LENGTH",
+    "MIN_SAMPLES",
+    "Motion",
+    "number",
+    "radians_in",
+    "read_limits",
+]
 
 LIMITS = ("transmission_angle_min", "pivot_box", "link_min", "link_max", "family")
 """Names of the limits, as over HTTP."""
@@ -61,9 +71,9 @@ class Motion:
                 make_target(
                     None if rotation is None else _numbers("rotation", rotation) * radian,
                     None if position is None else _points(position),
-                    None if crank_span is None else float(_numbers("crank_span", crank_span)) * radian,
+                    None if crank_span is None else number("crank_span", crank_span) * radian,
                     None if crank_angle is None else _numbers("crank_angle", crank_angle) * radian,
-                    length_scale,
+                    None if length_scale is None else number("length_scale", length_scale),
                 ),
                 degrees,
             )
@@ -85,6 +95,18 @@ class Motion:
             f"rotation jumps by more than half a turn from sample {place} to {place + 1}; it is taken as continuous, "
             "so if that is a wrap at 180 or 360 degrees, unwrap it"
         ]
+
+
+def number(field: str, value: Any, least: float = -np.inf) -> float:
+    """A finite number of at least ``least``, or a FieldError that names the argument."""
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        raise FieldError(f"/{field}", f"wanted a number, found {value!r}") from None
+    if not (np.isfinite(found) and found >= least):
+        bound = "" if least == -np.inf else f" of at least {least:g}"
+        raise FieldError(f"/{field}", f"wanted a finite number{bound}")
+    return found
 
 
 def _numbers(name: str, values: ArrayLike) -> Any:
@@ -112,12 +134,16 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
         if name not in LIMITS:
             raise FieldError(f"/limits/{name}", f"there is no such limit; there are {', '.join(LIMITS)}")
     given = {name: value for name, value in given.items() if value is not None}
+    for name in ("transmission_angle_min", "link_min", "link_max"):
+        if name in given:
+            given[name] = number(f"limits/{name}", given[name])
     if "transmission_angle_min" in given:
         given["transmission_angle_min"] *= motion.radian
-    if (box := given.get("pivot_box")) is not None:
-        if len(box) != 4:
-            raise FieldError("/limits/pivot_box", f"wanted [xmin, ymin, xmax, ymax], found {len(box)} numbers")
-        given["pivot_box"] = tuple(float(edge) for edge in box)
+    if "pivot_box" in given:
+        box = _numbers("limits/pivot_box", given["pivot_box"])
+        if box.shape != (4,):
+            raise FieldError("/limits/pivot_box", f"wanted [xmin, ymin, xmax, ymax], found shape {box.shape}")
+        given["pivot_box"] = tuple(box.tolist())
     checked = Limits(**given)
     checked.check_against(motion.target)
     return checked

@@ -45,10 +45,10 @@ class Work:
 
     def expired(self) -> bool:
         """Whether the budget is used up. Raises `Cancelled` like `check`."""
+        self.check()
         return self.elapsed >= self._budget
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the beginning. Raises `Cancelled` like `check`."""
-        self.check()
+        """Seconds since the beginning."""
         return self._clock() - self._begin

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from synthesis.fourbar.kinematics import TURN, coupler_angle
-from synthesis.target import MIN_SPAN, Target, make_target
+from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.target import MIN_SPAN, TURN, Target, make_target
 from tests.oracles.classes import SAMPLES, base_order, generator
 
 Floats = NDArray[np.float64]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-import linkage_atlas
+from app import cli
 from app.main import create_app
 from app.scenes import knotter_models as models
 from synthesis.knotter.conditions import MAX_PIECES
@@ -326,11 +326,11 @@ def test_a_rope_that_never_enters_says_why(client) -> None:
 def test_command_line_prints_a_table_and_names_a_bad_field(tmp_path, capsys) -> None:
     request = tmp_path / "request.json"
     request.write_text(json.dumps({"grid": {"alpha1": [10], "alpha3": [25]}}))
-    assert linkage_atlas.main(["knotter", "scan", str(request)]) == 0
+    assert cli.main(["knotter", "scan", str(request)]) == 0
     table = capsys.readouterr().out
     assert "90.139580 S3S4" in table and "feasible: 1 of 1" in table and "assumed, not published: d1" in table
-    assert linkage_atlas.main(["knotter", "scan", str(request), "--export", str(tmp_path / "pairs.csv")]) == 0
+    assert cli.main(["knotter", "scan", str(request), "--export", str(tmp_path / "pairs.csv")]) == 0
     assert (tmp_path / "pairs.csv").read_text().startswith("alpha1,alpha3,wrap.holds")
     request.write_text(json.dumps({"points": {"S4": [0, 16, -12]}}))
-    assert linkage_atlas.main(["knotter", "scan", str(request)]) == 2
+    assert cli.main(["knotter", "scan", str(request)]) == 2
     assert "points: S3 and S4 coincide" in capsys.readouterr().err

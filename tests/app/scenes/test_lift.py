@@ -9,7 +9,7 @@ import math
 import pytest
 from fastapi.testclient import TestClient
 
-import linkage_atlas
+from app import cli
 from app.main import create_app
 from app.scenes import lift_models as models
 from synthesis.lift import loops as lift_loops
@@ -285,7 +285,7 @@ def test_csv_has_a_line_for_each_time(client, tmp_path) -> None:
     target = tmp_path / "motion.csv"
     request = tmp_path / "request.json"
     request.write_text(json.dumps(MOTION))
-    assert linkage_atlas.main(["lift", "motion", str(request), "--export", str(target)]) == 0
+    assert cli.main(["lift", "motion", str(request), "--export", str(target)]) == 0
     assert target.read_bytes() == reply.content
 
 
@@ -293,13 +293,13 @@ def test_csv_has_a_line_for_each_time(client, tmp_path) -> None:
 def test_command_line_refuses_with_code_2_and_the_field(command, body, tmp_path, capsys) -> None:
     request = tmp_path / "request.json"
     request.write_text(json.dumps(changed(body, "cylinder.speed", 0)))
-    assert linkage_atlas.main(["lift", command, str(request)]) == 2
+    assert cli.main(["lift", command, str(request)]) == 2
     assert "cylinder.speed" in capsys.readouterr().err
 
 
 def test_tables_show_the_figures(capsys) -> None:
-    assert linkage_atlas.main(["lift", "motion", "--example", "published"]) == 0
+    assert cli.main(["lift", "motion", "--example", "published"]) == 0
     out = capsys.readouterr().out
     assert "199.969" in out and "working branch" in out and "loop residual" in out
-    assert linkage_atlas.main(["lift", "batch", "--example", "cylinders"]) == 0
+    assert cli.main(["lift", "batch", "--example", "cylinders"]) == 0
     assert "334.8844" in capsys.readouterr().out

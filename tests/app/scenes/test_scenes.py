@@ -7,7 +7,7 @@ import json
 import pytest
 from fastapi.testclient import TestClient
 
-import linkage_atlas
+from app import cli
 from app.main import create_app
 from app.scenes import scene_queries
 
@@ -24,13 +24,13 @@ def client():
 def test_example_is_answered_alike_over_http_and_on_the_command_line(query, name, client, capsys) -> None:
     over_http = client.post(query.path, json=query.examples[name])
     assert over_http.status_code == 200, over_http.text
-    assert linkage_atlas.main([*query.command.split(), "--example", name, "--json"]) == 0
+    assert cli.main([*query.command.split(), "--example", name, "--json"]) == 0
     reply = json.loads(capsys.readouterr().out)
     drop = {"report", "elapsed_ms"}
     assert {k: v for k, v in reply.items() if k not in drop} == {
         k: v for k, v in over_http.json().items() if k not in drop
     }
-    assert linkage_atlas.main([*query.command.split(), "--example", name]) == 0
+    assert cli.main([*query.command.split(), "--example", name]) == 0
     assert capsys.readouterr().out.strip()
 
 
