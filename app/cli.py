@@ -97,7 +97,7 @@ def _serve(options: argparse.Namespace) -> int:
     from app.main import create_app
 
     resources = ServiceResources(_settings(options))
-    _ = resources.atlas  # a service without its atlas is no service: fail here, with an exit code
+    _ = resources.atlas  # `serve` needs its atlas: fail here, with an exit code
     signal.signal(signal.SIGTERM, _interrupt)  # uvicorn drains on it, then hands it on: no death by signal then
     uvicorn.run(create_app(resources=resources), host=options.host, port=options.port, log_level="info")
     return EXIT_OK

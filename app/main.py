@@ -127,7 +127,7 @@ _PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
     }
     for status, text in {
         400: "The body is not JSON.",
-        404: "There is no such thing.",
+        404: "There is no such route or type.",
         413: "The body is too large.",
         415: "The body is not declared as JSON.",
         422: "The request is malformed or has no answer; `errors` points to the fields.",

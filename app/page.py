@@ -1,4 +1,4 @@
-"""The page at the service's root: static files from memory, with a policy that lets nothing else in.
+"""The page at the service's root: static files from memory, with a Content-Security-Policy that allows no other host.
 
 Every file is read once, when the routes are made, and found by its exact name: a request cannot reach the file system.
 """

@@ -1,6 +1,6 @@
 """Errors to problem+json (RFC 9457): the one place that knows both the domain's errors and HTTP.
 
-A reply never repeats the input, so hostile values (NaN, lone surrogates, megabytes) cannot break it.
+A reply never repeats the input, so values that JSON cannot hold (NaN, lone surrogates) or that are large do not reach it.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Overloaded(Exception):
 
 
 class NotFound(Exception):
-    """There is no such thing; the message says what there is."""
+    """The resource does not exist; the message says which do."""
 
 
 def pointer(location: Iterable[str | int]) -> str:
@@ -99,7 +99,7 @@ def field_problem(error: FieldError) -> Response:
 
 
 def http_problem(error: HTTPException) -> Response:
-    """What the framework itself refuses, in our words."""
+    """An error of the framework itself, as problem+json."""
     details = {
         400: "the body could not be read as JSON",
         404: "there is nothing at this address",
@@ -148,7 +148,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(Cancelled)
     async def _gone(_: Request, __: Cancelled) -> Response:
-        return Response(status_code=499)  # nobody reads it; the number is the one that proxies log
+        return Response(status_code=499)  # the client is gone; 499 is what proxies log for that
 
     @app.exception_handler(HTTPException)
     async def _http(_: Request, error: HTTPException) -> Response:

@@ -47,7 +47,7 @@ class Angles:
 
 
 class RequestModel(BaseModel):
-    """Base of all requests: an unknown field is an error, never ignored."""
+    """Base of all requests: an unknown field is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -68,7 +68,7 @@ class Resources(Protocol):
         """The atlas; loaded when it is first asked for."""
 
     def work(self, budget: float | None = None) -> Work:
-        """What watches over an answer's time, in seconds, and over whether anybody still waits for it."""
+        """What watches over an answer's time, in seconds, and over whether its client is still connected."""
 
 
 @dataclass(frozen=True)

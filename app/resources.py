@@ -16,7 +16,7 @@ from app.settings import Settings
 
 
 class ServiceResources:
-    """Loads what is asked for, once; a scene's request asks for no atlas, and pays for none."""
+    """Loads what is asked for, once: a scene's request never loads the atlas."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -28,7 +28,7 @@ class ServiceResources:
 
     @cached_property
     def atlas(self) -> la.Atlas:
-        """The atlas, loaded and verified. Raises AtlasError; once `prepare` has met one, that one, and reads nothing."""
+        """The atlas, loaded and verified. Raises AtlasError: the one that `prepare` met, if it met one, without reading again."""
         if self.failure is not None:
             raise self.failure
         begin = time.perf_counter()
@@ -69,6 +69,6 @@ def _give_back_memory() -> None:
     """Return to the system what preparing has freed: glibc keeps it otherwise, about 130 MB with the default atlas."""
     try:
         trim = ctypes.CDLL(None).malloc_trim
-    except (AttributeError, OSError, TypeError):  # another C library has no such function, and no need of it
+    except (AttributeError, OSError, TypeError):  # other C libraries have no such function
         return
     trim(0)

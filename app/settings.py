@@ -26,8 +26,8 @@ class Settings(BaseSettings):
     )
     prepare_positions: bool = Field(
         True,
-        description="Whether the series that only atlas requests with positions need (about 1.2 kB a type) are made right "
-        "after the start, behind the readiness; otherwise the first such request makes them.",
+        description="Whether a background thread makes the series that only atlas requests with positions need (about "
+        "1.2 kB a type) once the service is ready; otherwise the first such request makes them.",
     )
     max_body_bytes: int = Field(
         1_000_000, gt=0, description="Largest request body; a larger one is answered with 413."

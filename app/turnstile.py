@@ -1,4 +1,4 @@
-"""Who computes when: a few requests at a time, a few more wait, the rest are refused; a client that leaves ends its work."""
+"""Admission of requests: some compute, some wait, the others are refused; a client that disconnects cancels its work."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Data flow: rule -> lengths -> shards of 4,096 types -> `compute_shard` on any ``concurrent.futures.Executor`` -> each
 result kept in ``<out>.parts`` as soon as it is there -> one HDF5 image in memory -> temporary file, fsync, rename.
-A reader sees the old file or the new one, whatever happens in between.
+A reader sees the old file or the new one, also after a kill or a full disk.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _types = lru_cache(maxsize=1)(enumerate_types)
 
 
 def compute_shard(rule: AtlasRule, shard: int) -> bytes:
-    """The rows of one shard as bytes (npz), from the rule alone: runs anywhere, any number of times, alike."""
+    """The rows of one shard as bytes (npz), from the rule alone: the same bytes on every run, in any process."""
     lengths = _types(rule.types)[shard * SHARD_TYPES : (shard + 1) * SHARD_TYPES]
     buffer = io.BytesIO()
     np.savez(buffer, **compute_rows(lengths, rule.samples)._asdict())
@@ -55,10 +55,10 @@ def _rows(payload: bytes) -> AtlasRows:
 
 
 def replace_file(path: Path, data: bytes | memoryview, *, durable: bool) -> None:
-    """Write a file so that its name shows the old content or all of the new one, never less.
+    """Write a file so that a reader sees the old content or all of the new one.
 
-    The temporary file lies beside it and is removed on any failure. ``durable``: not before both the bytes and the
-    name are on the disk does it return.
+    The temporary file lies beside it and is removed on any failure. With ``durable`` it returns once both the bytes
+    and the name are on the disk.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:

@@ -12,7 +12,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 
 
 def _start_worker() -> None:
-    """Leave interrupts to the parent, and end when it ends: a killed build leaves no workers behind."""
+    """Ignore interrupts, which the parent handles, and end when the parent ends, also when it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 

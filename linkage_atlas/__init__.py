@@ -2,7 +2,7 @@
 
 Ask with `synthesize` (any linkage, refined to machine precision) or `match` (which rows of an atlas, exactly); move, draw and
 save what comes back, a `FourBar`. Plain arrays in and out; angles in degrees unless ``degrees=False``. Every name is loaded
-when it is first used, so that the import itself costs next to nothing.
+when it is first used, so that the import itself loads neither numpy nor scipy.
 """
 
 from __future__ import annotations

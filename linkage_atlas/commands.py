@@ -1,4 +1,4 @@
-"""The commands of the batch job, handed on to the floor that knows them."""
+"""The commands of the batch job, which `data_build` runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The two questions about a motion: `synthesize`, any four-bar that makes it, and `match`, the rows of an atlas nearest to it."""
+"""Which four-bars make a motion (`synthesize`), and which rows of an atlas turn most like it (`match`)."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class Evaluation(NamedTuple):
     """Residuals and Jacobians of candidates."""
 
     cost: Floats
-    """(n,): sum of the squared residuals; infinite where a candidate is no answer."""
+    """(n,): sum of the squared residuals; infinite where a candidate is impossible."""
     stack: Floats
     """(n, m + 1, rows): the residual's derivatives by the m unknowns, then the residual itself."""
 

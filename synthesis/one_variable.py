@@ -154,7 +154,7 @@ def golden_section(
 ) -> tuple[Floats, Floats]:
     """The least values of functions with one minimum in an interval, by one evaluation a step.
 
-    For functions that are dear and may have kinks; `closer_looks` takes fewer and larger steps.
+    For functions that are slow to evaluate and may have kinks; `closer_looks` takes fewer and larger steps.
 
     Parameters
     ----------

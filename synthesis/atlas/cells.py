@@ -1,4 +1,4 @@
-"""Cells of types whose curves are alike: one representative tells enough of a cell to pass over most of its windows.
+"""Cells of types whose curves are alike: the error of a representative bounds those of all and excludes most windows.
 
 A bucket's types are halved again and again along the coefficient in which they differ most, down to cells of a few types;
 eight neighbouring cells make a cell of the next coarser level. Each cell has a *representative*, one of its types, and for

@@ -1,9 +1,9 @@
-"""One request's way through the cells of a bucket, down to the windows that may be among the best.
+"""From the coarsest cells of a bucket down to its windows: which of them may be among the best for one request.
 
     all representatives x all windows --(bound <= limit)--> cells and their windows left --> their parts, those windows
     --> ... --> finest cells --> their types, those windows: lower bounds, window by window
 
-Where too many windows are left for that to pay, the bucket's types are taken one after the other, all their windows.
+Where so many windows are left that this would be slower, all windows of the bucket's types are bounded, type after type.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Left(NamedTuple):
         return cls(cell[first], np.diff(first, append=cell.size), window)
 
     def chunks(self, width: int) -> Iterator[tuple[Ints, Ints, NDArray[np.bool_]]]:
-        """Cells with about as many windows each: cells (g,), windows (g, w), and which of these are no filling."""
+        """Groups of cells with about as many windows each: cells (g,), windows (g, w), and which windows are no padding."""
         first = np.cumsum(self.counts) - self.counts
         order = np.argsort(-self.counts, kind="stable")
         falling = -self.counts[order]
@@ -162,7 +162,7 @@ class Descent:
     def batches(self, limit: float) -> tuple[list[Batch], bool]:
         """Batches that between them find every window whose bound is at most any limit up to this one.
 
-        And whether they are heavy: matrix products large enough for threads of their own.
+        Each with a flag: whether its matrix products are large enough to run on threads of their own.
         """
         if not self._descends or limit > HOPELESS:
             return self._everything(), True
@@ -243,14 +243,14 @@ class Descent:
 
     @cached_property
     def nearest(self) -> tuple[Floats, Ints]:
-        """Least D of each of the coarsest cells, and its window; of none where there are no cells."""
+        """Least D of each of the coarsest cells, and its window; empty where there are no cells."""
         if not self._descends:
             return np.empty(0), np.empty(0, dtype=np.int64)
         window = self._top.argmin(axis=1)
         return self._top[np.arange(len(window)), window], window
 
     def probe(self, cell: Ints) -> tuple[Ints, Floats]:
-        """Windows of the types that lie below some of the coarsest cells, near their best window: probably good ones."""
+        """Windows of the types that lie below some of the coarsest cells, near their best window: for the first limit."""
         window = self.nearest[1][cell]
         for fine in self.cells.levels[1:]:
             part = PARTS * cell[:, None] + np.arange(PARTS)

@@ -85,7 +85,7 @@ def _refuse(fault: AtlasFault, detail: str) -> None:
 
 
 def _attribute(file: h5py.File, name: str, kind: type) -> Any:
-    """A scalar attribute, after a look at its type and size: a hostile one is never read."""
+    """A scalar attribute, read after its type and size have been checked."""
     if name not in file.attrs:
         _refuse(AtlasFault.SCHEMA, f"attribute {name} is missing")
     info = file.attrs.get_id(name)
@@ -96,7 +96,7 @@ def _attribute(file: h5py.File, name: str, kind: type) -> Any:
 
 
 def _dataset(file: h5py.File, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """One array, after a look at everything that could read elsewhere, fill silently or blow up."""
+    """One array, read after checks for external data, fill values and decompressed size."""
     if (
         not isinstance(file.get(name, getlink=True), h5py.HardLink)
         or file.get(name, getclass=True) is not h5py.Dataset
@@ -128,7 +128,7 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...]) -> NDArray[Any]
 
 
 def _check_inflation(dataset: h5py.Dataset) -> None:
-    """Refuse chunks that inflate to more than a chunk: HDF5 would inflate them all the way, a thousand times their size."""
+    """Refuse chunks that inflate to more than a chunk: HDF5 would inflate them completely, to a thousand times their size."""
     chunks: list[Any] = []
     dataset.id.chunk_iter(chunks.append)
     size = int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
@@ -197,7 +197,7 @@ def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TY
     Raises
     ------
     AtlasError
-        Missing, larger than allowed, damaged, foreign, or contradicting itself; never a half-read atlas.
+        Missing, larger than allowed, damaged, foreign, or inconsistent.
     """
     try:
         status = path.stat()

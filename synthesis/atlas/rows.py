@@ -1,4 +1,4 @@
-"""The rows of an atlas: from dimension types to the Haar features of their body's rotation. Parts can be computed apart."""
+"""The rows of an atlas: from dimension types to the Haar features of their body's rotation. Parts can be computed alone."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class _Curves(NamedTuple):
 
 
 def _curves(table: Table, rows: Ints) -> list[_Curves]:
-    """The curves of some types as the atlas has them; anew from the lengths where too few samples left them unresolved."""
+    """The curves of some types as the atlas has them; from the lengths where the stored samples are too few."""
     features: list[tuple[Ints, Any, Any, Any]] = []
     unresolved = np.zeros(len(rows), dtype=bool)
     if table.samples < RESOLVED_SAMPLES:
@@ -137,7 +137,7 @@ def _curves(table: Table, rows: Ints) -> list[_Curves]:
 
 
 def prepare(table: Table, rows: Ints, series_error: float, lengths: tuple[int, ...]) -> Iterator[Bucket]:
-    """Buckets of some rows: series no longer than need be to leave out at most ``series_error``, of the given lengths."""
+    """Buckets of some rows: the shortest series of the allowed lengths that leave out at most ``series_error``."""
     for curves in _curves(table, rows):
         if curves.rows.size:
             yield from _buckets(table, curves, series_error, lengths)
@@ -176,7 +176,7 @@ def join(parts: list[Bucket]) -> Bucket:
 
 
 def prepare_phasors(table: Table, bucket: Bucket, at_once: int, given_up: Event) -> Phasors:
-    """Series of e^{i theta2} of a bucket's types, with a few more harmonics than theta2 has; so many types at once."""
+    """Series of e^{i theta2} of a bucket's types, with a few more harmonics than theta2 has."""
     reach = int(1.25 * bucket.harmonics) + 4
     count = len(bucket.rows)
     series = np.empty((count, 2 * reach + 1), dtype=complex)

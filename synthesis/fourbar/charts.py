@@ -134,7 +134,7 @@ class AnyChart:
 class CouplerAngles:
     """Coupler angles of candidates over a target's samples, with their derivatives: the fast path of `kinematics`.
 
-    Few array operations a call, each over all candidates and samples: in small batches their number is the run time.
+    It makes few array operations, each over all candidates and samples: in small batches their number determines the run time.
 
     Parameters
     ----------

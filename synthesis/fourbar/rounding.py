@@ -1,4 +1,4 @@
-"""The manufacturing view: link lengths on a grid, and the best that is left to fit then."""
+"""Link lengths rounded to a grid for manufacturing, with start, pose and offset fitted anew."""
 
 from __future__ import annotations
 

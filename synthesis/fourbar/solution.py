@@ -32,7 +32,7 @@ class Solution:
     ----------
     linkage : Linkage
     errors : Errors
-        Recomputed from the linkage's numbers, by the path that a user would go.
+        Recomputed from the linkage's numbers: its motion is compared with the request.
     family : Family
     transmission_angle_min : float
         Over the used interval, exactly; 0 where it does not close between samples.

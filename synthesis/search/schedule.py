@@ -1,6 +1,6 @@
 """The schedule of the search as tables: which seeds each round takes, how many steps it makes, and why the round is there.
 
-A round is worth its time only where those before it did not reach the tolerance, so they grow. Their numbers were chosen on
+Rounds grow: one runs only where those before it did not reach the tolerance. Their numbers were chosen on
 the random classes of the acceptance benchmark.
 """
 

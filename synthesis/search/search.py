@@ -169,7 +169,7 @@ class _Search:
             self.trace.append((self.work.elapsed, best))
 
     def done(self, solutions: list[Any]) -> bool:
-        """Whether no further search is worth while, or there is no time for it."""
+        """Whether the tolerance is reached or the time is up."""
         return self.work.expired() or Status.of(solutions, self.tolerance) is Status.REACHED
 
     def polished(self, count: int, iterations: int) -> list[Any]:
