@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import linkage_atlas
-from app.cli import _parser
+from app.cli import make_parser
 from app.main import create_app
 from app.openapi import description
 from app.settings import Settings
@@ -81,7 +81,7 @@ def test_every_linked_file_exists(path) -> None:
 @pytest.mark.parametrize("path", DOCUMENTS, ids=names)
 def test_every_command_exists(path) -> None:
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    verbs = set(_parser(linkage_atlas.BATCH_COMMANDS, "")._subparsers._group_actions[0].choices)
+    verbs = set(make_parser()._subparsers._group_actions[0].choices)
     for line in commands(path.read_text()):
         for target in re.findall(r"^make ([a-z]\S*)", line):
             assert target in targets, f"{names(path)}: {line}"
@@ -122,9 +122,9 @@ def test_the_dockerfile_copies_what_exists() -> None:
     for path in copied:
         assert (ROOT / path).exists() and allowed_in_context(path), path
     project = (ROOT / "pyproject.toml").read_text()
-    for needed in ("linkage_atlas.py", "synthesis", "data_build", "app", "README.md", "LICENSE", "pyproject.toml"):
+    for needed in ("linkage_atlas", "synthesis", "data_build", "app", "README.md", "LICENSE", "pyproject.toml"):
         assert needed in copied
-        assert needed == "pyproject.toml" or needed.removesuffix(".py") in project
+        assert needed == "pyproject.toml" or needed in project
     assert all(words.startswith("--from=build /opt/") for name, words in final if name == "COPY")
 
 
@@ -142,7 +142,7 @@ def test_the_dockerfile_is_slim_in_two_stages_and_not_root() -> None:
 
 
 def test_what_the_dockerfile_runs_is_a_command_with_these_options() -> None:
-    parser = _parser(linkage_atlas.BATCH_COMMANDS, "")
+    parser = make_parser()
     run = re.findall(r'"([^"]*)"', dict(stages()[1])["CMD"])
     assert run[0] == "linkage-atlas"
     options = parser.parse_args(run[1:])
