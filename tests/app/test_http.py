@@ -367,7 +367,7 @@ def test_no_request_computes_longer_than_the_service_allows() -> None:
 def test_every_solution_keeps_the_limits(limits, effort, client) -> None:
     fields = {**EXAMPLE, "top": 3, "effort": effort, "limits": limits, "budget_ms": 2_000}
     reply = ask(client, "/v1/synthesize", **fields)
-    assert reply["solutions"] or reply["status"] == "infeasible"
+    assert len(reply["solutions"]) == 3, "all of these limits can be kept"
     for solution in reply["solutions"]:
         links = list(solution["links"].values())
         assert solution["transmission_angle_min"] >= limits.get("transmission_angle_min", 0)
