@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else argv
     if argv and argv[0] in BATCH_COMMANDS:
         return run_batch(argv)
-    parser = _parser()
+    parser = make_parser()
     if not argv:
         parser.print_help(sys.stderr)
         return EXIT_USAGE
@@ -56,7 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
     parser = argparse.ArgumentParser(prog="linkage-atlas", description="Finds planar linkages for a required motion.")
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)

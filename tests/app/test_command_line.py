@@ -22,8 +22,7 @@ import pytest
 
 import linkage_atlas
 from app import cli
-from app.fourbar.answers import worked_example
-from app.registry import all_queries
+from app.registry import all_queries, worked_example
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [str(Path(sysconfig.get_path("scripts")) / "linkage-atlas")]

@@ -18,10 +18,9 @@ import pytest
 import uvicorn
 
 import linkage_atlas as la
-from app.fourbar.answers import worked_example
 from app.main import create_app
 from app.problems import Overloaded
-from app.registry import all_queries
+from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile

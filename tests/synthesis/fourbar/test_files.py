@@ -15,8 +15,8 @@ from fastapi.testclient import TestClient
 
 import linkage_atlas as la
 from app import cli
-from app.fourbar.answers import worked_example
 from app.main import create_app
+from app.registry import worked_example
 from synthesis.errors import FieldError
 from synthesis.fourbar.drawing import to_svg
 from synthesis.fourbar.files import to_csv, to_dxf, to_mjcf

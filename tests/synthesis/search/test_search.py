@@ -24,7 +24,7 @@ from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.ranking import SAME, Status, distinct
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
 from synthesis.search.seeds import SeedTables
-from synthesis.target import Target
+from synthesis.target import Target, make_target
 from synthesis.work import Work
 from tests.oracles.classes import EXACT, UNREACHABLE, Case, limited_case, make_case
 from tests.oracles.recompute import REACHED, broken_limits, compare, recompute
@@ -108,6 +108,53 @@ def test_any_unit_of_length(scale, resources) -> None:
     scaled = case.request | {"position": (scale * np.array(case.request["position"])).tolist()}
     reply = ask(scaled, resources)
     assert recompute(scaled, reply["solutions"][0]).objective < REACHED
+
+
+# -- weights ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("clockwise", [False, True], ids=["counter-clockwise", "clockwise"])
+@pytest.mark.parametrize("limits", [Limits(), Limits(transmission_angle_min=0.1)], ids=["free", "within limits"])
+@pytest.mark.parametrize("kind", ["half of the rotations missing", "random", "many samples"])
+def test_a_weighted_motion_is_recovered(kind, limits, clockwise, tables) -> None:
+    """What is missing is filled with nonsense; the rest is the motion of a four-bar."""
+    random = np.random.default_rng([len(kind), clockwise])
+    samples = 200 if kind == "many samples" else 32
+    lengths, crank = np.array([1.0, 2.6, 3.1, 3.7]), np.linspace(0, 5, samples)
+    theta2 = close_loop(lengths, 0.7 + crank).coupler_angle(1)
+    position = 3 - 2j + np.exp(1j * (0.7 + crank)) + 1.4j * np.exp(1j * theta2)
+    if kind == "random":
+        weights = random.uniform(0.1, 5, (2, samples))
+    else:
+        weights = np.stack([random.permutation(np.arange(samples) % 2).astype(float), np.ones(samples)])
+    rotation = np.where(weights[0] > 0, theta2 + 0.4, random.normal(size=samples))
+    target = make_target(rotation, position, 5.0, rotation_weights=weights[0], position_weights=weights[1])
+    target = target.mirrored() if clockwise else target
+    solutions, report = search(tables, target, limits, 1)
+    one = solutions[0].linkage
+    assert report.stopped_by is StoppedBy.TOLERANCE and solutions[0].errors.objective < DEFAULT_TOLERANCE
+    np.testing.assert_allclose(one.links, lengths, rtol=1e-6)
+    joints = one.joints(target.crank)
+    given = weights[0] > 0
+    assert np.max(np.abs(joints.rotation - target.rotation)[given]) < 1e-8
+    assert np.max(np.abs(joints.body_point - target.position)) < 1e-8
+
+
+def test_a_noisy_sample_counts_by_its_weight(tables) -> None:
+    """The heavier a spoilt sample, the nearer the answer comes to it."""
+    lengths, crank = np.array([1.0, 2.6, 3.1, 3.7]), np.linspace(0, 5, 24)
+    rotation = close_loop(lengths, 0.7 + crank).coupler_angle(1)
+    rotation[11] += 0.2
+    gaps = []
+    for weight in (0.0, 0.1, 10.0, 1000.0):
+        target = make_target(rotation, None, 5.0, rotation_weights=np.where(np.arange(24) == 11, weight, 1.0))
+        best = search(tables, target, Limits(), 1)[0][0]
+        joints = best.linkage.joints(target.crank)
+        gaps.append(abs(joints.rotation[11] - rotation[11]))
+        mean_square = np.average((joints.rotation - rotation) ** 2, weights=target.rotation_weights)
+        assert best.errors.rotation_rms == pytest.approx(np.sqrt(mean_square), rel=1e-6, abs=1e-12)
+    assert gaps[0] == pytest.approx(0.2, abs=1e-6)
+    assert gaps == sorted(gaps, reverse=True) and gaps[-1] < 0.01
 
 
 # -- requests that mean the same --------------------------------------------------------------------------------------

@@ -1,0 +1,389 @@
+"""The front door in Python: arrays in and out, errors by name, the same answers as over HTTP, and a light import."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import json
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import linkage_atlas as la
+from app.main import create_app
+from app.registry import worked_example
+from app.settings import Settings
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = worked_example()
+LENGTHS = (19.0, 72.0, 144.0, 165.0)
+LAW = settings(derandomize=True, deadline=None, max_examples=60)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[la.Atlas, Path]:
+    path = tmp_path_factory.mktemp("door") / "small.h5"
+    return la.build_atlas(path, 60, 2, "full_crank", 32, jobs=1), path
+
+
+@pytest.fixture(scope="module")
+def found() -> la.Result:
+    return la.synthesize(**EXAMPLE, top=2, sensitivity=True, round_to=1.0)
+
+
+def turned(values: Any) -> Any:
+    """Degrees as radians."""
+    return np.deg2rad(values)
+
+
+# -- synthesize -------------------------------------------------------------------------------------------------------
+
+
+def test_the_worked_example_is_solved(found) -> None:
+    assert found.status == "reached" and found.report.stopped_by == "tolerance"
+    one = found.linkage
+    assert one is found.solutions[0].linkage and found.best is found.solutions[0]
+    assert one.links == pytest.approx(LENGTHS, abs=1e-6) and one.branch == 1
+    assert (one.start_angle, one.ground_angle) == pytest.approx((30, 30), abs=1e-6)
+    assert one.coupler_point == pytest.approx((20, 60), abs=1e-5)
+    joints = one.joints(np.linspace(0, EXAMPLE["crank_span"], 16))
+    assert joints.body_point == pytest.approx(np.array(EXAMPLE["position"]), abs=1e-8)
+    assert joints.rotation == pytest.approx(np.array(EXAMPLE["rotation"]), abs=1e-7)
+    assert "reached: 2 solutions" in repr(found) and "crank_rocker" in repr(found)
+
+
+def test_arrays_lists_and_complex_positions_are_the_same(found) -> None:
+    position = np.array(EXAMPLE["position"]) @ [1, 1j]
+    other = la.synthesize(np.array(EXAMPLE["rotation"]), position, 70, top=2)
+    assert np.array_equal(other.linkage.links, found.linkage.links)
+
+
+def test_radians_go_in_and_come_out(found) -> None:
+    limits = {"transmission_angle_min": 20.0}
+    old = la.synthesize(**EXAMPLE, top=1, limits=limits, sensitivity=True)
+    new = la.synthesize(
+        turned(EXAMPLE["rotation"]),
+        EXAMPLE["position"],
+        turned(70),
+        top=1,
+        limits={"transmission_angle_min": turned(20.0)},
+        degrees=False,
+        sensitivity=True,
+    )
+    one, other = old.linkage, new.linkage
+    assert other.links == pytest.approx(one.links, rel=1e-6)
+    for name in ("start_angle", "ground_angle", "body_offset"):
+        assert getattr(other, name) == pytest.approx(turned(getattr(one, name)), abs=1e-6), name
+    assert other.coupler_point[1] == pytest.approx(turned(one.coupler_point[1]), abs=1e-6)
+    assert new.best.transmission_angle_min == pytest.approx(turned(old.best.transmission_angle_min), abs=1e-6)
+    assert new.best.sensitivity.rotation == pytest.approx(turned(old.best.sensitivity.rotation), rel=1e-5)
+    assert new.best.sensitivity.position == pytest.approx(old.best.sensitivity.position, rel=1e-5)
+    crank = np.linspace(0, 70, 5)
+    assert other.joints(turned(crank)).rotation == pytest.approx(turned(one.joints(crank).rotation), abs=1e-6)
+
+
+def without_times(reply: dict[str, Any]) -> dict[str, Any]:
+    report = {k: v for k, v in reply["report"].items() if k not in ("elapsed_ms", "trace")}
+    return reply | {"report": report | {"objectives": [objective for _, objective in reply["report"]["trace"]]}}
+
+
+@pytest.mark.parametrize("effort", ["refine", "atlas"])
+def test_the_reply_over_http_is_the_result_as_a_dict(effort, built) -> None:
+    atlas, path = built
+    options = {"top": 3, "effort": effort, "round_to": 0.5, "sensitivity": True}
+    with TestClient(create_app(Settings(atlas=path))) as client:
+        reply = client.post("/v1/synthesize", json={**EXAMPLE, **options})
+    assert reply.status_code == 200
+    mine = la.synthesize(**EXAMPLE, **options, budget=30, atlas=atlas).to_dict()
+    assert without_times(reply.json()) == without_times(json.loads(json.dumps(mine)))
+
+
+def test_a_budget_and_cancelled_work_end_the_search() -> None:
+    noise = np.random.default_rng(1).normal(size=40).cumsum()
+    result = la.synthesize(noise, crank_span=300, budget=0.05, limits={"family": "any"})
+    assert result.status == "closest" and result.report.stopped_by == "budget"
+    with pytest.raises(la.Cancelled):
+        la.synthesize(noise, crank_span=300, work=lambda budget: la.Work(budget, lambda: True))
+
+
+def test_a_wrapped_rotation_is_noted() -> None:
+    wrapped = [(value + 345) % 360 - 180 for value in np.linspace(0, 40, 16)]
+    assert any("unwrap" in note for note in la.synthesize(wrapped, crank_span=70, budget=0.1).report.notes)
+
+
+BAD = [
+    ({}, "", "rotation"),
+    ({"rotation": [1, 2, 3]}, "/crank_span", "crank_span"),
+    ({"rotation": [1, 2], "crank_span": 9}, "/rotation", "3 to"),
+    ({"rotation": [[1, 2, 3]], "crank_span": 9}, "/rotation", "samples"),
+    ({"rotation": [1, 2, np.nan], "crank_span": 9}, "/rotation/2", "finite"),
+    ({"rotation": ["a", "b", "c"], "crank_span": 9}, "/rotation", "numbers"),
+    ({"position": [1, 2, 3], "crank_span": 9}, "/position", "(N, 2)"),
+    ({"position": np.zeros((4, 3)), "crank_span": 9}, "/position", "(4, 3)"),
+    ({"position": [[0, 0], [1, np.inf], [2, 1]], "crank_span": 9}, "/position/1", "finite"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "crank_angle": [1, 2, 3]}, "/crank_span", "either"),
+    ({"rotation": [1, 2, 4], "crank_angle": [1, 2, 1.5]}, "/crank_angle/2", "one way"),
+    ({"rotation": [1, 2, 4], "crank_angle": [1, 2]}, "/crank_angle", "3 to"),
+    ({"rotation": [1, 2, 4], "crank_span": "far"}, "/crank_span", "numbers"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "top": 0}, "/top", "above 0"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "budget": -1}, "/budget", "above 0"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "effort": "hard"}, "/effort", "hard"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "effort": "atlas"}, "/atlas", "load_atlas"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "round_to": 1}, "/round_to", "position"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "length_scale": 1}, "/length_scale", "positions"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "limits": {"weight": 3}}, "/limits/weight", "pivot_box"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "limits": {"family": "crank"}}, "/limits/family", "crank_rocker"),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "limits": {"link_min": -1}}, "/limits/link_min", "above 0"),
+    (
+        {"rotation": [1, 2, 4], "crank_span": 9, "limits": {"transmission_angle_min": 90}},
+        "/limits/transmission_angle_min",
+        "90 degrees",
+    ),
+    ({"rotation": [1, 2, 4], "crank_span": 9, "limits": {"pivot_box": [0, 0, 1]}}, "/limits/pivot_box", "3 numbers"),
+    (
+        {"rotation": [1, 2, 4], "crank_span": 9, "limits": {"pivot_box": [0, 0, 1, 1]}},
+        "/limits/pivot_box",
+        "position",
+    ),
+]
+
+
+@pytest.mark.parametrize(("arguments", "field", "words"), BAD, ids=[field + " " + words for _, field, words in BAD])
+def test_what_is_wrong_is_named(arguments, field, words) -> None:
+    with pytest.raises(la.FieldError) as caught:
+        la.synthesize(**arguments)
+    assert caught.value.field == field and words in caught.value.message
+
+
+# -- atlases and match ------------------------------------------------------------------------------------------------
+
+
+def test_an_atlas_is_built_loaded_and_described(built) -> None:
+    atlas, path = built
+    again = la.load_atlas(path)
+    assert len(atlas) == len(again) > 1000 and again.content_sha256 == atlas.content_sha256
+    assert again.describe()["parameters"] == {"perimeter": 60, "smallest": 2, "order": "full_crank", "samples": 32}
+    assert f"{len(atlas):,} types" in repr(again)
+    details = again.details_of(7)
+    assert details["number"] == 7 and sum(details["lengths"]) == 60 and len(details["details"]) == 31
+    for number in (0, len(atlas) + 1):
+        with pytest.raises(la.FieldError, match=f"no type {number}"):
+            again.details_of(number)
+
+
+def test_a_bad_atlas_and_a_bad_rule_are_named(built, tmp_path) -> None:
+    with pytest.raises(la.AtlasError) as caught:
+        la.load_atlas(tmp_path / "none.h5")
+    assert caught.value.fault is la.AtlasFault.MISSING
+    for limits in ({"max_bytes": 100}, {"max_types": 10}):
+        with pytest.raises(la.AtlasError) as caught:
+            la.load_atlas(str(built[1]), **limits)
+        assert caught.value.fault is la.AtlasFault.LIMIT
+    for rule, field in (
+        ({"perimeter": 3}, "/perimeter"),
+        ({"smallest": 0}, "/smallest"),
+        ({"order": "any"}, "/order"),
+        ({"samples": 100}, "/samples"),
+    ):
+        with pytest.raises(la.FieldError) as wrong:
+            la.build_atlas(tmp_path / "atlas.h5", **({"perimeter": 60} | rule))
+        assert wrong.value.field == field
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("degrees", [True, False], ids=["degrees", "radians"])
+def test_a_row_of_the_atlas_is_matched_to_itself(built, degrees) -> None:
+    atlas, _ = built
+    unit = 1.0 if degrees else np.pi / 180
+    number = 321
+    lengths = atlas.details_of(number)["lengths"]
+    row = la.FourBar(*lengths, branch=-1, start_angle=40 * unit, degrees=degrees)
+    crank = np.linspace(0, 200, 30) * unit
+    rotation = row.joints(crank).rotation + 25 * unit
+    matches = la.match(rotation, crank[-1], atlas=atlas, degrees=degrees, top=4, features=True)
+    first = matches.matches[0]
+    assert (first.type.number, first.type.lengths, first.branch) == (number, lengths, -1)
+    assert first.start_angle == pytest.approx(40 * unit) and first.similarity < 1e-9 * unit
+    assert [m.rank for m in matches.matches] == [1, 2, 3, 4]
+    # the linkage of a match performs the requested rotation: its offset is its body's
+    assert first.linkage.joints(crank).rotation == pytest.approx(rotation, abs=1e-9)
+    assert first.offset == first.linkage.body_offset
+    for match in matches.matches:
+        gap = match.linkage.joints(crank).rotation - rotation
+        assert np.sqrt(np.mean(gap**2)) == pytest.approx(match.similarity, abs=1e-9)
+    values = matches.to_dict()
+    assert json.loads(json.dumps(values)) == values and "4 matches" in repr(matches)
+    with pytest.raises(la.FieldError, match="top"):
+        la.match(rotation, crank[-1], atlas=atlas, top=0)
+
+
+# -- the four-bar -----------------------------------------------------------------------------------------------------
+
+length, angle, place = st.floats(0.5, 20), st.floats(-400, 400), st.floats(-50, 50)
+
+
+def linkages_in(degrees: bool) -> st.SearchStrategy[la.FourBar]:
+    return st.builds(
+        la.FourBar,
+        *[length] * 4,
+        st.sampled_from([1, -1]),
+        start_angle=angle,
+        pivot_a=st.tuples(place, place),
+        ground_angle=angle,
+        coupler_point=st.one_of(st.none(), st.tuples(length, angle)),
+        body_offset=st.one_of(st.none(), angle),
+        degrees=st.just(degrees),
+    )
+
+
+linkages = st.booleans().flatmap(lambda degrees: st.tuples(linkages_in(degrees), st.just(degrees)))
+
+
+def distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(one - other, axis=-1)
+
+
+@LAW
+@given(linkages, st.lists(angle, min_size=1, max_size=5))
+def test_links_keep_their_lengths_wherever_the_loop_closes(linkage, crank) -> None:
+    one, degrees = linkage
+    joints = one.joints(crank)
+    assert joints.pivot_a.shape == joints.pivot_b.shape == (2,)
+    assert joints.crank_pin.shape == joints.coupler_pin.shape == (len(crank), 2)
+    closed = np.isfinite(joints.coupler_pin).all(axis=1)
+    assume(closed.any())
+    a, b, d, c = joints.pivot_a, joints.pivot_b, joints.crank_pin[closed], joints.coupler_pin[closed]
+    rounding = 1e-10 * (1 + np.abs(one.links).max())
+    for found, wanted in zip((distance(d, a), distance(c, d), distance(c, b), distance(b, a)), one.links):
+        assert np.all(np.abs(found - wanted) < rounding)
+    # the directions are those of the links, the branch is the side of C
+    radian = np.pi / 180 if degrees else 1.0
+    for pin, other, direction in ((d, a, joints.crank_direction), (c, d, joints.coupler_direction)):
+        ray = np.stack([np.cos(direction[closed] * radian), np.sin(direction[closed] * radian)], axis=1)
+        assert np.all(np.abs(pin - other - ray * distance(pin, other)[:, None]) < rounding)
+    across = (b - d)[:, 0] * (c - d)[:, 1] - (b - d)[:, 1] * (c - d)[:, 0]
+    assert np.all(one.branch * across > -rounding * np.abs(one.links).max())
+    assert (joints.body_point is None) == (one.coupler_point is None)
+    if one.coupler_point is not None:
+        assert np.all(np.abs(distance(joints.body_point[closed], d) - one.coupler_point[0]) < rounding)
+
+
+@LAW
+@given(linkages)
+def test_a_linkage_comes_back_from_its_dict(linkage) -> None:
+    one, degrees = linkage
+    values = json.loads(json.dumps(one.to_dict()))
+    back = la.FourBar.from_dict(values, degrees)
+    assert np.array_equal(back.links, one.links) and (back.branch, back.family) == (one.branch, one.family)
+    for name in ("start_angle", "ground_angle", "body_offset", "coupler_point", "pivot_a", "pivot_b"):
+        wanted = getattr(one, name)
+        if wanted is None:
+            assert getattr(back, name) is None
+        else:
+            assert getattr(back, name) == pytest.approx(wanted, rel=1e-12, abs=1e-12), name
+
+
+def test_the_smallest_transmission_angle_is_that_of_dense_samples() -> None:
+    one = la.FourBar(*LENGTHS, start_angle=30)
+    dense = one.joints(np.linspace(0, 360, 3601)).transmission_angle
+    assert one.transmission_angle_min() == pytest.approx(dense.min(), abs=1e-4)
+    assert one.transmission_angle_min(10, 20) == pytest.approx(dense[100:201].min(), abs=1e-4)
+    assert np.isnan(la.FourBar(3, 1, 1, 3).transmission_angle_min())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "field"),
+    [
+        ((0, 1, 1, 1), {}, "/crank"),
+        ((1, np.nan, 1, 1), {}, "/coupler"),
+        ((1, 1, -1, 1), {}, "/rocker"),
+        ((1, 1, 1, np.inf), {}, "/ground"),
+        ((1, 1, 1, 1, 0), {}, "/branch"),
+        ((1, 1, 1, 1), {"pivot_a": (1, 2, 3)}, "/pivot_a"),
+        ((1, 1, 1, 1), {"pivot_a": (1, np.nan)}, "/pivot_a"),
+    ],
+)
+def test_an_impossible_linkage_is_named(arguments, options, field) -> None:
+    with pytest.raises(la.FieldError) as caught:
+        la.FourBar(*arguments, **options)
+    assert caught.value.field == field
+
+
+@pytest.mark.parametrize("ending", ["csv", "svg", "dxf", "xml", "mjcf"])
+def test_a_solution_and_a_plain_linkage_are_saved(found, ending, tmp_path) -> None:
+    for name, one in (("solved", found.linkage), ("plain", la.FourBar(*LENGTHS))):
+        path = tmp_path / f"{name}.{ending}"
+        one.save(path)
+        text = path.read_bytes().decode()
+        if ending == "dxf":
+            assert not ezdxf.readfile(path).audit().errors
+        else:
+            assert text == one.render({"xml": "mjcf"}.get(ending, ending))
+        assert {"csv": "crank_angle", "svg": "<svg", "dxf": "SECTION"}.get(ending, "<mujoco") in text
+    with pytest.raises(la.FieldError) as caught:
+        found.linkage.save(tmp_path / "linkage.png")
+    assert caught.value.field == "/path" and not (tmp_path / "linkage.png").exists()
+
+
+def test_what_cannot_be_drawn_says_why() -> None:
+    stuck = la.FourBar(3, 1, 1, 3)
+    assert stuck._repr_svg_() is None and "<svg" in la.FourBar(*LENGTHS)._repr_svg_()
+    for kind, unit, field in (("svg", "mm", "/motion"), ("dxf", "furlong", "/motion")):
+        with pytest.raises(la.FieldError) as caught:
+            stuck.render(kind, length_unit=unit)
+        assert caught.value.field == field
+    for kind, unit, field in (("dxf", "furlong", "/length_unit"), ("exe", "mm", "/kind")):
+        with pytest.raises(la.FieldError) as caught:
+            la.FourBar(*LENGTHS).render(kind, length_unit=unit)
+        assert caught.value.field == field
+
+
+# -- the module -------------------------------------------------------------------------------------------------------
+
+HEAVY = {"numpy", "h5py", "pywt", "scipy", "pydantic", "fastapi", "ezdxf", "matplotlib"}
+
+
+def fresh(code: str) -> str:
+    """What a new process prints."""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_the_import_loads_nothing_heavy_and_costs_little() -> None:
+    code = "import time; begin = time.process_time(); import linkage_atlas; print(time.process_time() - begin)"
+    assert min(float(fresh(code)) for _ in range(5)) < 0.15
+    loaded = set(fresh("import sys, linkage_atlas; print(*sys.modules)").split())
+    assert not HEAVY & loaded
+
+
+def test_no_use_of_the_door_loads_the_service() -> None:
+    code = (
+        "import sys, linkage_atlas as la\n"
+        "assert la.synthesize([0, 1, 3, 4], crank_span=30, budget=0.01).solutions\n"
+        "print(*sys.modules)"
+    )
+    assert not {"fastapi", "pydantic", "starlette", "uvicorn", "app"} & set(fresh(code).split())
+
+
+def test_every_name_of_the_door_is_there_and_no_other() -> None:
+    assert dir(la) == sorted(la.__all__) and len(set(la.__all__)) == len(la.__all__)
+    for name in la.__all__:
+        assert getattr(la, name) is not None
+    with pytest.raises(AttributeError, match="synthesise"):
+        _ = la.synthesise
+
+
+def test_the_examples_of_the_docstrings_are_true() -> None:
+    names = [module.name for module in pkgutil.iter_modules(la.__path__, "linkage_atlas.")]
+    results = [doctest.testmod(importlib.import_module(name)) for name in ["linkage_atlas", *names]]
+    assert sum(result.failed for result in results) == 0
+    assert sum(result.attempted for result in results) >= 5

@@ -1,0 +1,120 @@
+"""A second mechanism through the same search: what `synthesis.mechanism` asks for is all that the search needs to know.
+
+The toy is a slider-crank whose rod is the body: crank r, rod l, offset e, r + |e| < l, theta2 = asin((e - r sin theta1) / l).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from synthesis.mechanism import BodyAngles
+from synthesis.pose import fit_positions
+from synthesis.ranking import Errors, motion_errors
+from synthesis.search.search import search
+from synthesis.search.seeds import SeedTables
+from synthesis.target import Target, make_target
+
+
+def body_angle(lengths: np.ndarray, crank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """theta2, (n, N), and its derivatives by r, l, e and theta1, (n, N, 4)."""
+    r, l, e = (column[:, None] for column in np.asarray(lengths, dtype=float).T)  # noqa: E741
+    sine = (e - r * np.sin(crank)) / l
+    parts = np.stack(np.broadcast_arrays(-np.sin(crank), -sine, 1.0, -r * np.cos(crank)), axis=-1)
+    return np.arcsin(sine), parts / (l * np.sqrt(1 - sine**2))[..., None]
+
+
+class Chart:
+    """With r = 1: the rod beyond its least length, (l - r - |e|) / r = exp(x), and the offset as a part of it."""
+
+    cell, hop, types = np.array([0.7, 0.5, 0.6]), np.array([0.7, 0.5, 0.4]), np.empty((0, 3))
+
+    def shape(self, unknowns: np.ndarray) -> Any:
+        excess, e = np.exp(np.clip(unknowns[:, 0], -20, 20)), unknowns[:, 1]
+        one, zero = np.ones_like(e), np.zeros_like(e)
+        jacobian = np.stack([[zero, zero], [excess, np.sign(e)], [zero, one]]).transpose(2, 0, 1)
+        return SimpleNamespace(lengths=np.stack([one, 1 + np.abs(e) + excess, e], axis=1), jacobian=jacobian)
+
+    def unknowns(self, lengths: Any) -> np.ndarray:
+        r, l, e = np.asarray(lengths, dtype=float).T  # noqa: E741
+        return np.stack([np.log((l - r - np.abs(e)) / r), e / r], axis=1)
+
+    def prepared(self, target: Target) -> Any:
+        def evaluate(unknowns: np.ndarray, branch: np.ndarray, derivatives: bool = True) -> BodyAngles:
+            shape = self.shape(unknowns[:, :2])
+            angle, by_length = body_angle(shape.lengths, unknowns[:, 2:] + target.crank)
+            by_shape = np.einsum("nmi,nik->nkm", by_length[..., :3], shape.jacobian)
+            slope = np.concatenate([by_shape, by_length[..., 3][:, None]], axis=1)
+            return BodyAngles(angle, np.exp(1j * angle), slope, True)
+
+        return evaluate
+
+
+@dataclass(frozen=True)
+class SliderCrank:
+    lengths: np.ndarray
+    start: float
+    pose: tuple[complex, float, complex]
+    errors: Errors | None = None
+
+    @property
+    def identity(self) -> np.ndarray:
+        return self.lengths / self.lengths[0]
+
+
+class Mechanism:
+    branches = (1,)
+    tables = tuple(
+        np.array([[1.0, 1 + abs(e) + x, e] for x in np.geomspace(0.05, 20, n) for e in np.linspace(-3, 3, n)])
+        for n in (7, 15)
+    )
+
+    def winding(self, lengths: np.ndarray) -> np.ndarray:
+        return np.zeros(len(lengths), dtype=int)
+
+    def body_angle(self, lengths: np.ndarray, branch: Any, crank: np.ndarray) -> np.ndarray:
+        return body_angle(lengths, crank)[0]
+
+    def in_family(self, family: str, lengths: np.ndarray) -> np.ndarray:
+        return np.ones(len(lengths), dtype=bool)
+
+    def charts(self, family: str) -> list[Chart]:
+        return [Chart()]
+
+    def mounted(self, target: Target, lengths: np.ndarray, branch: Any, start: np.ndarray) -> list[SliderCrank]:
+        if target.position is None:
+            return [SliderCrank(row, at, (0j, 0.0, 0j)) for row, at in zip(lengths, start)]
+        fit = fit_positions(target, body_angle(lengths, start[:, None] + target.crank)[0])
+        scaled = lengths * (np.abs(fit.crank_vector) / lengths[:, 0])[:, None]
+        pose = zip(fit.pivot, np.angle(fit.crank_vector) - start, fit.coupler_vector)
+        return [SliderCrank(*one) for one in zip(scaled, start, pose)]
+
+    def assess(self, target: Target, linkages: list[SliderCrank], rows: Any = None) -> list[SliderCrank]:
+        crank = np.array([one.start for one in linkages])[:, None] + target.crank
+        angle = body_angle(np.array([one.lengths for one in linkages]), crank)[0]
+        pivot, turn, arm = (np.array(column)[:, None] for column in zip(*(one.pose for one in linkages)))
+        r = np.array([[one.lengths[0]] for one in linkages])
+        points = pivot + r * np.exp(1j * (crank + turn)) + arm * np.exp(1j * angle)
+        return [replace(one, errors=errors) for one, errors in zip(linkages, motion_errors(target, angle, points)[1])]
+
+
+ANY = SimpleNamespace(family="full_crank", only_family=True, within=lambda target, linkages: linkages)
+
+
+@pytest.mark.parametrize("kind", ["both", "rotation"])
+def test_random_slider_cranks_are_recovered(kind) -> None:
+    tables = SeedTables(Mechanism())
+    for seed in range(10):
+        random = np.random.default_rng(seed)
+        lengths, start = Chart().shape(random.uniform([[-2, -2]], [[1.5, 2]])).lengths, random.uniform(0, 6)
+        crank = np.linspace(0, random.uniform(2, 6), 24)
+        angle = body_angle(lengths, start + crank)[0][0]
+        pivot, z1, z2 = random.normal(size=3) + 1j * random.normal(size=3)
+        position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * angle) if kind == "both" else None
+        target = make_target(angle + random.uniform(-3, 3), position, crank_angle=crank)
+        solutions, _ = search(tables, target, ANY, 3)
+        assert solutions[0].errors.objective < 1e-9, seed

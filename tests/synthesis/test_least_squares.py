@@ -1,0 +1,119 @@
+"""Levenberg and Marquardt on problems whose answers are known."""
+
+from __future__ import annotations
+
+from itertools import count
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.least_squares import Evaluation, minimise
+from synthesis.work import Work
+
+LAW = settings(derandomize=True, deadline=None, max_examples=30)
+
+
+def evaluation(residual: np.ndarray, jacobian: np.ndarray) -> Evaluation:
+    """Of residuals (n, rows) and their derivatives (n, m, rows)."""
+    return Evaluation(np.sum(residual**2, axis=1), np.concatenate([jacobian, residual[:, None]], axis=1))
+
+
+def rosenbrock(unknowns: np.ndarray, steepness: np.ndarray) -> Evaluation:
+    """Residuals 1 - x and a (y - x^2); zero at (1, 1) alone. The label of a candidate is its a."""
+    x, y = unknowns.T
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    residual = np.stack([1 - x, steepness * (y - x**2)], axis=1)
+    return evaluation(residual, np.stack([[-one, -2 * steepness * x], [zero, steepness]]).transpose(2, 0, 1))
+
+
+def cliff(unknowns: np.ndarray, labels: np.ndarray) -> Evaluation:
+    """Rosenbrock's valley, no answer where x > 1.2."""
+    found = rosenbrock(unknowns, labels)
+    return found._replace(cost=np.where(unknowns[:, 0] > 1.2, np.inf, found.cost))
+
+
+@pytest.mark.parametrize(
+    ("start", "steepness"), [((-1.2, 1.0), 10.0), ((3.0, -4.0), 10.0), ((0.0, 0.0), 1.0), ((-5.0, 20.0), 30.0)]
+)
+def test_rosenbrocks_valley_is_followed_to_its_end(start, steepness) -> None:
+    found = minimise(rosenbrock, np.array([start]), np.array([steepness]), 300)
+    np.testing.assert_allclose(found.unknowns, 1.0, rtol=0, atol=1e-12)
+    assert np.all(found.cost < 1e-24)
+
+
+def test_all_stop_when_one_is_below_the_tolerance() -> None:
+    start = np.array([[1.0 + 1e-9, 1.0], [-1.2, 1.0]])
+    found = minimise(rosenbrock, start, np.array([10.0, 10.0]), 300, tolerance=1e-6)
+    np.testing.assert_array_equal(found.unknowns, start)
+    one, other = minimise(rosenbrock, start, np.array([10.0, 10.0]), 300, tolerance=1e-12).cost
+    assert one <= 1e-24 < other < rosenbrock(start[1:], np.array([10.0])).cost[0]
+
+
+@LAW
+@given(st.integers(0, 10_000), st.integers(1, 6), st.integers(0, 12))
+def test_a_linear_fit_is_that_of_lstsq(seed, size, further) -> None:
+    random = np.random.default_rng(seed)
+    matrix, wanted = random.normal(size=(size + further, size)), random.normal(size=size + further)
+
+    def linear(unknowns: np.ndarray, _: np.ndarray) -> Evaluation:
+        jacobian = np.broadcast_to(matrix.T, (len(unknowns), *matrix.T.shape))
+        return evaluation(unknowns @ matrix.T - wanted, jacobian)
+
+    solution, *_ = np.linalg.lstsq(matrix, wanted, rcond=None)
+    found = minimise(linear, random.normal(size=(1, size)), np.zeros(1), 300, stall=0.0)
+    assert found.cost[0] == pytest.approx(np.sum((matrix @ solution - wanted) ** 2), rel=1e-9, abs=1e-18)
+    # the cost is flat at its least: half of its digits are left of the unknowns
+    tolerance = 1e-6 * np.linalg.cond(matrix)
+    np.testing.assert_allclose(found.unknowns[0], solution, rtol=0, atol=tolerance)
+
+
+@LAW
+@given(st.integers(0, 10_000), st.sampled_from([rosenbrock, cliff]), st.integers(0, 30))
+def test_no_candidate_is_worse_than_its_start(seed, problem, iterations) -> None:
+    random = np.random.default_rng(seed)
+    start, labels = random.uniform(-4, 4, (20, 2)), random.uniform(0.1, 30, 20)
+    before = start.copy()
+    found = minimise(problem, start, labels, iterations)
+    assert np.array_equal(start, before), "the starts are the caller's"
+    at_start = problem(start, labels).cost
+    assert np.all(found.cost <= at_start)
+    np.testing.assert_allclose(problem(found.unknowns, labels).cost, found.cost, rtol=1e-12)
+    moved = np.any(found.unknowns != start, axis=1)
+    assert np.all(found.cost[moved] < at_start[moved]) and np.all(np.isfinite(found.cost[moved]))
+
+
+def test_more_steps_are_never_worse_and_some_are_needed() -> None:
+    start, labels = np.array([[-1.2, 1.0]]), np.array([10.0])
+    costs = [minimise(rosenbrock, start, labels, steps).cost[0] for steps in range(40)]
+    assert costs == sorted(costs, reverse=True) and costs[0] == rosenbrock(start, labels).cost[0]
+    assert costs[3] > 1e-3 and costs[-1] < 1e-24
+
+
+@pytest.mark.parametrize("budget", [1, 3, 7])
+def test_expired_work_stops_where_it_is(budget) -> None:
+    start, labels = np.array([[-1.2, 1.0]]), np.array([10.0])
+    stopped = minimise(rosenbrock, start, labels, 100, work=Work(budget, clock=count().__next__))
+    short = minimise(rosenbrock, start, labels, budget - 1)
+    np.testing.assert_array_equal(stopped.unknowns, short.unknowns)
+    assert stopped.cost > 1e-6
+
+
+def test_a_step_is_never_long() -> None:
+    """From a place where the derivative is tiny the full step would leave for infinity."""
+
+    def flat(unknowns: np.ndarray, _: np.ndarray) -> Evaluation:
+        return evaluation(np.tanh(unknowns) - 1.0, (1 / np.cosh(unknowns) ** 2)[:, None])
+
+    one = minimise(flat, np.array([[-8.0]]), np.zeros(1), 1)
+    assert 0 < one.unknowns[0, 0] + 8.0 <= 1.5
+
+
+def test_fewer_residuals_than_unknowns_are_met() -> None:
+    def line(unknowns: np.ndarray, _: np.ndarray) -> Evaluation:
+        ones = np.ones((len(unknowns), 3, 1))
+        return evaluation(unknowns.sum(axis=1, keepdims=True) - 1.0, ones)
+
+    found = minimise(line, np.random.default_rng(1).normal(size=(5, 3)), np.zeros(5), 50)
+    np.testing.assert_allclose(found.unknowns.sum(axis=1), 1.0, atol=1e-10)
