@@ -7,6 +7,7 @@ compared within one run only.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -297,40 +298,20 @@ def measure_free_pin_places() -> list[dict[str, Any]]:
 # The document
 
 
-def columns(heads: str, cells: str) -> dict[str, str]:
-    """Columns of `table` from two lines, the heads and the formats, each parted by bars."""
-    return dict(zip(heads.split(" | "), cells.split(" | "), strict=True))
-
-
-COLUMNS = {
-    "fits": columns(
-        "representation | order | numbers | normal, mm | chord, mm | condition | fit, ms | 1000 points, us",
-        "{label} | {order} | {unknowns} | {normal:.1e} | {chord:.1e} | {condition:.3g} | {fit_ms:.1f} | {evaluate_us:.0f}",
-    ),
-    "large_radii": columns(
-        "radius, mm | arccos form, mm | ours, mm",
-        "{radius:.0e} | {arccos:.1e} | {ours:.1e}",
-    ),
-    "far_origin": columns(
-        "origin away by, mm | search in drawing coordinates, mm | ours, mm | spacing of numbers there, mm",
-        "{away:g} | {search:.1e} | {ours:.1e} | {spacing:.1e}",
-    ),
-    "high_degree": columns(
-        "degree | x from axis | from wheel centre | 1 m away | 5 m away | ours | our condition",
-        "{degree} | {axis:.2g} | {wheel:.2g} | {metre:.2g} | {five:.2g} | {ours:.2g} | {condition:.3g}",
-    ),
-    "tracks": columns(
-        "track | pitch | links | slack | depth | smallest radius | step at ends | chord error",
-        "{track} | {pitch:g} | {links} | {slack:.4f} | {depth:.4f} | {radius:.3f} | {end_step:.1e} | {chord:.1e}",
-    ),
-    "free_pin_places": columns(
-        "links | slack on arc | depth on arc | gain | slack on run | depth on run | gain there",
-        "{links} | {arc_slack:.3f} | {arc_depth:.3f} | {arc_gain} | {run_slack:.3f} | {run_depth:.3f} | {run_gain}",
-    ),
-    "speed": columns(
-        "task | search by | ours, ms | search, ms | search / ours",
-        "{task} | {by} | {ours_ms:.4g} | {search_ms:.4g} | {ratio:.2g}",
-    ),
+TABLES = {
+    "fits": "representation: {label} | order: {order} | numbers: {unknowns} | normal, mm: {normal:.1e} | "
+    "chord, mm: {chord:.1e} | condition: {condition:.3g} | fit, ms: {fit_ms:.1f} | 1000 points, us: {evaluate_us:.0f}",
+    "large_radii": "radius, mm: {radius:.0e} | arccos form, mm: {arccos:.1e} | ours, mm: {ours:.1e}",
+    "far_origin": "origin away by, mm: {away:g} | search in drawing coordinates, mm: {search:.1e} | ours, mm: {ours:.1e} | "
+    "spacing of numbers there, mm: {spacing:.1e}",
+    "high_degree": "degree: {degree} | x from axis: {axis:.2g} | from wheel centre: {wheel:.2g} | 1 m away: {metre:.2g} | "
+    "5 m away: {five:.2g} | ours: {ours:.2g} | our condition: {condition:.3g}",
+    "tracks": "track: {track} | pitch: {pitch:g} | links: {links} | slack: {slack:.4f} | depth: {depth:.4f} | "
+    "smallest radius: {radius:.3f} | step at ends: {end_step:.1e} | chord error: {chord:.1e}",
+    "free_pin_places": "links: {links} | slack on arc: {arc_slack:.3f} | depth on arc: {arc_depth:.3f} | gain: {arc_gain} | "
+    "slack on run: {run_slack:.3f} | depth on run: {run_depth:.3f} | gain there: {run_gain}",
+    "speed": "task: {task} | search by: {by} | ours, ms: {ours_ms:.4g} | search, ms: {search_ms:.4g} | "
+    "search / ours: {ratio:.2g}",
 }
 
 
@@ -338,17 +319,10 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables and figures of docs/chain.md."""
     speed, degrees, far = (results[name] for name in ("speed", "high_degree", "far_origin"))
     fits = [row | {"label": LABELS[row["kind"]]} for row in results["fits"]]
-    rows = {
-        **results,
-        "fits": fits,
-        "speed": speed["rows"],
-        "high_degree": degrees["rows"],
-        "far_origin": far["rows"],
-    }
-    texts = {"speed": 2}
+    rows = results | {"fits": fits, "speed": speed["rows"], "high_degree": degrees["rows"], "far_origin": far["rows"]}
     return {
         "published": page.lines(["quantity", "published", "ours"], results["published"]["rows"], 3),
-        **{name: page.table(rows[name], cells, texts.get(name, 1)) for name, cells in COLUMNS.items()},
+        **{name: page.table(rows[name], cells, 2 if name == "speed" else 1) for name, cells in TABLES.items()},
         **results["published"]["words"],
         "checked_ms": page.significant(speed["checked_ms"], 2),
         "closure_ms": page.significant(speed["closure_ms"], 2),
@@ -370,10 +344,10 @@ def draw(results: dict[str, Any]) -> None:
     pictures.draw_tracks(pictures.other_tracks(), results["tracks"])
 
 
-def main() -> None:
-    """Measure, and fill the document."""
+def measure() -> Iterator[dict[str, Any]]:
+    """All of it."""
     crescent, slot = chain.crescent_slot(L, N, R1)
-    results = {
+    yield {
         "published": measure_published(crescent, slot),
         "speed": measure_speed(crescent, slot),
         "fits": measure_fits(slot),
@@ -383,8 +357,7 @@ def main() -> None:
         "tracks": measure_tracks(),
         "free_pin_places": measure_free_pin_places(),
     }
-    page.publish("chain", results)
 
 
 if __name__ == "__main__":
-    main()
+    page.run(measure)

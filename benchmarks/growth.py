@@ -6,20 +6,20 @@ largest perimeter has seven million types and takes 17 GB of memory; nothing els
 
 from __future__ import annotations
 
-import argparse
 import bisect
 import json
 import math
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
 from benchmarks import report
+from benchmarks.figures import curve, figure
 from benchmarks.product import MAX_PERIMETER, Settings, TypeRule, count_types
 from benchmarks.report import Times, duration, significant, size
 from benchmarks.service import build, environment, match_bodies, quantile, running, serve_command, uvicorn_command
@@ -125,26 +125,18 @@ def exponents(rows: Sequence[dict[str, Any]]) -> dict[str, Exponents]:
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of growth and the arithmetic of a billion types in docs/scaling.md."""
     rows = results["rows"]
-    built = {
-        "perimeter": "{perimeter:,}",
-        "types": "{types:,}",
-        "samples": "{samples}",
-        "build, s": lambda row: significant(row["build_s"]),
-        "its memory": lambda row: size(row["build_peak_bytes"]),
-        "file": lambda row: size(row["file_bytes"]),
-        "file, bytes a type": lambda row: significant(row["file_bytes"] / row["types"]),
-    }
-    served = {
-        "perimeter": "{perimeter:,}",
-        "ready, s": lambda row: significant(row["ready_s"]),
-        "resident": lambda row: size(row["resident_bytes"]),
-        "peak": lambda row: size(row["peak_bytes"]),
-        "scan, bytes a type": lambda row: significant(row["scan_bytes"] / row["types"]),
-        "request, median ms": lambda row: significant(row["median_ms"]),
-        "99 %, ms": lambda row: significant(row["p99_ms"]),
-        "windows evaluated": "{evaluated:,.0f} of {windows:,}",
-        "best row, degrees": lambda row: significant(row["similarity_deg"], 2),
-    }
+    built = (
+        "perimeter: {perimeter:,} | types: {types:,} | samples: {samples} | build, s: {build_s:significant} | "
+        "its memory: {build_peak_bytes:size} | file: {file_bytes:size} | file, bytes a type: {file_a_type:significant}"
+    )
+    served = (
+        "perimeter: {perimeter:,} | ready, s: {ready_s:significant} | resident: {resident_bytes:size} | "
+        "peak: {peak_bytes:size} | scan, bytes a type: {scan_a_type:significant} | "
+        "request, median ms: {median_ms:significant} | 99 %, ms: {p99_ms:significant} | "
+        "windows evaluated: {evaluated:,.0f} of {windows:,} | best row, degrees: {similarity_deg:significant 2}"
+    )
+    shares = [{f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "scan")} for row in rows]
+    told = [row | share for row, share in zip(rows, shares)]
     grown = [
         [QUANTITIES[name], *(f"{value:.2f}" if math.isfinite(value) else "-" for value in found)]
         for name, found in exponents(rows).items()
@@ -152,8 +144,8 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     percentile = "; their 99th percentile is the largest of them" if results["requests"] < 100 else ""
     cores = results["made"]["machine"]["cores"]
     return {
-        "build": report.table(rows, built, 0),
-        "served": report.table(rows, served, 0),
+        "build": report.table(told, built, 0),
+        "served": report.table(told, served, 0),
         "requests": f"{results['requests']} requests to each atlas, {cores} cores{percentile}.",
         "exponents": report.lines(["quantity ~ types^e", "e, all perimeters", f"e, from {LARGE} on"], grown),
         "refusal": refusal_text(results["refusal"]),
@@ -236,13 +228,12 @@ def draw(results: dict[str, Any]) -> None:
     """Seconds, milliseconds and bytes against types, each with its exponent."""
     rows = results["rows"]
     found = exponents(rows)
-    with report.figure("growth.svg", 1, len(PANELS), size=(11.5, 3.9)) as (_, grid):
+    with figure("growth.svg", 1, len(PANELS), size=(11.5, 3.9)) as (_, grid):
         for axes, (unit, curves) in zip(grid, PANELS.items()):
             for (name, (label, factor)), marker in zip(curves.items(), "so^"):
-                known = [(row["types"], row[name] * factor) for row in rows if row[name] is not None]
-                if known:
-                    text = f"{label}: types^{found[name].large:.2f}"
-                    axes.plot(*zip(*known), marker=marker, markersize=5, label=text)
+                scaled = [{"types": row["types"], name: row[name] and row[name] * factor} for row in rows]
+                text = f"{label}: types^{found[name].large:.2f}"
+                curve(axes, scaled, "types", name, marker=marker, markersize=5, label=text)
             axes.set(xscale="log", yscale="log", xlabel="types", title=unit)
             axes.minorticks_off()
             axes.legend(loc="upper left")
@@ -250,26 +241,22 @@ def draw(results: dict[str, Any]) -> None:
             axes.set_ylim(low, high * (high / low) ** 0.35)  # room for the legend
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure every perimeter; what has been measured is published whatever comes."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--perimeters", type=int, nargs="+", default=list(PERIMETERS))
-    parser.add_argument("--requests", type=int, default=40, help="requests to each atlas (%(default)s)")
-    options = parser.parse_args(arguments)
-    bodies = match_bodies(options.requests)
-    results: dict[str, Any] = {"requests": options.requests, "rows": []}
-    for perimeter in tqdm(sorted(options.perimeters), disable=None, unit="atlas"):
+def measure(
+    perimeters: Annotated[int, "of the atlases"] = PERIMETERS, requests: Annotated[int, "to each atlas"] = 40
+) -> Iterator[dict[str, Any]]:
+    """Every perimeter in turn, from the smallest."""
+    bodies, rows = match_bodies(requests), []
+    for perimeter in tqdm(sorted(perimeters), disable=None, unit="atlas"):
         samples = next(samples for largest, samples in SAMPLES.items() if perimeter <= largest)
         with tempfile.TemporaryDirectory() as folder:
             atlas = Path(folder) / "atlas.h5"
             row = {"perimeter": perimeter, "samples": samples}
             row |= build(atlas, perimeter=perimeter, order="increasing", samples=samples) | serve(atlas, bodies)
-            results["rows"].append(row)
-            results["refusal"] = {"types": row["types"], **refusal(atlas)}
+            refused = {"types": row["types"], **refusal(atlas)}
+        rows.append(row)
         print(json.dumps({name: value for name, value in row.items() if name != "ms"}), flush=True)
-        report.publish("growth", results)
-    return 0
+        yield {"requests": requests, "rows": rows, "refusal": refused}
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    report.run(measure)

@@ -6,6 +6,7 @@ the positions from the same chain: times compare ways to decide and to locate, n
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -13,8 +14,8 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 
-from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, pairs_of
-from benchmarks.report import lines, paired, power, publish, ratio, repeat, significant, table
+from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, draw, pairs_of  # noqa: F401 - `render` calls draw
+from benchmarks.report import lines, paired, ratio, repeat, run, table
 from synthesis.knotter import d_knotter
 from synthesis.knotter.mechanism import Mechanism, as_array
 from synthesis.knotter.needle import Needle
@@ -264,10 +265,10 @@ def blocks(results: dict) -> dict[str, str]:
         ["clearance holds at 270 deg", *agreement(found["clearance"], PAPER_SAYS["clearance_pattern"])],
         ["feasible pairs", pair_names(PAPER_SAYS["feasible"]), same],
     ]
-    heads = ("= 360", "± 1e-9°", "± 1e-6°", "± 1e-3°", "NaN", "orientations", "filtered")
-    names = ("equal_360", "within_1e-9", "within_1e-6", "within_1e-3", "nan", "orientation", "classify")
-    seen = {True: "found", False: "missed"}
-    windows = {"scan 2°": "scan_2", "1°": "scan_1", "0.1°": "scan_0.1", "0.01°": "scan_0.01", "cells": "cells"}
+    windows = [
+        row | {"sees": {key: "found" if found is True else "missed" for key, found in row.items()}}
+        for row in results["short_windows"]
+    ]
     return {
         "published": lines(["quantity", "published", "here"], published, 3),
         "worst": f"{found['worst_mm']:.4f} mm at {found['worst_deg']:.4f}°, against {found['sample_mm']:.4f} mm at 270°",
@@ -279,7 +280,9 @@ def blocks(results: dict) -> dict[str, str]:
         ),
         "predicates": table(
             results["predicates"],
-            {"off the edge, mm": "{distance_mm:.0e}", **{h: f"{{{n}:.1f}}" for h, n in zip(heads, names)}},
+            "off the edge, mm: {distance_mm:.0e} | = 360: {equal_360:.1f} | ± 1e-9°: {within_1e-9:.1f} | "
+            "± 1e-6°: {within_1e-6:.1f} | ± 1e-3°: {within_1e-3:.1f} | NaN: {nan:.1f} | orientations: {orientation:.1f} | "
+            "filtered: {classify:.1f}",
         ),
         "predicate_times": (
             "On 100,000 points inside the triangle the sum equals 360.0 for "
@@ -290,19 +293,12 @@ def blocks(results: dict) -> dict[str, str]:
         ),
         "events": table(
             results["events"],
-            {
-                "method": "{method}",
-                "largest error, degrees": lambda row: power(row["max_error_deg"]),
-                "time / cells": lambda row: significant(row["time_over_cells"], 2),
-            },
+            "method: {method} | largest error, degrees: {max_error_deg:power} | time / cells: {time_over_cells:significant 2}",
         ),
         "windows": table(
-            results["short_windows"],
-            {
-                "d5 short of closing, mm": "{short_of_mm:.0e}",
-                "window, degrees": "{width_deg:.3g}",
-                **{head: lambda row, name=name: seen[row[name]] for head, name in windows.items()},
-            },
+            windows,
+            "d5 short of closing, mm: {short_of_mm:.0e} | window, degrees: {width_deg:.3g} | scan 2°: {sees[scan_2]} | "
+            "1°: {sees[scan_1]} | 0.1°: {sees[scan_0.1]} | 0.01°: {sees[scan_0.01]} | cells: {sees[cells]}",
         ),
         "grid": (
             f"A grid of 101 × 101 pairs with the three conditions took {grid['seconds']:.1f} s of one core "
@@ -312,10 +308,10 @@ def blocks(results: dict) -> dict[str, str]:
     }
 
 
-def main() -> None:
-    """Measure, save, draw, write."""
+def measure() -> Iterator[dict[str, Any]]:
+    """All of it."""
     found = figures()
-    results = {
+    yield {
         "figures": found,
         "predicates": predicate_errors(),
         "predicate_times": predicate_times(),
@@ -323,10 +319,7 @@ def main() -> None:
         "short_windows": short_windows(found["closing_d5_mm"]),
         "grid": grid_time(),
     }
-    publish("knotter", results)
-    for text in blocks(results).values():
-        print(text, end="\n\n")
 
 
 if __name__ == "__main__":
-    main()
+    run(measure)

@@ -13,12 +13,11 @@ Times are wall clock on all cores; of each scan the best of two, taken alternate
 
 from __future__ import annotations
 
-import argparse
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -26,7 +25,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks import report
 from benchmarks.baselines import flat_index, stumpy_mass
 from benchmarks.product import STARTS, TIE, Scan, Target, Windows, load_atlas, make_target
-from benchmarks.report import Times, repeat, significant, size, spread
+from benchmarks.report import Times, ms, repeat, significant, size, spread
 from benchmarks.service import build
 from tests.oracles.rotations import KINDS, SPANS, hard_target, reachable
 
@@ -116,8 +115,8 @@ def measure_wide(smallest: float, cores: int) -> tuple[dict[str, Any], int]:
     return told, sum(not one["same"] for one in done)
 
 
-def measure(file: Path, requests: int, hard: int, cores: int) -> dict[str, Any]:
-    """All of it."""
+def compare(file: Path, requests: int, hard: int, cores: int) -> dict[str, Any]:
+    """All scans and indices on one atlas, and the scans on the wider one."""
     atlas = load_atlas(file)
     smallest = atlas.rule.types.smallest / atlas.rule.types.perimeter
     ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
@@ -206,22 +205,12 @@ def file_figures(results: dict[str, Any]) -> str:
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """By span, the other baselines, hard requests (docs/scaling.md); figures of docs/file_format.md; headline of README.md."""
 
-    def ms(seconds: float) -> str:
-        return f"{1000 * seconds:,.1f}"
-
     def compared(name: str, parts: dict[str, Any]) -> str:
-        columns = {
-            name: "{key}",
-            "requests": "{requests}",
-            "ms": lambda row: ms(row["ours"]["median"]),
-            "max": lambda row: ms(row["ours"]["max"]),
-            "plain ms": lambda row: ms(row["plain"]["median"]),
-            "plain max": lambda row: ms(row["plain"]["max"]),
-            "plain / ours": "{ratio[median]:.2f}",
-            "least": "{ratio[min]:.2f}",
-            "evaluated": "{evaluated[median]:,.0f}",
-            "differ": "{differ}",
-        }
+        columns = (
+            f"{name}: {{key}} | requests: {{requests}} | ms: {{ours[median]:ms}} | max: {{ours[max]:ms}} | "
+            "plain ms: {plain[median]:ms} | plain max: {plain[max]:ms} | plain / ours: {ratio[median]:.2f} | "
+            "least: {ratio[min]:.2f} | evaluated: {evaluated[median]:,.0f} | differ: {differ}"
+        )
         return report.table([{"key": key, **part} for key, part in parts.items()], columns)
 
     flat, mass, worst, wide = (results[name] for name in ("flat_index", "stumpy_mass", "worst", "wide"))
@@ -250,7 +239,9 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "all windows by matrix products"
     )
     if flat:
-        single, batch = (significant(seconds / ours, 2) for seconds in (flat["single_s"]["median"], flat["batch_s_each"]))
+        single, batch = (
+            significant(seconds / ours, 2) for seconds in (flat["single_s"]["median"], flat["batch_s_each"])
+        )
         headline += (
             f"; a flat index of single-precision windows, made for one span, takes {single} times as long for a single query "
             f"and {batch} times as long for each of a batch"
@@ -271,18 +262,17 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and publish; 1 if an answer differs."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--atlas", type=Path, default=Path("atlas.h5"))
-    parser.add_argument("--requests", type=int, default=60, help="reachable ones, and as many for the flat index")
-    parser.add_argument("--hard", type=int, default=200, help="requests far from every row, or numerically hard")
-    options = parser.parse_args(arguments)
-    results = measure(options.atlas, options.requests, options.hard, os.cpu_count() or 1)
-    report.publish("retrieval", results)
-    print(f"{results['differ']} answers differ from those of the plain scan")
-    return 1 if results["differ"] else 0
+def measure(
+    atlas: Annotated[Path, "file of the default atlas"] = Path("atlas.h5"),
+    requests: Annotated[int, "reachable ones, and as many for the flat index"] = 60,
+    hard: Annotated[int, "requests far from every row, or numerically hard"] = 200,
+) -> Iterator[dict[str, Any]]:
+    """All of it; exit code 1 if an answer differs."""
+    results = compare(atlas, requests, hard, os.cpu_count() or 1)
+    yield results
+    if results["differ"]:
+        raise SystemExit(f"{results['differ']} answers differ from those of the plain scan")
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    report.run(measure)

@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from mpmath import mp, mpf
 
-from benchmarks import report
-from benchmarks.product import (
-    FieldError,
-    FullCrankChart,
-    ProjectedProblem,
-    ServiceResources,
-    answer,
-    close_loop,
-    prepared_service,
-    refine,
-    target_of,
-)
+from benchmarks import product, report
 from benchmarks.report import Times
 from tests.oracles.classes import change_point, is_crank_rocker, make_case, simplex
 from tests.oracles.recompute import DIGITS, LINKS, REACHED, close_by_circles, compare
@@ -32,6 +20,7 @@ Request = dict[str, Any]
 
 def row(tried: str, cases: int, worst: str, does: str, cannot: str, **numbers: Any) -> dict[str, Any]:
     """A line of the report: what was tried on how many cases, the worst that came out, and what is behind it."""
+    print(f"{tried}: {worst}", flush=True)
     return {"tried": tried, "cases": cases, "worst": worst, "does": does, "cannot": cannot, "numbers": numbers}
 
 
@@ -47,7 +36,7 @@ def folding_angles(random: np.random.Generator, count: int) -> np.ndarray:
 def theta2_error(lengths: np.ndarray, branch: int, crank: np.ndarray) -> float:
     """Worst error of theta2 in radians."""
     exact = close_by_circles(lengths, branch, crank).theta2
-    found = close_loop(lengths, crank).coupler_angle(np.array(branch))
+    found = product.close_loop(lengths, crank).coupler_angle(np.array(branch))
     with mp.workdps(DIGITS):
         # where L1 > L4 both are continuous, but may begin a whole turn apart
         turn = 2 * mp.pi * mp.nint((mpf(found[0]) - exact[0]) / (2 * mp.pi))
@@ -67,7 +56,7 @@ def textbook_error(lengths: np.ndarray, branch: int, crank: np.ndarray) -> float
 
 def gradient_error(lengths: np.ndarray, branch: int, crank: np.ndarray) -> float:
     """Worst error of the five derivatives of theta2, relative to the largest (in logarithms of the lengths)."""
-    found = close_loop(lengths, crank).coupler_angle_gradient(np.array(branch))
+    found = product.close_loop(lengths, crank).coupler_angle_gradient(np.array(branch))
     worst = 0.0
     for t, mine in zip(crank, found):
         with mp.workdps(DIGITS):
@@ -132,12 +121,12 @@ def kinematics() -> Iterator[dict[str, Any]]:
         theta2=max(errors),
     )
     random, count = np.random.default_rng(2), 400
-    problem = ProjectedProblem(target_of(make_case("any order", 3).request), FullCrankChart())
+    problem = product.ProjectedProblem(product.target_of(make_case("any order", 3).request), product.FullCrankChart())
     unknowns = random.uniform((-5, -30, -12, 0), (5, 3, 12, 6.28), (count, 4))
     branch = random.choice([-1.0, 1.0], count)
     state = problem.evaluate(unknowns, branch)
     finite = bool(np.all(np.isfinite(state.stack)))
-    worse = int(np.sum(refine(problem, unknowns, branch, 60).cost > state.cost))
+    worse = int(np.sum(product.refine(problem, unknowns, branch, 60).cost > state.cost))
     yield row(
         "refinement from the far ends of the chart (excess down to 1e-13, L1/L4 from 1/150 to 150)",
         count,
@@ -252,13 +241,13 @@ def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: b
     return np.abs(np.log(mine / true))
 
 
-def synthesis(resources: ServiceResources, cases: int) -> Iterator[dict[str, Any]]:
+def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[str, Any]]:
     """Recomputed J, agreement of what is reported, and how well the lengths are determined and said to be."""
     for kind in extremes(cases):
         times, compared, gaps = Times(), [], []
         ill_posed = covered = 0
         for request, truth in kind.requests:
-            best = answer(request, resources, times)["solutions"][0]
+            best = product.answer(request, resources, times)["solutions"][0]
             compared.append(compare(request, best))
             fixed = best["determination"]
             ill_posed += fixed["ill_posed"]
@@ -295,7 +284,7 @@ def synthesis(resources: ServiceResources, cases: int) -> Iterator[dict[str, Any
         )
 
 
-def refusals(resources: ServiceResources) -> Iterator[dict[str, Any]]:
+def refusals(resources: product.ServiceResources) -> Iterator[dict[str, Any]]:
     """What is refused, by name of the field, and why."""
     base = make_case("any order", 1).request
     points = np.array(base["position"])
@@ -316,9 +305,9 @@ def refusals(resources: ServiceResources) -> Iterator[dict[str, Any]]:
     }
     for what, (request, why) in tried.items():
         try:
-            answer(request, resources, Times())
+            product.answer(request, resources, Times())
             text = "NOT refused"
-        except FieldError as error:
+        except product.FieldError as error:
             text = f"refused: {error}"
         except ValueError as error:  # of the request's model: field, what is wrong with it, where to read on
             field, problem = str(error).splitlines()[1:3]
@@ -331,36 +320,24 @@ def refusals(resources: ServiceResources) -> Iterator[dict[str, Any]]:
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/stability.md."""
-    columns = {
-        "what was tried": "{tried}",
-        "cases": "{cases}",
-        "worst error": "{worst}",
-        "what the software does": "{does}",
-        "what it cannot do": "{cannot}",
-    }
+    columns = (
+        "what was tried: {tried} | cases: {cases} | worst error: {worst} | what the software does: {does} | "
+        "what it cannot do: {cannot}"
+    )
     return {part: report.table(rows, columns, 5) for part, rows in results["parts"].items()}
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run every extreme class and publish."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=20, help="requests of each class of synthesis")
-    options = parser.parse_args(arguments)
+def measure(cases: Annotated[int, "of each class of synthesis"] = 20) -> Iterator[dict[str, Any]]:
+    """Every extreme class."""
     warnings.simplefilter("error")
-    resources = prepared_service()
+    resources = product.prepared_service()
     parts = {
         "kinematics": kinematics(),
-        "synthesis": synthesis(resources, options.cases),
+        "synthesis": synthesis(resources, cases),
         "refused": refusals(resources),
     }
-    done: dict[str, list[dict[str, Any]]] = {}
-    for title, rows in parts.items():
-        for one in rows:
-            print(f"{one['tried']}: {one['worst']}", flush=True)
-            done.setdefault(title, []).append(one)
-    report.publish("stability", {"digits": DIGITS, "parts": done})
-    return 0
+    yield {"digits": DIGITS, "parts": {title: list(rows) for title, rows in parts.items()}}
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    report.run(measure)
