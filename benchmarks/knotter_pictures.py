@@ -85,7 +85,7 @@ def draw_frames() -> None:
             ends = {end: drawn(*item.points[end][::-1]) for end in condition.segment}
             axes.plot(*np.transpose(list(ends.values())), color=ROPE, lw=2.2, marker="o", ms=4.5)
             crossing = drawn(found.point[0], condition.frame)
-            axes.plot(*crossing, "o", mfc=PAPER, mec=ROPE, ms=8, mew=1.8)
+            axes.plot(*crossing, "o", mfc=PAPER, mec=ROPE, ms=8, mew=1.8, zorder=5)
             for point, at in {**corners, **ends, mark: crossing}.items():
                 tone = colour if point in corners else ROPE
                 note(axes, point, at, LABELS[name][point], color=tone, fontsize=8.5, **CENTRED)
