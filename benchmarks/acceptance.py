@@ -49,8 +49,7 @@ def wanted_share(kind: str) -> float:
 
 def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[str, Any]:
     """One class: recomputed J of the best solution, agreement of reported errors, milliseconds."""
-    compared, times, stops = [], Times(), Counter()
-    objective, goals, references, failures = [], [], [], []
+    times, stops, compared, objective, goals, references, failures = Times(), Counter(), [], [], [], [], []
     for seed in range(cases):
         case = make_case(kind, seed)
         reply = answer(case.request, resources, times)
@@ -65,12 +64,11 @@ def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[st
         if kind in EXACT:
             reached = best < REACHED
         else:
-            heavy = kind == UNREACHABLE
-            found = (
-                heavy_objective(target_of(case.request)) if heavy else recompute(case.request, case.truth).objective
-            )
-            references.append(found)
-            reached = best <= found * (UNREACHABLE_MARGIN if heavy else 1.0)
+            if kind == UNREACHABLE:
+                references.append(heavy_objective(target_of(case.request)))
+            else:
+                references.append(recompute(case.request, case.truth).objective)
+            reached = best <= references[-1] * (UNREACHABLE_MARGIN if kind == UNREACHABLE else 1.0)
         objective.append(best)
         goals.append(reached)
         if not reached:
@@ -94,9 +92,7 @@ def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[st
 
 def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
     """Random limited requests: limits broken by a returned solution, and whether "infeasible" is true."""
-    times, statuses = Times(), Counter()
-    broken: list[dict[str, Any]] = []
-    wrong: list[dict[str, Any]] = []
+    times, statuses, broken, wrong = Times(), Counter(), [], []
     for seed in range(cases):
         request = limited_case(seed).request
         reply = answer(request, resources, times)
@@ -117,9 +113,6 @@ def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
         **times.summary(),
         "short": bool(broken or wrong),
     }
-
-
-# -- document ---------------------------------------------------------------------------------------------------------
 
 
 def outcome(part: str, result: dict[str, Any]) -> str:

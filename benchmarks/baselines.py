@@ -35,11 +35,11 @@ MASS_TYPES = 2000
 def missing() -> dict[str, str]:
     """Baselines to a linkage that cannot take part, and why."""
     reasons = {"scipy": "differential evolution", "pylinkage": "motion generation"}
-    return {
-        name: f"{what} skipped: {name} is not installed"
-        for name, what in reasons.items()
-        if importlib.util.find_spec(name) is None
-    }
+    return {name: reason for name, what in reasons.items() if (reason := _absence(name, what))}
+
+
+def _absence(package: str, what: str) -> str:
+    return "" if importlib.util.find_spec(package) else f"{what} skipped: {package} is not installed"
 
 
 def evolve(target: product.Target, generations: int, seed: int) -> float:
@@ -207,11 +207,10 @@ def flat_index(
         Where memory does not hold the table it is of every n-th start, and seconds are scaled up. None where faiss is not
         installed or memory holds no part, and a line says so.
     """
-    try:
-        import faiss
-    except ImportError:
-        print("flat index skipped: faiss is not installed")
-        return None
+    if absent := _absence("faiss", "flat index"):
+        return print(absent)
+    import faiss
+
     crank = targets[0].crank
     whole, available = len(atlas) * 2 * product.STARTS * crank.size * 4, _available_memory()
     fits = [
@@ -270,12 +269,11 @@ def stumpy_mass(atlas: product.Atlas, requests: Sequence[np.ndarray], cores: int
     dict or None
         Seconds a request; None where stumpy is not installed, and a line says so.
     """
-    try:
-        import numba
-        import stumpy
-    except ImportError:
-        print("stumpy mass skipped: stumpy is not installed")
-        return None
+    if absent := _absence("stumpy", "stumpy mass"):
+        return print(absent)
+    import numba
+    import stumpy
+
     numba.set_num_threads(1)
     samples = len(requests[0])
     rows = np.random.default_rng(7).choice(len(atlas), min(MASS_TYPES, len(atlas)), replace=False)

@@ -47,8 +47,6 @@ BUDGETS_MS = (2, 5, 10, 20, 50, 100, 300, 1000)
 FLOOR = 1e-16
 """Below this a J is rounding: it is drawn here."""
 
-# -- measurement ------------------------------------------------------------------------------------------------------
-
 Measured = tuple[str, str, float, float]
 """Method, setting, seconds of the processor, J."""
 
@@ -146,32 +144,6 @@ def slow_methods(target: product.Target, seed: int, missing: dict[str, str]) -> 
             yield UNTIMED, f"{subsets} subsets of poses", seconds, untimed
 
 
-def measure_methods(cases: int, slow_cases: int) -> dict[str, Any]:
-    """All methods: of each class, method and setting the milliseconds and the J of its cases, in the order of their seeds."""
-    begin, missing = time.perf_counter(), baselines.missing()
-    grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
-    fast = partial(
-        fast_methods, product.SeedTables(product.FOURBAR), product.Scan(product.table_of(product.TypeRule(), 128))
-    )
-    warm = product.target_of(make_case("plain", 999).request)
-    list(fast(grids[:1], warm)), list(slow_methods(warm, 0, missing))
-    runs: dict[str, Any] = {}
-    for kind in NAMES:
-        for seed in range(cases):
-            target = product.counter_clockwise(product.target_of(make_case(kind, seed).request))
-            slow = slow_methods(target, seed, missing) if seed < slow_cases else ()
-            for method, setting, seconds, found in chain(fast(grids, target), slow):
-                lists = runs.setdefault(kind, {}).setdefault(method, {}).setdefault(setting, {"ms": [], "J": []})
-                lists["ms"].append(float(f"{1000 * seconds:.4g}"))
-                lists["J"].append(report.finite(float(f"{found:.3g}")))
-        print(f"{kind}: {(time.perf_counter() - begin) / 60:.1f} minutes", flush=True)
-    minutes = round((time.perf_counter() - begin) / 60, 1)
-    return {"cases": cases, "slow_cases": slow_cases, "minutes": minutes, "skipped": missing, "runs": runs}
-
-
-# -- summary ----------------------------------------------------------------------------------------------------------
-
-
 def summarise(runs: dict[str, Any], kinds: Sequence[str]) -> list[dict[str, Any]]:
     """A row a method and setting over all cases of some classes, in order of effort."""
     lists: dict[tuple[str, str], dict[str, list[Any]]] = {}
@@ -201,9 +173,6 @@ def frontier(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         if not kept or row["median"] < kept[-1]["median"]:
             kept.append(row)
     return kept
-
-
-# -- document ---------------------------------------------------------------------------------------------------------
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -321,9 +290,27 @@ def draw(results: dict[str, Any]) -> None:
 def measure(
     cases: Annotated[int, "of each class"] = 30, slow_cases: Annotated[int, "of them for the slow baselines"] = 10
 ) -> Iterator[dict[str, Any]]:
-    """All methods, on one core."""
-    with threadpool_limits(1, "blas"):
-        yield measure_methods(cases, min(slow_cases, cases))
+    """All methods on one core: of each class, method and setting the milliseconds and the J of its cases, by their seeds."""
+    threadpool_limits(1, "blas")
+    begin, missing = time.perf_counter(), baselines.missing()
+    grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
+    fast = partial(
+        fast_methods, product.SeedTables(product.FOURBAR), product.Scan(product.table_of(product.TypeRule(), 128))
+    )
+    warm = product.target_of(make_case("plain", 999).request)
+    list(fast(grids[:1], warm)), list(slow_methods(warm, 0, missing))
+    runs: dict[str, Any] = {}
+    for kind in NAMES:
+        for seed in range(cases):
+            target = product.counter_clockwise(product.target_of(make_case(kind, seed).request))
+            slow = slow_methods(target, seed, missing) if seed < slow_cases else ()
+            for method, setting, seconds, found in chain(fast(grids, target), slow):
+                lists = runs.setdefault(kind, {}).setdefault(method, {}).setdefault(setting, {"ms": [], "J": []})
+                lists["ms"].append(float(f"{1000 * seconds:.4g}"))
+                lists["J"].append(report.finite(float(f"{found:.3g}")))
+        print(f"{kind}: {(time.perf_counter() - begin) / 60:.1f} minutes", flush=True)
+    minutes = round((time.perf_counter() - begin) / 60, 1)
+    yield {"cases": cases, "slow_cases": min(slow_cases, cases), "minutes": minutes, "skipped": missing, "runs": runs}
 
 
 if __name__ == "__main__":

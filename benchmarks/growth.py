@@ -80,9 +80,6 @@ def refusal(atlas: Path) -> dict[str, Any]:
     return row
 
 
-# -- document ---------------------------------------------------------------------------------------------------------
-
-
 class Exponents(NamedTuple):
     """e in quantity ~ types^e: over all perimeters, and over those from `LARGE` on; NaN for fewer than two."""
 
@@ -181,6 +178,8 @@ def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
     rate = types / largest["build_s"]
     shortest, error, start = largest["median_ms"], largest["similarity_deg"], largest["ready_s"] / types
     median, tail = shortest / 1000 * (share / types) ** growing, largest["p99_ms"] / shortest
+    grown, furthest = f"(types / {types:,})", significant(error * (total / types) ** nearer, 2)
+    repeated = significant(shards ** (1 - growing), 2)
     rows = [
         ["perimeter", "the first with 10^9 types", f"{perimeter:,}"],
         ["types", f"P^3 / {perimeter**3 / total:.1f}", f"{total:,}"],
@@ -191,7 +190,7 @@ def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
         ["build, one host", f"{rate:,.0f} types a second on {cores} cores", duration(total / rate)],
         ["build, all hosts", "one host's / shards", duration(total / rate / shards)],
         ["start", f"{significant(1e6 * start)} s a million types", duration(start * share)],
-        ["request, a shard", f"{significant(shortest)} ms x (types / {types:,})^{growing:.2f}", duration(median)],
+        ["request, a shard", f"{significant(shortest)} ms x {grown}^{growing:.2f}", duration(median)],
         [
             "request, the slowest",
             f"a shard's median x {tail:.2f}, the largest over the median",
@@ -199,14 +198,14 @@ def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
         ],
         [
             "error of the best row, median",
-            f"{significant(error, 2)} degrees x (types / {types:,})^{nearer:.2f}",
-            f"{significant(error * (total / types) ** nearer, 2)} degrees",
+            f"{significant(error, 2)} degrees x {grown}^{nearer:.2f}",
+            f"{furthest} degrees",
         ],
         ["replies to merge", f"shards x {TOP} rows x {ROW_BYTES} bytes", size(shards * TOP * ROW_BYTES)],
         [
             "work if no shard knew the others' limit",
             f"shards^(1 - {growing:.2f}), of one atlas's",
-            f"{significant(shards ** (1 - growing), 2)} times",
+            f"{repeated} times",
         ],
     ]
     head = f"From perimeter {largest['perimeter']:,}, {largest['samples']} samples:\n\n"

@@ -32,9 +32,6 @@ def grid_of(alpha1: np.ndarray, alpha3: np.ndarray) -> tuple[Mechanism, int]:
     return pairs_of(first, third), first.size
 
 
-# -- does the rope cross the triangle? --------------------------------------------------------------------------------
-
-
 def angle_sum(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Degrees under which a point of the plane sees a triangle's edges (eqs 15 and 30): 360 inside, by arccosines."""
     total = np.zeros(len(point))
@@ -46,14 +43,13 @@ def angle_sum(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) ->
     return total
 
 
-def predicate_errors() -> list[dict]:
+def predicate_errors() -> Iterator[dict[str, Any]]:
     """Wrong verdicts beside the edge S3S4, in percent; the truth by rational arithmetic."""
     random = np.random.default_rng(2018)
     a, b, c = TRIANGLE
     along = b - a
     inward = np.cross(along, (1.0, 0.0, 0.0))
     inward *= np.sign(inward @ (c - a)) / np.linalg.norm(inward)
-    rows = []
     for distance in (1e-1, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
         side = np.repeat([1.0, -1.0], 400)
         point = a + random.uniform(0.02, 0.98, (800, 1)) * along + (side * distance)[:, None] * inward
@@ -68,8 +64,7 @@ def predicate_errors() -> list[dict]:
             inside(orientations(tuple(p.T), tuple(q.T), tuple(a), tuple(b), tuple(c))) != truth
         )
         row["classify"] = _percent((classify(p, q, a, b, c) == 0) != truth)
-        rows.append(row)
-    return rows
+        yield row
 
 
 def _exact_sides(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> list[Fraction]:
@@ -101,9 +96,6 @@ def predicate_times() -> dict:
         "largest_miss_of_360_degrees": float(np.nanmax(np.abs(total - 360.0))),
         "inside_by_orientations_percent": _percent(inside(orientations(p, q, *corners))),
     }
-
-
-# -- where does it enter? ---------------------------------------------------------------------------------------------
 
 
 def scanned(items: Mechanism, count: int, step: float, way: str = "orientations") -> np.ndarray:
@@ -173,16 +165,14 @@ def event_errors() -> list[dict]:
     ]
 
 
-def short_windows(closing: float) -> list[dict]:
+def short_windows(closing: float) -> Iterator[dict[str, Any]]:
     """Which scan sees the window that closes as d5 grows, and what the cells find."""
-    rows = []
     for short_of in (1.0, 0.3, 0.03, 1e-2, 1e-4, 1e-6, 1e-8):
         item = pairs_of(10, 25, d5=closing - short_of)
         found = d_knotter.wrap().evaluate(item, 1)
         row = {"short_of_mm": short_of, "width_deg": float(np.degrees(found.leave[0] - found.enter[0]))}
         row |= {f"scan_{step:g}": bool(np.isfinite(scanned(item, 1, step)[0])) for step in (2, 1, 0.1, 0.01)}
-        rows.append({**row, "cells": bool(found.holds[0])})
-    return rows
+        yield {**row, "cells": bool(found.holds[0])}
 
 
 def grid_time() -> dict:
@@ -198,9 +188,6 @@ def grid_time() -> dict:
         "feasible": int(holds.sum()),
         "scan_0.1_over_cells_wrap": ratio(scan, own)["median"],
     }
-
-
-# -- the source's figures and ours ------------------------------------------------------------------------------------
 
 
 def figures() -> dict:
@@ -232,9 +219,6 @@ def figures() -> dict:
         "closing_d5_mm": closing.value,
         "closing_deg": float(np.degrees(closing.result.enter[0])),
     }
-
-
-# -- words ------------------------------------------------------------------------------------------------------------
 
 
 def agreement(ours: dict[str, bool], printed: dict[str, bool]) -> list[str]:
@@ -313,10 +297,10 @@ def measure() -> Iterator[dict[str, Any]]:
     found = figures()
     yield {
         "figures": found,
-        "predicates": predicate_errors(),
+        "predicates": list(predicate_errors()),
         "predicate_times": predicate_times(),
         "events": event_errors(),
-        "short_windows": short_windows(found["closing_d5_mm"]),
+        "short_windows": list(short_windows(found["closing_d5_mm"])),
         "grid": grid_time(),
     }
 

@@ -28,9 +28,6 @@ from tests.oracles import lift as oracle
 ROUNDINGS = 5_000
 
 
-# -- measurements --------------------------------------------------------------------------------------------
-
-
 def adaptive(design: Design, method: str, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Times and states of an integration of (14) with steps of its own choice."""
     from scipy.integrate import solve_ivp
@@ -42,15 +39,19 @@ def adaptive(design: Design, method: str, tolerance: float) -> tuple[np.ndarray,
     return solved.t, solved.y.T
 
 
-def measure_integration() -> list[dict]:
+def measure_integration() -> Iterator[dict[str, Any]]:
     """Error against run time: fixed and adaptive steps, each beside the closed form at the same times."""
+    fixed = {
+        "Euler": (oracle.euler_step, (1e-2, 1e-3, 1e-4)),
+        "RK4": (oracle.rk4_step, (1e-2, 5e-3, 2e-3, 1e-3, 1e-4)),
+    }
     cases: list[tuple] = [
-        ("Euler", f"h = {h:g} s", oracle.integrate, CYLINDER, h, oracle.euler_step) for h in (1e-2, 1e-3, 1e-4)
+        (name, f"h = {h:g} s", oracle.integrate, CYLINDER, h, rule)
+        for name, (rule, steps) in fixed.items()
+        for h in steps
     ]
-    cases += [("RK4", f"h = {h:g} s", oracle.integrate, CYLINDER, h) for h in (1e-2, 5e-3, 2e-3, 1e-3, 1e-4)]
     adaptives = (("RK45", 1e-3), ("RK45", 1e-6), ("DOP853", 1e-10))
     cases += [(method, f"rtol = {rtol:g}", adaptive, method, rtol) for method, rtol in adaptives]
-    rows = []
     for (name, design), (method, setting, run, *options) in product(DESIGNS.items(), cases):
         clock = Times()
         times, states = clock.run(run, design, *options)
@@ -62,28 +63,26 @@ def measure_integration() -> list[dict]:
         seconds, diverged = clock.least.processor, np.isnan(error)
         row = {"design": name, "method": method, "setting": setting, "times": len(reached), "seconds": seconds}
         row |= {"height_error": None if diverged else error, "loop_residual": None if diverged else residual}
-        rows.append({**row, "ratio": seconds / closed, "stopped_at": times[-1] if diverged else None})
-    return rows
+        yield {**row, "ratio": seconds / closed, "stopped_at": times[-1] if diverged else None}
 
 
-def measure_closed_form() -> list[dict]:
+def by_turn(design: Design, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity and acceleration of the closed form."""
+    pose = pose_at_turn(design, turns)
+    return velocity(pose, CYLINDER.speed), acceleration(pose, CYLINDER.speed, 0.0)
+
+
+def measure_closed_form() -> Iterator[dict[str, Any]]:
     """Run time and own error of the closed form: by turn, and from time through the scalar Newton iteration."""
-    rows = []
     for name, design in DESIGNS.items():
         moved = motion(design, CYLINDER, samples=POSES)
         turns, exact = np.linspace(float(moved.stroke.turn_bottom), 0.0, POSES), oracle.Exact(design)
-
-        def by_turn(design=design, turns=turns):
-            pose = pose_at_turn(design, turns)
-            return velocity(pose, 100.0), acceleration(pose, 100.0, 0.0)
-
         some = zip(moved.cylinder_length[::1144].tolist(), moved.pose.height[::1144].tolist())
         error = max(abs(float(exact.height_at_length(length) - height)) for length, height in some)
         row = {"design": name, "largest_residual": largest_residual(moved), "height_error": error}
-        row["by_turn_ms"] = 1e3 * report.repeat(by_turn).least.processor
+        row["by_turn_ms"] = 1e3 * report.repeat(partial(by_turn, design, turns)).least.processor
         row["from_time_ms"] = 1e3 * report.repeat(partial(motion, design, CYLINDER, samples=POSES)).least.processor
-        rows.append(row)
-    return rows
+        yield row
 
 
 def measure_published() -> dict:
@@ -93,13 +92,14 @@ def measure_published() -> dict:
     values = Evaluator(task(Objective("discrete")))(designs)
     values = values[np.isfinite(values)]
     on_constraints = project(ARMS[CYLINDER.length], ARMS[CYLINDER.length], CYLINDER.length, *STROKE)
-    sums = [
-        float(Evaluator(task(Objective("discrete", include_start=flag)))(on_constraints)) for flag in (True, False)
-    ]
-    least, most = float(np.min(values)), float(np.max(values))
+    tasks = {
+        "f": task(Objective("discrete")),
+        "f_as_printed": task(Objective("discrete", include_start=False)),
+    }
+    sums = {name: Evaluator(wanted)(on_constraints) for name, wanted in tasks.items()}
     initial = DESIGNS["initial"]
     closed_l5 = initial.l5 + equation_residuals(initial, CYLINDER.length, *STROKE)["(32) closure"]
-    found = {"samples": ROUNDINGS, "least": least, "most": most, "f": sums[0], "f_as_printed": sums[1]}
+    found = {"samples": ROUNDINGS, "least": values.min(), "most": values.max(), **sums}
     return {**found, "closed_l5_of_initial": closed_l5}
 
 
@@ -146,44 +146,39 @@ def optimum_row(wanted: Task, optimum: Optimum) -> dict[str, Any]:
     return row | {"f_of_published": published_for(wanted, optimum).objective, "active": optimum.active}
 
 
-def measure_table_2() -> list[dict]:
+def measure_table_2() -> Iterator[dict[str, Any]]:
     """Table 2 as printed, projected, and our optimum; one search for all speeds of one length."""
     by_speed, by_length = REFERENCE["table_2_speeds"], REFERENCE["table_2"]
     cylinders = {Cylinder(CYLINDER.length, float(speed)): value for speed, value in by_speed.items()}
     cylinders |= {Cylinder(float(length), CYLINDER.speed): row["printed"] for length, row in by_length.items()}
     tasks = [task(Objective("discrete"), cylinder=cylinder) for cylinder in cylinders]
-    rows = []
     for wanted, value, optimum in zip(tasks, cylinders.values(), optimize_batch(tasks)):
         length, speed = wanted.cylinder.length, wanted.cylinder.speed
         printed = {"length": length, "speed": speed, "printed_l2": ARMS[length], "printed_f": value}
-        rows.append(printed | optimum_row(wanted, optimum))
-    return rows
+        yield printed | optimum_row(wanted, optimum)
 
 
-def measure_optima() -> list[dict]:
+def measure_optima() -> Iterator[dict[str, Any]]:
     """Optima of all objectives and some bounds, with their search time."""
     cases = [("discrete", n, bound) for n, bound in ((310, 600.0), (31, 1e3), (100, 1e3), (1000, 1e3))]
     cases += [("as printed", 310, bound) for bound in (600.0, 1e3)]
     cases += [("continuous", None, bound) for bound in (600.0, 1e3, 4e3)]
     cases += [("normalized", None, bound) for bound in (600.0, 4e3)]
-    rows = []
     for kind, n, bound in cases:
         objective = Objective(kind) if n is None else Objective("discrete", n, kind == "discrete")
         times, wanted = Times(), task(objective, bound)
         optimum = times.run(optimize, wanted)
         case = {"kind": kind, "n": n, "bound": bound, "seconds": times.processor[0]}
-        rows.append(case | optimum_row(wanted, optimum))
-    return rows
+        yield case | optimum_row(wanted, optimum)
 
 
-def measure_designs(optimum: dict[str, float]) -> list[dict]:
+def measure_designs(optimum: dict[str, float]) -> Iterator[dict[str, Any]]:
     """What the motions of the three designs are like."""
-    rows = []
     for name, design in {**DESIGNS, "optimum": Design(**optimum)}.items():
         moved = motion(design, CYLINDER, samples=100_001)
         limits, start = moved.stroke, float(moved.cylinder_length[0])
         least, turn = smallest_condition(design, limits)
-        rows.append(
+        yield (
             {
                 "design": name,
                 "lengths": design.as_dict(),
@@ -200,10 +195,6 @@ def measure_designs(optimum: dict[str, float]) -> list[dict]:
                 "least_condition_time": (float(pose_at_turn(design, turn).length) - start) / CYLINDER.speed,
             }
         )
-    return rows
-
-
-# -- the documents' numbers ----------------------------------------------------------------------------------
 
 
 TABLES = {
@@ -245,6 +236,7 @@ def blocks(results: dict) -> dict[str, str]:
     integration, table_2 = results["integration"], results["table_2"]
     initial, published, _ = designs
     rows = {
+        **results,
         **results["stability"],
         "designs": [
             {"what": what, **{row["design"]: cell.format(**row, **row["lengths"]) for row in designs}}
@@ -256,16 +248,14 @@ def blocks(results: dict) -> dict[str, str]:
             else {**row, **{key: cell.format(**row) for key, cell in OF_INTEGRATION.items()}}
             for row in integration
         ],
-        "closed_form": results["closed_form"],
-        "table_2": table_2,
         "optima": [
-            {**row, "steps": row["n"] or "-", "names": ", ".join(f"`{name}`" for name in row["active"])}
+            row | {"steps": row["n"] or "-", "names": ", ".join(f"`{name}`" for name in row["active"])}
             for row in optima
         ],
     }
-    tables = {}
-    for name, cells in TABLES.items():
-        tables[name] = report.table(rows[name], cells, text_columns=3 if name == "integration" else 1)
+    tables = {
+        name: report.table(rows[name], cells, 3 if name == "integration" else 1) for name, cells in TABLES.items()
+    }
 
     def change(key: str) -> str:
         return f"{100 * (published[key] / initial[key] - 1):+.0f} %".replace("-", "−")
@@ -308,15 +298,15 @@ draw = pictures.draw
 
 def measure() -> Iterator[dict[str, Any]]:
     """All of it."""
-    optima = measure_optima()
+    optima = list(measure_optima())
     yield {
-        "integration": measure_integration(),
-        "closed_form": measure_closed_form(),
+        "integration": list(measure_integration()),
+        "closed_form": list(measure_closed_form()),
         "published": measure_published(),
         "stability": measure_stability(),
-        "table_2": measure_table_2(),
+        "table_2": list(measure_table_2()),
         "optima": optima,
-        "designs": measure_designs(optima[0]["design"]),
+        "designs": list(measure_designs(optima[0]["design"])),
     }
 
 

@@ -54,24 +54,36 @@ def carton_folder() -> dict[str, Any]:
 def examples() -> list[dict[str, Any]]:
     """Name, title, word and request of each."""
     worked = json.loads((ROOT / "app/examples/worked_example.json").read_text())
-    words = {
-        "worked": "The published worked example: 16 poses over 70° of crank, met to within rounding by a crank-rocker of 19, 72, "
-        "144, 165.",
-        "line": "A tray is pushed 120 mm to the side and must stay level. No four-bar does both exactly: look at what each "
-        "gives up.",
-        "bucket": "A loader's bucket is lifted level at first, then tipped by 58° over the edge of the truck.",
-        "gear": "The leg swings 88° inboard and lays its wheel into the bay; both pivots must lie within the wing's root.",
-        "carton": "A flap is folded by 90° about its crease, gently at both ends, by a crank that turns on and stays below the "
-        "board.",
+    rows = {
+        (
+            "worked",
+            "Worked example",
+        ): "The published worked example: 16 poses over 70° of crank, met to within rounding by a "
+        "crank-rocker of 19, 72, 144, 165.",
+        (
+            "line",
+            "Straight line, constant angle",
+        ): "A tray is pushed 120 mm to the side and must stay level. No four-bar does "
+        "both exactly: look at what each gives up.",
+        (
+            "bucket",
+            "Tipping bucket",
+        ): "A loader's bucket is lifted level at first, then tipped by 58° over the edge of the truck.",
+        (
+            "gear",
+            "Landing gear",
+        ): "The leg swings 88° inboard and lays its wheel into the bay; both pivots must lie within the wing's root.",
+        (
+            "carton",
+            "Carton folder",
+        ): "A flap is folded by 90° about its crease, gently at both ends, by a crank that turns on "
+        "and stays below the board.",
     }
-    rows = [
-        ("worked", "Worked example", worked),
-        ("line", "Straight line, constant angle", straight_line()),
-        ("bucket", "Tipping bucket", tipping_bucket()),
-        ("gear", "Landing gear", landing_gear()),
-        ("carton", "Carton folder", carton_folder()),
+    requests = worked, straight_line(), tipping_bucket(), landing_gear(), carton_folder()
+    return [
+        {"name": name, "title": title, "word": word, "request": request}
+        for ((name, title), word), request in zip(rows.items(), requests, strict=True)
     ]
-    return [{"name": name, "title": title, "word": words[name], "request": request} for name, title, request in rows]
 
 
 def text() -> str:

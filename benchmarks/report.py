@@ -52,8 +52,6 @@ ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
-# -- time -------------------------------------------------------------------------------------------------------------
-
 
 class Seconds(NamedTuple):
     """Time on the clock, and of the processor in this process (all its threads), which other work does not stretch."""
@@ -126,9 +124,6 @@ def spread(values: Sequence[float]) -> dict[str, float]:
 def ratio(times: Times, to: Times, clock: str = "processor") -> dict[str, float]:
     """`spread` of the ratios of `paired` runs."""
     return spread([a / b for a, b in zip(getattr(times, clock), getattr(to, clock))])
-
-
-# -- words ------------------------------------------------------------------------------------------------------------
 
 
 def lines(head: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1) -> str:
@@ -216,9 +211,6 @@ def table(rows: Sequence[Mapping[str, Any]], columns: str, text_columns: int = 1
     return lines(heads, [[Words().vformat(cell, (), row) for cell in cells] for row in rows], text_columns)
 
 
-# -- results ----------------------------------------------------------------------------------------------------------
-
-
 def machine() -> dict[str, Any]:
     """What times depend on: processor, cores, memory, Python and numpy."""
     told = Path("/proc/cpuinfo")
@@ -289,8 +281,6 @@ def load(name: str) -> Any:
     """What `save` wrote."""
     return json.loads((RESULTS / f"{name}.json").read_text())
 
-
-# -- documents --------------------------------------------------------------------------------------------------------
 
 MARKER = re.compile(r"<!-- (\w+)\.(\w+) -->(\n?)(.*?)\n?<!-- /\1\.\2 -->", re.DOTALL)
 

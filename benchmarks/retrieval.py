@@ -35,9 +35,6 @@ NAIVE_SPAN, NAIVE_TYPES = 60, 500
 POSITION_SPANS = (20, 100, 300)
 
 
-# -- scans ------------------------------------------------------------------------------------------------------------
-
-
 Requests = Iterator[tuple[str, int, Target]]
 """What a request is counted with (a span or a kind), its number, the request."""
 
@@ -58,9 +55,8 @@ def duels(ours: Scan, plain: Scan, requests: Requests) -> list[dict[str, Any]]:
             print(f"DIFFERS: {key} {seed}: {windows} by the scan, {wanted} by the plain scan")
         mine, other = times[ours].least.wall, times[plain].least.wall
         row = {"key": key, "seed": seed, "same": same, "windows": windows, "ours": mine, "plain": other}
-        done.append(
-            row | {"ratio": other / mine, "evaluated": told.evaluated, "evaluated_plain": wanted_told.evaluated}
-        )
+        row |= {"ratio": other / mine, "evaluated": told.evaluated, "evaluated_plain": wanted_told.evaluated}
+        done.append(row)
     return done
 
 
@@ -107,61 +103,10 @@ def measure_wide(smallest: float, cores: int) -> tuple[dict[str, Any], int]:
         build(Path(folder) / "wide.h5", order="full_crank", samples=128)
         atlas = load_atlas(Path(folder) / "wide.h5")
     ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
-    turns = enumerate(2 * SPANS)
-    done = duels(
-        ours, plain, ((str(span), n, reachable("wide", n, span, smallest, orders=True)) for n, span in turns)
-    )
+    some = ((str(s), n, reachable("wide", n, s, smallest, orders=True)) for n, s in enumerate(2 * SPANS))
+    done = duels(ours, plain, some)
     told = {"types": len(atlas), "windows": ours.windows, "scan_bytes": ours.nbytes, "spans": summaries(done, SPANS)}
     return told, sum(not one["same"] for one in done)
-
-
-def compare(file: Path, requests: int, hard: int, cores: int) -> dict[str, Any]:
-    """All scans and indices on one atlas, and the scans on the wider one."""
-    atlas = load_atlas(file)
-    smallest = atlas.rule.types.smallest / atlas.rule.types.perimeter
-    ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
-    turns = [(seed, SPANS[seed % len(SPANS)]) for seed in range(requests)]
-    flat = [reachable("flat", seed, FLAT_SPAN, smallest) for seed in range(requests)]
-    hard_ones = [(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(hard)]
-    groups: dict[str, Requests] = {
-        "spans": ((str(s), n, reachable("span", n, s, smallest, uneven=n // len(SPANS) % 3 == 2)) for n, s in turns),
-        "joint": ((str(s), n, reachable("joint", n, s, smallest, positions=True)) for n, s in turns),
-        "flat": (("flat", n, target) for n, target in enumerate(flat)),
-        "hard": ((kind, n, hard_target(kind, n, smallest)) for kind, n in hard_ones),
-    }
-    with threadpool_limits(1, "blas"):  # as the service does: threads are the scan's own
-        done = {name: duels(ours, plain, some) for name, some in groups.items()}
-        parts = {"atlas": measure_atlas(file, smallest, cores)}
-        wide, differ_wide = measure_wide(smallest, cores)
-    everything = [one for part in done.values() for one in part]
-    worst = min(everything, key=lambda one: one["ratio"])
-    if indexed := flat_index(atlas, flat, TOP, cores):
-        indexed["single_s"] = spread(indexed["single_s"])
-        ids = [set(zip(*(column.tolist() for column in one["windows"][:3]))) for one in done["flat"]]
-        for found, same in (("found", "same_windows"), ("found_in_batch", "same_windows_in_batch")):
-            indexed[same] = sum(one == two for one, two in zip(indexed.pop(found), ids))
-    motions = [reachable("mass", seed, FLAT_SPAN, smallest, samples=FLAT_SPAN + 1) for seed in range(MASS_REQUESTS)]
-    if profiled := stumpy_mass(atlas, [target.rotation for target in motions], cores):
-        profiled["seconds"] = spread(profiled["seconds"])
-    return {
-        "types": len(atlas),
-        "windows": ours.windows,
-        "scan_bytes": ours.nbytes,
-        "plain_scan_bytes": plain.nbytes,
-        "differ": sum(not one["same"] for one in everything) + differ_wide,
-        "spans": summaries(done["spans"], SPANS),
-        "joint": summaries(done["joint"], SPANS),
-        "hard": summaries(done["hard"], KINDS),
-        "flat_requests": summary(done["flat"]),
-        "flat_index": indexed,
-        "stumpy_mass": profiled,
-        "worst": {name: worst[name] for name in ("key", "seed", "ours", "plain", "evaluated")},
-        "wide": wide,
-        "parts": parts,
-    }
-
-
-# -- document ---------------------------------------------------------------------------------------------------------
 
 
 def file_figures(results: dict[str, Any]) -> str:
@@ -171,9 +116,8 @@ def file_figures(results: dict[str, Any]) -> str:
     atlas = results["parts"]["atlas"]
 
     def between(seconds: Sequence[float]) -> str:
-        return (
-            " to ".join(dict.fromkeys(significant(1000 * value, 2) for value in (min(seconds), max(seconds)))) + " ms"
-        )
+        ends = dict.fromkeys(significant(1000 * value, 2) for value in (min(seconds), max(seconds)))
+        return " to ".join(ends) + " ms"
 
     faster = ""
     if "one_by_one_ratio" in atlas:
@@ -267,11 +211,53 @@ def measure(
     requests: Annotated[int, "reachable ones, and as many for the flat index"] = 60,
     hard: Annotated[int, "requests far from every row, or numerically hard"] = 200,
 ) -> Iterator[dict[str, Any]]:
-    """All of it; exit code 1 if an answer differs."""
-    results = compare(atlas, requests, hard, os.cpu_count() or 1)
-    yield results
-    if results["differ"]:
-        raise SystemExit(f"{results['differ']} answers differ from those of the plain scan")
+    """All scans and indices on one atlas, and the scans on the wider one; exit code 1 if an answer differs."""
+    file, cores = atlas, os.cpu_count() or 1
+    atlas = load_atlas(file)
+    smallest = atlas.rule.types.smallest / atlas.rule.types.perimeter
+    ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
+    turns = [(seed, SPANS[seed % len(SPANS)]) for seed in range(requests)]
+    flat = [reachable("flat", seed, FLAT_SPAN, smallest) for seed in range(requests)]
+    hard_ones = [(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(hard)]
+    groups: dict[str, Requests] = {
+        "spans": ((str(s), n, reachable("span", n, s, smallest, uneven=n // len(SPANS) % 3 == 2)) for n, s in turns),
+        "joint": ((str(s), n, reachable("joint", n, s, smallest, positions=True)) for n, s in turns),
+        "flat": (("flat", n, target) for n, target in enumerate(flat)),
+        "hard": ((kind, n, hard_target(kind, n, smallest)) for kind, n in hard_ones),
+    }
+    with threadpool_limits(1, "blas"):  # as the service does: threads are the scan's own
+        done = {name: duels(ours, plain, some) for name, some in groups.items()}
+        parts = {"atlas": measure_atlas(file, smallest, cores)}
+        wide, differ_wide = measure_wide(smallest, cores)
+    everything = [one for part in done.values() for one in part]
+    worst = min(everything, key=lambda one: one["ratio"])
+    if indexed := flat_index(atlas, flat, TOP, cores):
+        indexed["single_s"] = spread(indexed["single_s"])
+        ids = [set(zip(*(column.tolist() for column in one["windows"][:3]))) for one in done["flat"]]
+        for found, same in (("found", "same_windows"), ("found_in_batch", "same_windows_in_batch")):
+            indexed[same] = sum(one == two for one, two in zip(indexed.pop(found), ids))
+    motions = [reachable("mass", seed, FLAT_SPAN, smallest, samples=FLAT_SPAN + 1) for seed in range(MASS_REQUESTS)]
+    if profiled := stumpy_mass(atlas, [target.rotation for target in motions], cores):
+        profiled["seconds"] = spread(profiled["seconds"])
+    differ = sum(not one["same"] for one in everything) + differ_wide
+    yield {
+        "types": len(atlas),
+        "windows": ours.windows,
+        "scan_bytes": ours.nbytes,
+        "plain_scan_bytes": plain.nbytes,
+        "differ": differ,
+        "spans": summaries(done["spans"], SPANS),
+        "joint": summaries(done["joint"], SPANS),
+        "hard": summaries(done["hard"], KINDS),
+        "flat_requests": summary(done["flat"]),
+        "flat_index": indexed,
+        "stumpy_mass": profiled,
+        "worst": {name: worst[name] for name in ("key", "seed", "ours", "plain", "evaluated")},
+        "wide": wide,
+        "parts": parts,
+    }
+    if differ:
+        raise SystemExit(f"{differ} answers differ from those of the plain scan")
 
 
 if __name__ == "__main__":

@@ -19,12 +19,10 @@ Request = dict[str, Any]
 
 
 def row(tried: str, cases: int, worst: str, does: str, cannot: str, **numbers: Any) -> dict[str, Any]:
-    """A line of the report: what was tried on how many cases, the worst that came out, and what is behind it."""
+    """A line of the report: what was tried on how many cases, the worst that came out (a format of the numbers), and why."""
+    worst = worst.format(**numbers)
     print(f"{tried}: {worst}", flush=True)
     return {"tried": tried, "cases": cases, "worst": worst, "does": does, "cannot": cannot, "numbers": numbers}
-
-
-# -- kinematics -------------------------------------------------------------------------------------------------------
 
 
 def folding_angles(random: np.random.Generator, count: int) -> np.ndarray:
@@ -80,17 +78,14 @@ def kinematics() -> Iterator[dict[str, Any]]:
         for _ in range(25):
             where = change_point(random, low, high), int(random.choice([-1, 1])), folding_angles(random, 12)
             errors.append((theta2_error(*where), textbook_error(*where), gradient_error(*where[:2], where[2][:3])))
-        worst, textbook, slope = np.max(errors, axis=0)
         yield row(
             f"coupler angle, 1e{low}..1e{high} of the perimeter from a change point, cranks near the fold",
             12 * len(errors),
-            f"{worst:.1e} rad (arccos form: {textbook:.1e}); derivatives {slope:.1e} relative",
+            "{theta2:.1e} rad (arccos form: {textbook:.1e}); derivatives {gradient:.1e} relative",
             "every term of the closure is a sum of non-negative numbers, so the angle keeps all its digits; "
             "derivatives lose some within 1e-12, where they grow without bound",
             "at the change point itself the branches meet, and the derivatives are infinite",
-            theta2=worst,
-            textbook=textbook,
-            gradient=slope,
+            **dict(zip(("theta2", "textbook", "gradient"), np.max(errors, axis=0))),
         )
     for exponent in (-200, -100, 100, 200):
         errors = []
@@ -98,15 +93,13 @@ def kinematics() -> Iterator[dict[str, Any]]:
             lengths = np.ldexp(simplex(random, is_crank_rocker), round(exponent * np.log2(10)))
             crank = random.uniform(0, 6.28, 8)
             errors.append((theta2_error(lengths, 1, crank), gradient_error(lengths, 1, crank[:2])))
-        worst, slope = np.max(errors, axis=0)
         yield row(
             f"coupler angle, lengths of 1e{exponent}",
             8 * len(errors),
-            f"{worst:.1e} rad; derivatives {slope:.1e} relative",
+            "{theta2:.1e} rad; derivatives {gradient:.1e} relative",
             "lengths are divided by a power of two first: the same bits as at any other scale",
             "-",
-            theta2=worst,
-            gradient=slope,
+            **dict(zip(("theta2", "gradient"), np.max(errors, axis=0))),
         )
     errors = []
     for _ in range(40):
@@ -115,7 +108,7 @@ def kinematics() -> Iterator[dict[str, Any]]:
     yield row(
         "coupler angle over spans of 1e-9 .. 1e-3 rad",
         8 * len(errors),
-        f"{max(errors):.1e} rad",
+        "{theta2:.1e} rad",
         "the error is absolute: the curve's shape over the span is known to rounding over span",
         "a shape below rounding; spans under 0.1 degree are refused (below)",
         theta2=max(errors),
@@ -136,9 +129,6 @@ def kinematics() -> Iterator[dict[str, Any]]:
         worse=worse,
         finite=finite,
     )
-
-
-# -- synthesis --------------------------------------------------------------------------------------------------------
 
 
 class Extreme(NamedTuple):
@@ -244,8 +234,7 @@ def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: b
 def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[str, Any]]:
     """Recomputed J, agreement of what is reported, and how well the lengths are determined and said to be."""
     for kind in extremes(cases):
-        times, compared, gaps = Times(), [], []
-        ill_posed = covered = 0
+        times, compared, gaps, ill_posed, covered = Times(), [], [], 0, 0
         for request, truth in kind.requests:
             best = product.answer(request, resources, times)["solutions"][0]
             compared.append(compare(request, best))
@@ -257,31 +246,22 @@ def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[
                 gaps.append(float(away.max()))
                 # ten times: the uncertainty is of first order, at the resolution of the motion
                 covered += bool(np.all(away <= 10 * said + 1e-9))
-        count = len(compared)
-        worst, gap = max(one.objective for one in compared), max(one.gap for one in compared)
-        roundings = max(one.gap / (EPSILON * one.size) for one in compared)
-        reached = sum(one.objective < REACHED for one in compared)
-        text = (
-            f"J {worst:.1e}, {reached} of {count} below 1e-9; reported J off by {gap:.1e} ({roundings:.0f} roundings)"
-        )
+        numbers = {
+            "objective": max(one.objective for one in compared),
+            "reached": sum(one.objective < REACHED for one in compared),
+            "disagreement": max(one.gap for one in compared),
+            "roundings": max(one.gap / (EPSILON * one.size) for one in compared),
+            "length_gap": max(gaps, default=0.0),
+            "within_said": covered,
+            "ill_posed": ill_posed,
+            "median_processor_ms": 1000 * times.median.processor,
+        }
+        text = f"J {{objective:.1e}}, {{reached}} of {len(compared)} below 1e-9; "
+        text += "reported J off by {disagreement:.1e} ({roundings:.0f} roundings)"
         if gaps:
-            text += f"; lengths off by up to {max(gaps):.1e}, {covered} of {len(gaps)} within what the reply says"
-            text += f"; called ill-posed {ill_posed} times"
-        yield row(
-            kind.tried,
-            count,
-            text,
-            kind.does,
-            kind.cannot,
-            objective=worst,
-            reached=reached,
-            disagreement=gap,
-            roundings=roundings,
-            length_gap=max(gaps, default=0.0),
-            within_said=covered,
-            ill_posed=ill_posed,
-            median_processor_ms=1000 * times.median.processor,
-        )
+            text += f"; lengths off by up to {{length_gap:.1e}}, {{within_said}} of {len(gaps)} within what the reply says"
+            text += "; called ill-posed {ill_posed} times"
+        yield row(kind.tried, len(compared), text, kind.does, kind.cannot, **numbers)
 
 
 def refusals(resources: product.ServiceResources) -> Iterator[dict[str, Any]]:
@@ -312,10 +292,7 @@ def refusals(resources: product.ServiceResources) -> Iterator[dict[str, Any]]:
         except ValueError as error:  # of the request's model: field, what is wrong with it, where to read on
             field, problem = str(error).splitlines()[1:3]
             text = f"refused: {field}: {problem.strip().split(' [')[0]}"
-        yield row(what, 1, text, "a 422 that names the field", why)
-
-
-# -- document ---------------------------------------------------------------------------------------------------------
+        yield row(what, 1, text.replace("{", "{{").replace("}", "}}"), "a 422 that names the field", why)
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -331,11 +308,7 @@ def measure(cases: Annotated[int, "of each class of synthesis"] = 20) -> Iterato
     """Every extreme class."""
     warnings.simplefilter("error")
     resources = product.prepared_service()
-    parts = {
-        "kinematics": kinematics(),
-        "synthesis": synthesis(resources, cases),
-        "refused": refusals(resources),
-    }
+    parts = {"kinematics": kinematics(), "synthesis": synthesis(resources, cases), "refused": refusals(resources)}
     yield {"digits": DIGITS, "parts": {title: list(rows) for title, rows in parts.items()}}
 
 

@@ -15,25 +15,13 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from benchmarks import report
+from benchmarks import report, service
 from benchmarks.report import significant
-from benchmarks.service import (
-    Load,
-    Service,
-    build,
-    drive,
-    match_bodies,
-    quantile,
-    running,
-    serve_command,
-    synthesize_bodies,
-    uvicorn_command,
-)
 
 ARRANGEMENTS = {
-    "one service": (serve_command, 1, 1),
-    "two services": (serve_command, 1, 2),
-    "`--workers 2`": (partial(uvicorn_command, workers=2), 2, 1),
+    "one service": (service.serve_command, 1, 1),
+    "two services": (service.serve_command, 1, 2),
+    "`--workers 2`": (partial(service.uvicorn_command, workers=2), 2, 1),
 }
 """Command, workers that it starts, and how many times it is started."""
 CLIENTS = (1, 8, 64)
@@ -43,7 +31,7 @@ UNKNOWN = dict.fromkeys(("p50_ms", "p99_ms", "livez_p99_ms", "service_cores"))
 """What a row lacks where no request was answered, or the system does not tell."""
 
 
-def summarise(load: Load, beats: Sequence[float]) -> dict[str, Any]:
+def summarise(load: service.Load, beats: Sequence[float]) -> dict[str, Any]:
     """The figures of one run; latencies are those of the requests that were answered with 200."""
     served = [seconds for seconds, status in zip(load.seconds, load.status) if status == 200]
     refused = [after for after, status in zip(load.retry_after, load.status) if status == 503]
@@ -60,18 +48,23 @@ def summarise(load: Load, beats: Sequence[float]) -> dict[str, Any]:
     }
     for name, values in (("", served), ("livez_", beats)):
         if values:
-            row |= {f"{name}p50_ms": 1000 * quantile(values, 0.5), f"{name}p99_ms": 1000 * quantile(values, 0.99)}
+            row |= {
+                f"{name}p50_ms": 1000 * service.quantile(values, 0.5),
+                f"{name}p99_ms": 1000 * service.quantile(values, 0.99),
+            }
     return row
 
 
-def measure_load(services: Sequence[Service], path: str, *load: Any, clients: int, **options: Any) -> dict[str, Any]:
+def measure_load(
+    services: Sequence[service.Service], path: str, *load: Any, clients: int, **options: Any
+) -> dict[str, Any]:
     """One run of clients: `summarise`, the processor time of all services per second, and the busiest process's share of it."""
 
     def spent() -> dict[int, float]:
-        return {process: seconds for service in services for process, seconds in service.cpu_seconds().items()}
+        return {process: seconds for one in services for process, seconds in one.cpu_seconds().items()}
 
     before = spent()
-    found, beats = drive([service.port for service in services], path, *load, clients=clients, **options)
+    found, beats = service.drive([one.port for one in services], path, *load, clients=clients, **options)
     used = [seconds - before.get(process, 0.0) for process, seconds in spent().items()]
     row = {"path": path, "clients": clients} | summarise(found, beats)
     if used:  # none without /proc
@@ -90,11 +83,13 @@ def run(
 ) -> dict[str, Any]:
     """One arrangement: requests to each route from few and many clients, then from too many."""
     with ExitStack() as stack:
-        services = [stack.enter_context(running(command, workers, atlas=atlas.resolve())) for _ in range(times)]
-        for service in services:
-            service.need_ready()
+        services = [
+            stack.enter_context(service.running(command, workers, atlas=atlas.resolve())) for _ in range(times)
+        ]
+        for one in services:
+            one.need_ready()
         for path, some in bodies.items():  # what the first requests prepare is not to be measured
-            drive([service.port for service in services], path, some, 4, seconds / 5)
+            service.drive([one.port for one in services], path, some, 4, seconds / 5)
         row: dict[str, Any] = {"livez": measure_load(services, "/livez", [None], clients=8, seconds=seconds / 5)}
         row["loads"] = [
             measure_load(services, path, some, clients=clients, seconds=seconds)
@@ -107,11 +102,8 @@ def run(
             for path, some in bodies.items()
             for patient in (True, False)
         ]
-        peak = [service.memory("VmHWM") for service in services]
+        peak = [one.memory("VmHWM") for one in services]
     return {"peak_bytes": None if None in peak else sum(peak), **row}
-
-
-# -- document ---------------------------------------------------------------------------------------------------------
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -164,11 +156,11 @@ def measure(
     seconds: Annotated[float, "of each run"] = 10.0,
 ) -> Iterator[dict[str, Any]]:
     """All arrangements."""
-    bodies = {"/v1/match": match_bodies(BODIES), "/v1/synthesize": synthesize_bodies(BODIES)}
+    bodies = {"/v1/match": service.match_bodies(BODIES), "/v1/synthesize": service.synthesize_bodies(BODIES)}
     with tempfile.TemporaryDirectory() as folder:
         if atlas is None:
             atlas = Path(folder) / "atlas.h5"
-            build(atlas)
+            service.build(atlas)
         rows = [{"service": name, **run(*how, atlas, bodies, seconds)} for name, how in ARRANGEMENTS.items()]
     yield {"seconds": seconds, "services": rows}
 
