@@ -139,18 +139,11 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         }
         for part, result in parts.items()
     ]
-    times = "processor ms: median, 99 %: {times}"
-    exact = (
-        "class: {class} | cases: {cases:,} | J < 1e-9: {reached:percent 3} | worst J: {worst_objective:power} | "
-        "reported errors off by, roundings: {worst_disagreement_in_roundings:.0f} | " + times
-    )
-    other = "requests: {class} | outcome: {outcome} | cases: {cases:,} | " + times
     stamps = [results["made"], *(part["made"] for part in parts.values() if "made" in part)]
-    return {
-        "exact": report.table([row for row in rows if row["outcome"] is None], exact),
-        "other": report.table([row for row in rows if row["outcome"] is not None], other, 2),
-        "made": report.made_text(stamps),
+    tables = {
+        kind: [row for row in rows if (row["outcome"] is None) == (kind == "exact")] for kind in ("exact", "other")
     }
+    return report.tables("acceptance", tables) | {"made": report.made_text(stamps)}
 
 
 def measure(

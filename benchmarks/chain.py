@@ -279,23 +279,6 @@ def measure_free_pin_places() -> Iterator[dict[str, Any]]:
         yield row
 
 
-TABLES = {
-    "fits": "representation: {label} | order: {order} | numbers: {unknowns} | normal, mm: {normal:.1e} | "
-    "chord, mm: {chord:.1e} | condition: {condition:.3g} | fit, ms: {fit_ms:.1f} | 1000 points, us: {evaluate_us:.0f}",
-    "large_radii": "radius, mm: {radius:.0e} | arccos form, mm: {arccos:.1e} | ours, mm: {ours:.1e}",
-    "far_origin": "origin away by, mm: {away:g} | search in drawing coordinates, mm: {search:.1e} | ours, mm: {ours:.1e} | "
-    "spacing of numbers there, mm: {spacing:.1e}",
-    "high_degree": "degree: {degree} | x from axis: {axis:.2g} | from wheel centre: {wheel:.2g} | 1 m away: {metre:.2g} | "
-    "5 m away: {five:.2g} | ours: {ours:.2g} | our condition: {condition:.3g}",
-    "tracks": "track: {track} | pitch: {pitch:g} | links: {links} | slack: {slack:.4f} | depth: {depth:.4f} | "
-    "smallest radius: {radius:.3f} | step at ends: {end_step:.1e} | chord error: {chord:.1e}",
-    "free_pin_places": "links: {links} | slack on arc: {arc_slack:.3f} | depth on arc: {arc_depth:.3f} | gain: {arc_gain} | "
-    "slack on run: {run_slack:.3f} | depth on run: {run_depth:.3f} | gain there: {run_gain}",
-    "speed": "task: {task} | search by: {by} | ours, ms: {ours_ms:.4g} | search, ms: {search_ms:.4g} | "
-    "search / ours: {ratio:.2g}",
-}
-
-
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables and figures of docs/chain.md."""
     speed, degrees, far = (results[name] for name in ("speed", "high_degree", "far_origin"))
@@ -303,7 +286,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     rows = results | {"fits": fits, "speed": speed["rows"], "high_degree": degrees["rows"], "far_origin": far["rows"]}
     return {
         "published": page.lines(["quantity", "published", "ours"], results["published"]["rows"], 3),
-        **{name: page.table(rows[name], cells, 2 if name == "speed" else 1) for name, cells in TABLES.items()},
+        **page.tables("chain", rows),
         **results["published"]["words"],
         "checked_ms": page.significant(speed["checked_ms"], 2),
         "closure_ms": page.significant(speed["closure_ms"], 2),

@@ -178,11 +178,7 @@ def frontier(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/error_vs_runtime.md, and the median of the published method for README.md."""
     runs = results["runs"]
-    exact = summarise(runs, EXACT)
-    columns = (
-        "method: {method} | setting: {setting} | cases: {cases} | median ms: {ms:significant} | 95 % ms: {slow:significant} | "
-        "J: quartile: {low:power} | J: median: {median:power} | J: upper quartile: {high:power} | J < 1e-9: {share:.0f} %"
-    )
+    exact, columns = summarise(runs, EXACT), report.TABLES["error_vs_runtime"]["runs"]
     shown = [row for row in exact if row["method"] not in GRIDS]
     shown += [row for method in GRIDS for row in frontier([row for row in exact if row["method"] == method])]
     best = []
@@ -197,9 +193,9 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     return {
         "cases": f"{results['cases']} seeded cases of each of {len(runs)} classes, {slow}; {points:,} measurements in "
         f"{results['minutes']:.0f} minutes. {' '.join(results['skipped'].values())}".strip(),
-        "exact": report.table(shown, columns, 2),
-        "classes": report.table(best, " | ".join(f"{head}: {{{head}}}" for head in ("class", *LOOK))),
-        "grids": report.table([row for row in exact if row["method"] in GRIDS], columns, 2),
+        "exact": report.table(shown, **columns),
+        "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in ("class", *LOOK))),
+        "grids": report.table([row for row in exact if row["method"] in GRIDS], **columns),
         "search": ", ".join(
             f"{row['share']:.0f} % of {row['cases']} cases within {row['setting'].removeprefix('budget ')}"
             for row in exact

@@ -122,16 +122,6 @@ def exponents(rows: Sequence[dict[str, Any]]) -> dict[str, Exponents]:
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of growth and the arithmetic of a billion types in docs/scaling.md."""
     rows = results["rows"]
-    built = (
-        "perimeter: {perimeter:,} | types: {types:,} | samples: {samples} | build, s: {build_s:significant} | "
-        "its memory: {build_peak_bytes:size} | file: {file_bytes:size} | file, bytes a type: {file_a_type:significant}"
-    )
-    served = (
-        "perimeter: {perimeter:,} | ready, s: {ready_s:significant} | resident: {resident_bytes:size} | "
-        "peak: {peak_bytes:size} | scan, bytes a type: {scan_a_type:significant} | "
-        "request, median ms: {median_ms:significant} | 99 %, ms: {p99_ms:significant} | "
-        "windows evaluated: {evaluated:,.0f} of {windows:,} | best row, degrees: {similarity_deg:significant 2}"
-    )
     shares = [{f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "scan")} for row in rows]
     told = [row | share for row, share in zip(rows, shares)]
     grown = [
@@ -141,8 +131,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     percentile = "; their 99th percentile is the largest of them" if results["requests"] < 100 else ""
     cores = results["made"]["machine"]["cores"]
     return {
-        "build": report.table(told, built, 0),
-        "served": report.table(told, served, 0),
+        **report.tables("growth", {"build": told, "served": told}),
         "requests": f"{results['requests']} requests to each atlas, {cores} cores{percentile}.",
         "exponents": report.lines(["quantity ~ types^e", "e, all perimeters", f"e, from {LARGE} on"], grown),
         "refusal": refusal_text(results["refusal"]),

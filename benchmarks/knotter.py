@@ -15,7 +15,7 @@ import mpmath as mp
 import numpy as np
 
 from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, draw, pairs_of  # noqa: F401 - `render` calls draw
-from benchmarks.report import lines, paired, ratio, repeat, run, table
+from benchmarks.report import lines, paired, ratio, repeat, run, tables
 from synthesis.knotter import d_knotter
 from synthesis.knotter.mechanism import Mechanism, as_array
 from synthesis.knotter.needle import Needle
@@ -254,6 +254,7 @@ def blocks(results: dict) -> dict[str, str]:
         for row in results["short_windows"]
     ]
     return {
+        **tables("knotter", {**results, "windows": windows}),
         "published": lines(["quantity", "published", "here"], published, 3),
         "worst": f"{found['worst_mm']:.4f} mm at {found['worst_deg']:.4f}°, against {found['sample_mm']:.4f} mm at 270°",
         "chosen": f"{chosen['margin_mm']:.1f} mm to spare, and what limits it is the {chosen['limited_by']}",
@@ -262,27 +263,12 @@ def blocks(results: dict) -> dict[str, str]:
             f"d5 = {found['closing_d5_mm']:.9f} mm, where E1 passes through the vertex S4 at "
             f"alpha = {found['closing_deg']:.9f}°"
         ),
-        "predicates": table(
-            results["predicates"],
-            "off the edge, mm: {distance_mm:.0e} | = 360: {equal_360:.1f} | ± 1e-9°: {within_1e-9:.1f} | "
-            "± 1e-6°: {within_1e-6:.1f} | ± 1e-3°: {within_1e-3:.1f} | NaN: {nan:.1f} | orientations: {orientation:.1f} | "
-            "filtered: {classify:.1f}",
-        ),
         "predicate_times": (
             "On 100,000 points inside the triangle the sum equals 360.0 for "
             f"{times['inside_and_equal_360_percent']:.1f} % and misses it by up to "
             f"{times['largest_miss_of_360_degrees']:.1e}°; the orientations are right for "
             f"{times['inside_by_orientations_percent']:.0f} %. The sum takes "
             f"{times['angle_sum_over_orientations']:.1f} times as long."
-        ),
-        "events": table(
-            results["events"],
-            "method: {method} | largest error, degrees: {max_error_deg:power} | time / cells: {time_over_cells:significant 2}",
-        ),
-        "windows": table(
-            windows,
-            "d5 short of closing, mm: {short_of_mm:.0e} | window, degrees: {width_deg:.3g} | scan 2°: {sees[scan_2]} | "
-            "1°: {sees[scan_1]} | 0.1°: {sees[scan_0.1]} | 0.01°: {sees[scan_0.01]} | cells: {sees[cells]}",
         ),
         "grid": (
             f"A grid of 101 × 101 pairs with the three conditions took {grid['seconds']:.1f} s of one core "

@@ -197,27 +197,6 @@ def measure_designs(optimum: dict[str, float]) -> Iterator[dict[str, Any]]:
         )
 
 
-TABLES = {
-    "designs": ": {what} | before: {initial} | published: {published} | optimum (n = 310): {optimum}",
-    "integration": "design: {design} | method: {method} | step or tolerance: {setting} | "
-    "max height error (mm): {height} | max loop residual (mm): {loops} | run time (s): {seconds:.3g} | "
-    "times the closed form's: {times}",
-    "closed_form": "design: {design} | by turn (ms): {by_turn_ms:.1f} | from time (ms): {from_time_ms:.1f} | "
-    "max height error (mm): {height_error:.1e} | max loop residual (mm): {largest_residual:.1e}",
-    "dead_point": "design: {design} | distance d (rad): {distance:.0e} | v_s (mm/s): {speed:.3g} | "
-    "condition: {condition:.3g} | rel. error of v_s: {relative_error:.0e} | "
-    "turn from length, error (rad): {turn_from_length_error:.0e}",
-    "top": "design: {design} | turn (rad): {distance:.0e} | below the top (mm): {below_top:.1e} | "
-    "v_s (mm/s): {speed:.3g} | condition: {condition:.4g} | by turn: {relative_error:.0e} | "
-    "by height: {from_height_error:.0e} | plain arccos: {arccos_error:.0e} | instant centre: {instant_centre_error:.0e}",
-    "table_2": "l1': {length:g} | v_l: {speed:g} | printed l2 = l4: {printed_l2:g} | printed f: {printed_f:g} | "
-    "its f on the constraints: {f_of_published:.3f} | our l2 = l4: {design[l2]:.3f} | l3: {design[l3]:.3f} | "
-    "l5: {design[l5]:.3f} | b: {design[b]:.3f} | our f: **{f:.3f}** | rise time (s): {duration:.3f}",
-    "optima": "objective: {kind} | n: {steps} | bound: {bound:g} | l2: {design[l2]:.3f} | l3: {design[l3]:.3f} | "
-    "l4: {design[l4]:.3f} | l5: {design[l5]:.3f} | b: {design[b]:.3f} | f: {f:.6g} | active: {names} | "
-    "rise time (s): {duration:.2f}",
-}
-"""Heads and cells of the tables."""
 OF_INTEGRATION = {"height": "{height_error:.1e}", "loops": "{loop_residual:.1e}", "times": "{ratio:.0f}"}
 OF_DESIGNS = {
     "l2, l3, l4, l5, b": "{l2:.1f}, {l3:.1f}, {l4:.1f}, {l5:.1f}, {b:.1f}",
@@ -253,9 +232,6 @@ def blocks(results: dict) -> dict[str, str]:
             for row in optima
         ],
     }
-    tables = {
-        name: report.table(rows[name], cells, 3 if name == "integration" else 1) for name, cells in TABLES.items()
-    }
 
     def change(key: str) -> str:
         return f"{100 * (published[key] / initial[key] - 1):+.0f} %".replace("-", "−")
@@ -290,7 +266,7 @@ def blocks(results: dict) -> dict[str, str]:
         "least_condition": f"{initial['least_condition']:.2f} before, {published['least_condition']:.2f} published",
         "least_condition_time": f"{ends([row['least_condition_time'] for row in (initial, published)], 2)} s",
     }
-    return tables | words
+    return report.tables("lift", rows) | words
 
 
 draw = pictures.draw

@@ -23,7 +23,7 @@ In short::
     result = times.run(work, argument)                   # one more run, and its result
     ours, theirs = paired([ours, theirs], rounds=9)      # one after the other, in alternating order
     ratio(theirs, ours)["median"]                        # of the pairs: min, median, p99, max
-    table(rows, "span: {span} | ms: {ms:significant} | found: {share:percent 3}")
+    tables(NAME, {"spans": rows})                        # as tables.toml says: "ms: {ms:significant}"
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ import string
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -196,6 +197,15 @@ class Words(string.Formatter):
         return say(value, *map(int, digits.split())) if say else super().format_field(value, spec)
 
 
+TABLES = tomllib.loads((ROOT / "benchmarks" / "tables.toml").read_text())
+"""Arguments of `table` by result and block."""
+
+
+def tables(result: str, rows: Mapping[str, Any]) -> dict[str, str]:
+    """The blocks of a result that are tables in ``tables.toml``, from the rows of each."""
+    return {block: table(rows[block], **how) for block, how in TABLES[result].items()}
+
+
 def table(rows: Sequence[Mapping[str, Any]], columns: str, text_columns: int = 1) -> str:
     """A Markdown table of mappings.
 
@@ -203,11 +213,11 @@ def table(rows: Sequence[Mapping[str, Any]], columns: str, text_columns: int = 1
     ----------
     rows : sequence of mapping
     columns : str
-        Head and cell of each: ``"class: {class} | l2: {design[l2]:.3f} | J: {J:power}"``, a cell in the formats of `Words`.
+        A line each of head and cell, ``worst J: {J:power}``; the cell is a format of `Words`.
     text_columns : int
         How many columns stand to the left as text; the others are numbers.
     """
-    heads, _, cells = zip(*(column.rpartition(": ") for column in columns.split(" | ")))
+    heads, _, cells = zip(*(column.rpartition(": ") for column in columns.splitlines()))
     return lines(heads, [[Words().vformat(cell, (), row) for cell in cells] for row in rows], text_columns)
 
 

@@ -150,11 +150,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     """By span, the other baselines, hard requests (docs/scaling.md); figures of docs/file_format.md; headline of README.md."""
 
     def compared(name: str, parts: dict[str, Any]) -> str:
-        columns = (
-            f"{name}: {{key}} | requests: {{requests}} | ms: {{ours[median]:ms}} | max: {{ours[max]:ms}} | "
-            "plain ms: {plain[median]:ms} | plain max: {plain[max]:ms} | plain / ours: {ratio[median]:.2f} | "
-            "least: {ratio[min]:.2f} | evaluated: {evaluated[median]:,.0f} | differ: {differ}"
-        )
+        columns = report.TABLES["retrieval"]["compared"]["columns"].replace("span:", f"{name}:")
         return report.table([{"key": key, **part} for key, part in parts.items()], columns)
 
     flat, mass, worst, wide = (results[name] for name in ("flat_index", "stumpy_mass", "worst", "wide"))

@@ -297,11 +297,9 @@ def refusals(resources: product.ServiceResources) -> Iterator[dict[str, Any]]:
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/stability.md."""
-    columns = (
-        "what was tried: {tried} | cases: {cases} | worst error: {worst} | what the software does: {does} | "
-        "what it cannot do: {cannot}"
-    )
-    return {part: report.table(rows, columns, 5) for part, rows in results["parts"].items()}
+    return {
+        part: report.table(rows, **report.TABLES["stability"]["parts"]) for part, rows in results["parts"].items()
+    }
 
 
 def measure(cases: Annotated[int, "of each class of synthesis"] = 20) -> Iterator[dict[str, Any]]:

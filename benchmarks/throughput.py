@@ -117,27 +117,8 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
             row["then"] = "wait" if row.get("patient") else "ask again"
         return sorted(every, key=lambda row: row["path"])  # stable: the order of services stays
 
-    first = "route: {path} | service: {service} | "
-    load = (
-        first + "clients: {clients} | answered / s: {per_second:significant} | median, ms: {p50_ms:significant} | "
-        "99 %, ms: {p99_ms:significant} | 503: {share_503:percent} | its cores: {service_cores:significant 2} | "
-        "clients' cores: {client_cores:significant 2}"
-    )
-    overload = (
-        first + "after a 503: {then} | answered / s: {per_second:significant} | 99 %, ms: {p99_ms:significant} | "
-        "503: {share_503:percent} | with Retry-After: {with_retry_after:,} of {refused:,} | others: {others:,} | "
-        "/livez 99 %, ms: {livez_p99_ms:significant}"
-    )
-    clients = (
-        "service: {service} | /livez / s: {livez[per_second]:significant} | "
-        "median, ms: {livez[p50_ms]:significant 2} | peak memory: {peak_bytes:size}"
-    )
-    return {
-        "loads": report.table(rows("loads"), load, 2),
-        "ratios": ratios_text(services),
-        "clients": report.table(services, clients),
-        "overload": report.table(rows("overload"), overload, 3),
-    }
+    tables = {"loads": rows("loads"), "overload": rows("overload"), "clients": services}
+    return report.tables("throughput", tables) | {"ratios": ratios_text(services)}
 
 
 def ratios_text(services: Sequence[dict[str, Any]]) -> str:

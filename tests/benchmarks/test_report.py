@@ -164,7 +164,7 @@ def test_pairs_alternate() -> None:
 
 def test_a_table_is_made_by_columns() -> None:
     rows = [{"name": "a", "at": {"x": 2.5}}, {"name": "b", "at": {"x": 12}}]
-    columns = "what: {name} | x: rounded: {at[x]:.1f} | three, two: {at[x]:significant}, {at[x]:significant 2}"
+    columns = "what: {name}\nx: rounded: {at[x]:.1f}\nthree, two: {at[x]:significant}, {at[x]:significant 2}"
     wanted = (
         "| what | x: rounded | three, two |\n| --- | --: | --: |\n| a | 2.5 | 2.50, 2.5 |\n| b | 12.0 | 12.0, 12 |"
     )
