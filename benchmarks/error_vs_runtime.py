@@ -252,6 +252,11 @@ def draw_shares(axes: Any, rows: Sequence[dict[str, Any]]) -> None:
     axes.minorticks_off()
 
 
+def curves_of(axes: Any) -> Iterator[list[Any]]:
+    """Lines and words of a legend, the service's first: it is drawn last."""
+    return (part[::-1] for part in axes.get_legend_handles_labels())
+
+
 def draw(results: dict[str, Any]) -> None:
     """All exact classes together, and every class for itself."""
     runs, clock = results["runs"], "processor time of a request, one core (ms)"
@@ -266,9 +271,7 @@ def draw(results: dict[str, Any]) -> None:
             f"Error against run time: {results['cases'] * len(EXACT)} random motions that some four-bar performs exactly, "
             f"{len(EXACT)} classes"
         )
-        drawing.legend(
-            *(part[::-1] for part in axes.get_legend_handles_labels()), loc="outside lower center", ncols=3
-        )
+        drawing.legend(*curves_of(axes), loc="outside lower center", ncols=3)
     with figure("error_vs_runtime_classes.png", 4, 4, (11, 10), sharex=True) as (drawing, grid):
         for axes, kind in zip(grid, NAMES):
             draw_curves(axes, summarise(runs, [kind]), small=True)
@@ -278,9 +281,7 @@ def draw(results: dict[str, Any]) -> None:
             axes.set_title(kind + note, fontsize=10)
         drawing.supxlabel(clock, fontsize=10)
         drawing.supylabel("error J, median", fontsize=10)
-        drawing.legend(
-            *(part[::-1] for part in grid[0].get_legend_handles_labels()), loc="outside upper center", ncols=3
-        )
+        drawing.legend(*curves_of(grid[0]), loc="outside upper center", ncols=3)
 
 
 def measure(

@@ -13,7 +13,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from tqdm import tqdm
@@ -80,13 +80,6 @@ def refusal(atlas: Path) -> dict[str, Any]:
     return row
 
 
-class Exponents(NamedTuple):
-    """e in quantity ~ types^e: over all perimeters, and over those from `LARGE` on; NaN for fewer than two."""
-
-    overall: float
-    large: float
-
-
 QUANTITIES = {
     "build_s": "build, seconds",
     "build_peak_bytes": "build, memory of the largest process",
@@ -109,14 +102,10 @@ def slope(types: Sequence[float], values: Sequence[float | None]) -> float:
     return float(np.polyfit(np.log(types), np.log(np.array(values, dtype=float)), 1)[0])
 
 
-def exponents(rows: Sequence[dict[str, Any]]) -> dict[str, Exponents]:
-    """How each of `QUANTITIES` grows with the number of types."""
-
-    def of(some: Sequence[dict[str, Any]], name: str) -> float:
-        return slope([row["types"] for row in some], [row[name] for row in some])
-
-    large = [row for row in rows if row["perimeter"] >= LARGE]
-    return {name: Exponents(of(rows, name), of(large, name)) for name in QUANTITIES}
+def exponents(rows: Sequence[dict[str, Any]], least: int = 0) -> dict[str, float]:
+    """e in quantity ~ types^e for each of `QUANTITIES`, over the perimeters from one on; NaN for fewer than two."""
+    some = [row for row in rows if row["perimeter"] >= least]
+    return {name: slope([row["types"] for row in some], [row[name] for row in some]) for name in QUANTITIES}
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -124,9 +113,10 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     rows = results["rows"]
     shares = [{f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "scan")} for row in rows]
     told = [row | share for row, share in zip(rows, shares)]
+    overall, large = exponents(rows), exponents(rows, LARGE)
     grown = [
-        [QUANTITIES[name], *(f"{value:.2f}" if math.isfinite(value) else "-" for value in found)]
-        for name, found in exponents(rows).items()
+        [what, *(f"{found[name]:.2f}".replace("nan", "-") for found in (overall, large))]
+        for name, what in QUANTITIES.items()
     ]
     percentile = "; their 99th percentile is the largest of them" if results["requests"] < 100 else ""
     cores = results["made"]["machine"]["cores"]
@@ -162,8 +152,8 @@ def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
     memory = (largest["peak_bytes_asked"] or largest["scan_bytes"]) / types
     shards = math.ceil(total * memory / HOST_BYTES)
     share = total / shards
-    found = exponents(rows)
-    growing, nearer = found["median_ms"].large, found["similarity_deg"].large
+    found = exponents(rows, LARGE)
+    growing, nearer = found["median_ms"], found["similarity_deg"]
     rate = types / largest["build_s"]
     shortest, error, start = largest["median_ms"], largest["similarity_deg"], largest["ready_s"] / types
     median, tail = shortest / 1000 * (share / types) ** growing, largest["p99_ms"] / shortest
@@ -215,12 +205,12 @@ PANELS = {
 def draw(results: dict[str, Any]) -> None:
     """Seconds, milliseconds and bytes against types, each with its exponent."""
     rows = results["rows"]
-    found = exponents(rows)
+    found = exponents(rows, LARGE)
     with figure("growth.svg", 1, len(PANELS), size=(11.5, 3.9)) as (_, grid):
         for axes, (unit, curves) in zip(grid, PANELS.items()):
             for (name, (label, factor)), marker in zip(curves.items(), "so^"):
                 scaled = [{"types": row["types"], name: row[name] and row[name] * factor} for row in rows]
-                text = f"{label}: types^{found[name].large:.2f}"
+                text = f"{label}: types^{found[name]:.2f}"
                 curve(axes, scaled, "types", name, marker=marker, markersize=5, label=text)
             axes.set(xscale="log", yscale="log", xlabel="types", title=unit)
             axes.minorticks_off()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 import warnings
 from collections.abc import Iterator
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from mpmath import mp, mpf
@@ -18,11 +19,15 @@ EPSILON = float(np.finfo(float).eps)
 Request = dict[str, Any]
 
 
-def row(tried: str, cases: int, worst: str, does: str, cannot: str, **numbers: Any) -> dict[str, Any]:
-    """A line of the report: what was tried on how many cases, the worst that came out (a format of the numbers), and why."""
-    worst = worst.format(**numbers)
-    print(f"{tried}: {worst}", flush=True)
-    return {"tried": tried, "cases": cases, "worst": worst, "does": does, "cannot": cannot, "numbers": numbers}
+EXTREMES = tomllib.loads((report.ROOT / "benchmarks" / "extremes.toml").read_text())
+
+
+def row(name: str, cases: int, worst: str, numbers: dict[str, Any], **place: Any) -> dict[str, Any]:
+    """A line of the report: one of `EXTREMES`, on how many cases, and the worst that came out, a format of the numbers."""
+    words = {key: text.format(**place) for key, text in ({"cannot": "-"} | EXTREMES[name]).items()}
+    words["worst"] = worst.format(**numbers) if numbers else worst
+    print("{tried}: {worst}".format(**words), flush=True)
+    return {**words, "cases": cases, "numbers": numbers}
 
 
 def folding_angles(random: np.random.Generator, count: int) -> np.ndarray:
@@ -78,41 +83,23 @@ def kinematics() -> Iterator[dict[str, Any]]:
         for _ in range(25):
             where = change_point(random, low, high), int(random.choice([-1, 1])), folding_angles(random, 12)
             errors.append((theta2_error(*where), textbook_error(*where), gradient_error(*where[:2], where[2][:3])))
-        yield row(
-            f"coupler angle, 1e{low}..1e{high} of the perimeter from a change point, cranks near the fold",
-            12 * len(errors),
-            "{theta2:.1e} rad (arccos form: {textbook:.1e}); derivatives {gradient:.1e} relative",
-            "every term of the closure is a sum of non-negative numbers, so the angle keeps all its digits; "
-            "derivatives lose some within 1e-12, where they grow without bound",
-            "at the change point itself the branches meet, and the derivatives are infinite",
-            **dict(zip(("theta2", "textbook", "gradient"), np.max(errors, axis=0))),
-        )
+        numbers = dict(zip(("theta2", "textbook", "gradient"), np.max(errors, axis=0)))
+        worst = "{theta2:.1e} rad (arccos form: {textbook:.1e}); derivatives {gradient:.1e} relative"
+        yield row("change-point-angle", 12 * len(errors), worst, numbers, low=low, high=high)
     for exponent in (-200, -100, 100, 200):
         errors = []
         for _ in range(20):
             lengths = np.ldexp(simplex(random, is_crank_rocker), round(exponent * np.log2(10)))
             crank = random.uniform(0, 6.28, 8)
             errors.append((theta2_error(lengths, 1, crank), gradient_error(lengths, 1, crank[:2])))
-        yield row(
-            f"coupler angle, lengths of 1e{exponent}",
-            8 * len(errors),
-            "{theta2:.1e} rad; derivatives {gradient:.1e} relative",
-            "lengths are divided by a power of two first: the same bits as at any other scale",
-            "-",
-            **dict(zip(("theta2", "gradient"), np.max(errors, axis=0))),
-        )
+        numbers = dict(zip(("theta2", "gradient"), np.max(errors, axis=0)))
+        worst = "{theta2:.1e} rad; derivatives {gradient:.1e} relative"
+        yield row("scale-angle", 8 * len(errors), worst, numbers, exponent=exponent)
     errors = []
     for _ in range(40):
         crank = random.uniform(0, 6.28) + np.linspace(0, 10.0 ** random.uniform(-9, -3), 8)
         errors.append(theta2_error(simplex(random, is_crank_rocker), 1, crank))
-    yield row(
-        "coupler angle over spans of 1e-9 .. 1e-3 rad",
-        8 * len(errors),
-        "{theta2:.1e} rad",
-        "the error is absolute: the curve's shape over the span is known to rounding over span",
-        "a shape below rounding; spans under 0.1 degree are refused (below)",
-        theta2=max(errors),
-    )
+    yield row("short-span-angle", 8 * len(errors), "{theta2:.1e} rad", {"theta2": max(errors)})
     random, count = np.random.default_rng(2), 400
     problem = product.ProjectedProblem(product.target_of(make_case("any order", 3).request), product.FullCrankChart())
     unknowns = random.uniform((-5, -30, -12, 0), (5, 3, 12, 6.28), (count, 4))
@@ -120,24 +107,8 @@ def kinematics() -> Iterator[dict[str, Any]]:
     state = problem.evaluate(unknowns, branch)
     finite = bool(np.all(np.isfinite(state.stack)))
     worse = int(np.sum(product.refine(problem, unknowns, branch, 60).cost > state.cost))
-    yield row(
-        "refinement from the far ends of the chart (excess down to 1e-13, L1/L4 from 1/150 to 150)",
-        count,
-        f"{worse} worse than their seed; numbers {'all finite' if finite else 'NOT all finite'}",
-        "derivatives are capped at 1e8, steps at 1.5 in a logarithm, the damping does the rest",
-        "the capped derivatives are not exact: convergence there is slow, not quadratic",
-        worse=worse,
-        finite=finite,
-    )
-
-
-class Extreme(NamedTuple):
-    """A kind of requests that is hard on the numbers, each with the linkage it was made from."""
-
-    tried: str
-    requests: list[tuple[Request, dict[str, Any] | None]]
-    does: str
-    cannot: str = "-"
+    text = f"{worse} worse than their seed; numbers {'all finite' if finite else 'NOT all finite'}"
+    yield row("chart-ends", count, text, {"worse": worse, "finite": finite})
 
 
 def drawn(kind: str, cases: int, samples: int = 32) -> list[tuple[Request, dict[str, Any]]]:
@@ -159,68 +130,20 @@ def shifted(request: Request, extents: float) -> Request:
     return request | {"position": (points + shift).tolist()}
 
 
-def extremes(cases: int) -> Iterator[Extreme]:
-    """All kinds; the slower ones with half of the cases."""
-    half = max(3, cases // 2)
-    yield Extreme(
-        "tiny span, 2..12 degrees",
-        drawn("tiny span", cases),
-        "refined by singular values, never by normal equations; says that the lengths are not determined",
-        "find the original linkage: quite different ones perform the motion to rounding",
-    )
-    yield Extreme(
-        "tiny crank, below 1/400 of the perimeter",
-        drawn("tiny crank", cases),
-        "reaches the motion; the uncertainty of the lengths comes with each solution",
-        "beat rounding: the motion is a 1/400 of the linkage, so its numbers hold three digits less",
-    )
-    yield Extreme(
-        "within 1e-8..1e-1 of a change point",
-        drawn("change point", cases),
-        "the chart puts change points at infinity: no step crosses one, branches cannot mix",
-        "promise the branch of the built linkage: clearances decide at a fold that close",
-    )
-    yield Extreme(
-        "positions 1e6 times their extent from the origin",
-        drawn("offset 1e6", cases),
-        "takes the mean off before anything else",
-        "J below 1e6 roundings (1e-10): the request's own numbers hold no more",
-    )
-    yield Extreme(
-        "positions 1e12 times their extent from the origin",
-        [(shifted(request, 1e12), truth) for request, truth in drawn("any order", cases)],
-        "fits what the rounded positions say: as noise of 1e-4",
-        "reach 1e-9: the positions hold four digits of the motion",
-    )
+def extremes(cases: int) -> Iterator[tuple[str, dict[str, Any], list[tuple[Request, dict[str, Any] | None]]]]:
+    """All kinds of requests that are hard on the numbers, each with its truth; the slower ones with half of the cases."""
+    half, plain = max(3, cases // 2), drawn("any order", cases)
+    for kind in ("tiny span", "tiny crank", "change point", "offset 1e6"):
+        yield kind.replace(" ", "-"), {}, drawn(kind, cases)
+    yield "offset-1e12", {}, [(shifted(request, 1e12), truth) for request, truth in plain]
     for what, kind in (("rotation and position", "any order"), ("rotation only", "rotation only")):
-        yield Extreme(
-            f"N = 3, {what}",
-            drawn(kind, cases, 3),
-            "answers, and says that the problem is ill-posed",
-            "determine lengths from three samples: fewer equations than unknowns",
-        )
-    yield Extreme(
-        "N = 1024, rotation and position", drawn("any order", cases, 1024), "searches on 64 samples, polishes on all"
-    )
+        yield "three-samples", {"what": what}, drawn(kind, cases, 3)
+    yield "many-samples", {}, drawn("any order", cases, 1024)
     for scale in (1e-9, 1e9, 1e-40, 1e40):
-        yield Extreme(
-            f"lengths x {scale:.0e}",
-            [rescaled(request, truth, scale) for request, truth in drawn("any order", half)],
-            "everything is relative to the motion's extent",
-            "coordinates above 1e50 are refused" if scale > 1e9 else "-",
-        )
-    yield Extreme(
-        "a motion of 30..360 degrees asked for within 0.2 degrees of crank",
-        [(request | {"crank_span": 0.2}, None) for request, _ in drawn("any order", half)],
-        "returns the closest there is",
-        "reach it: no four-bar turns its coupler that fast",
-    )
-    yield Extreme(
-        "noise of 1e-3 on everything",
-        drawn("noise", half),
-        "the best fit, as good as the true linkage's or better",
-        "give back the true lengths: the reply says how far they may be off",
-    )
+        requests = [rescaled(request, truth, scale) for request, truth in drawn("any order", half)]
+        yield "scale-up" if scale > 1e9 else "scale", {"scale": scale}, requests
+    yield "fast-motion", {}, [(request | {"crank_span": 0.2}, None) for request, _ in drawn("any order", half)]
+    yield "noise", {}, drawn("noise", half)
 
 
 def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: bool) -> np.ndarray:
@@ -233,9 +156,9 @@ def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: b
 
 def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[str, Any]]:
     """Recomputed J, agreement of what is reported, and how well the lengths are determined and said to be."""
-    for kind in extremes(cases):
+    for name, place, requests in extremes(cases):
         times, compared, gaps, ill_posed, covered = Times(), [], [], 0, 0
-        for request, truth in kind.requests:
+        for request, truth in requests:
             best = product.answer(request, resources, times)["solutions"][0]
             compared.append(compare(request, best))
             fixed = best["determination"]
@@ -261,7 +184,7 @@ def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[
         if gaps:
             text += f"; lengths off by up to {{length_gap:.1e}}, {{within_said}} of {len(gaps)} within what the reply says"
             text += "; called ill-posed {ill_posed} times"
-        yield row(kind.tried, len(compared), text, kind.does, kind.cannot, **numbers)
+        yield row(name, len(compared), text, numbers, **place)
 
 
 def refusals(resources: product.ServiceResources) -> Iterator[dict[str, Any]]:
@@ -292,7 +215,7 @@ def refusals(resources: product.ServiceResources) -> Iterator[dict[str, Any]]:
         except ValueError as error:  # of the request's model: field, what is wrong with it, where to read on
             field, problem = str(error).splitlines()[1:3]
             text = f"refused: {field}: {problem.strip().split(' [')[0]}"
-        yield row(what, 1, text.replace("{", "{{").replace("}", "}}"), "a 422 that names the field", why)
+        yield row("refusal", 1, text, {}, what=what, why=why)
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
