@@ -271,11 +271,8 @@ def measure_free_pin_places() -> Iterator[dict[str, Any]]:
         for name, segment in (("arc", 2), ("run", 1)):
             facts = report(find_slot(Chain(track, 50.0, links), pictures.middle_of(track, segment)), np.zeros(1))
             gain = f"{facts.condition:.2f}" if math.isfinite(facts.condition) else "without bound"
-            row |= {
-                f"{name}_slack": facts.slack_max.value,
-                f"{name}_depth": facts.depth_max.value,
-                f"{name}_gain": gain,
-            }
+            found = {"slack": facts.slack_max.value, "depth": facts.depth_max.value, "gain": gain}
+            row |= {f"{name}_{key}": value for key, value in found.items()}
         yield row
 
 

@@ -85,9 +85,7 @@ def curve(axes: Any, rows: Sequence[Mapping[str, Any]], x: str, y: str, *marks: 
     axes.plot(*zip(*(pair for pair in pairs if all(map(math.isfinite, pair)))), *marks, **style)
 
 
-def arrow(
-    axes: Any, start: Any, end: Any, text: str = "", shape: str = "-|>", color: str = INK, **options: Any
-) -> None:
+def arrow(axes: Any, start: Any, end: Any, text: str = "", shape: str = "-|>", color: str = INK, **line: Any) -> None:
     """An arrow between two places of the axes, with words where it starts."""
-    words = {key: options.pop(key) for key in ("fontsize",) if key in options}
-    axes.annotate(text, end, start, arrowprops={"arrowstyle": shape, "color": color, "lw": 0.8} | options, **words)
+    line = {"arrowstyle": shape, "color": color, "lw": 0.8} | line
+    axes.annotate(text, end, start, arrowprops=line, fontsize=9 if text else None)  # the head grows with the words

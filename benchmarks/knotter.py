@@ -60,9 +60,8 @@ def predicate_errors() -> Iterator[dict[str, Any]]:
             row[f"within_1e{exponent}"] = _percent((np.abs(total - 360.0) <= 10.0**exponent) != truth)
         row["nan"] = _percent(np.isnan(total))
         p, q = np.add(point, (3.0, 0.0, 0.0)), np.subtract(point, (2.0, 0.0, 0.0))
-        row["orientation"] = _percent(
-            inside(orientations(tuple(p.T), tuple(q.T), tuple(a), tuple(b), tuple(c))) != truth
-        )
+        signs = orientations(tuple(p.T), tuple(q.T), tuple(a), tuple(b), tuple(c))
+        row["orientation"] = _percent(inside(signs) != truth)
         row["classify"] = _percent((classify(p, q, a, b, c) == 0) != truth)
         yield row
 
@@ -87,9 +86,8 @@ def predicate_times() -> dict:
     p, q = tuple(np.add(point, (3.0, 0.0, 0.0)).T), tuple(np.subtract(point, (2.0, 0.0, 0.0)).T)
     corners = [tuple(corner) for corner in TRIANGLE]
     total = angle_sum(point, *TRIANGLE)
-    summed, signed = paired(
-        [lambda: angle_sum(point, *TRIANGLE), lambda: inside(orientations(p, q, *corners))], rounds=7
-    )
+    ways = [lambda: angle_sum(point, *TRIANGLE), lambda: inside(orientations(p, q, *corners))]
+    summed, signed = paired(ways, rounds=7)
     return {
         "angle_sum_over_orientations": ratio(summed, signed)["median"],
         "inside_and_equal_360_percent": _percent(total == 360.0),
@@ -193,11 +191,8 @@ def grid_time() -> dict:
 def figures() -> dict:
     """What comes out for what the source prints, and the figures of single pairs that the page names."""
     needle = Needle()
-    result = study(
-        d_knotter.mechanism(),
-        {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()},
-        d_knotter.conditions(),
-    )
+    grid = {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()}
+    result = study(d_knotter.mechanism(), grid, d_knotter.conditions())
     wrap, clearance = result.conditions["wrap"], result.conditions["clearance"]
     chosen, best = PAIRS.index((10, 25)), int(np.argmax(result.margin))
     limiting = min(result.conditions, key=lambda name: result.conditions[name].margin[chosen])

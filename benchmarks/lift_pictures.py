@@ -124,7 +124,7 @@ def picture_motion(results: dict) -> None:
             (panels[2], "acceleration", "mm/s²", (0.12, -68), (1.0, -60)),
         ):
             values = ", ".join(significant(row[key]).replace("-", "−") for row in starts)
-            arrow(axes, text_at, at, f"off the scale at t = 0: {values} {unit}", "->", fontsize=9)
+            arrow(axes, text_at, at, f"off the scale at t = 0: {values} {unit}", "->")
 
 
 def picture_integration(results: dict) -> None:

@@ -343,9 +343,8 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
     of a tuple, several values.
     """
     name = Path(inspect.getfile(measure)).stem
-    parser = argparse.ArgumentParser(
-        description=sys.modules[measure.__module__].__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    words = sys.modules[measure.__module__].__doc__
+    parser = argparse.ArgumentParser(description=words, formatter_class=argparse.RawDescriptionHelpFormatter)
     hints = get_type_hints(measure, include_extras=True)
     for option, parameter in inspect.signature(measure).parameters.items():
         kind, words, *choices = get_args(hints[option])
