@@ -7,11 +7,10 @@ the others, each with its own number of cases and its own stamp.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from tests.oracles.recompute import REACHED, broken_limits, compare, recompute
 
 EPSILON = float(np.finfo(float).eps)
 LIMITS = "limits"
+PARTS = (*NAMES, LIMITS)
 FEWER = {"noise": 200, UNREACHABLE: 60, LIMITS: 200}
 """At most so many cases of what takes long."""
 UNREACHABLE_MARGIN = 1.01
@@ -49,8 +49,7 @@ def wanted_share(kind: str) -> float:
 
 def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[str, Any]:
     """One class: recomputed J of the best solution, agreement of reported errors, milliseconds."""
-    compared, times, stops = [], Times(), Counter()
-    objective, goals, references, failures = [], [], [], []
+    times, stops, compared, objective, goals, references, failures = Times(), Counter(), [], [], [], [], []
     for seed in range(cases):
         case = make_case(kind, seed)
         reply = answer(case.request, resources, times)
@@ -65,12 +64,11 @@ def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[st
         if kind in EXACT:
             reached = best < REACHED
         else:
-            heavy = kind == UNREACHABLE
-            found = (
-                heavy_objective(target_of(case.request)) if heavy else recompute(case.request, case.truth).objective
-            )
-            references.append(found)
-            reached = best <= found * (UNREACHABLE_MARGIN if heavy else 1.0)
+            if kind == UNREACHABLE:
+                references.append(heavy_objective(target_of(case.request)))
+            else:
+                references.append(recompute(case.request, case.truth).objective)
+            reached = best <= references[-1] * (UNREACHABLE_MARGIN if kind == UNREACHABLE else 1.0)
         objective.append(best)
         goals.append(reached)
         if not reached:
@@ -94,9 +92,7 @@ def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[st
 
 def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
     """Random limited requests: limits broken by a returned solution, and whether "infeasible" is true."""
-    times, statuses = Times(), Counter()
-    broken: list[dict[str, Any]] = []
-    wrong: list[dict[str, Any]] = []
+    times, statuses, broken, wrong = Times(), Counter(), [], []
     for seed in range(cases):
         request = limited_case(seed).request
         reply = answer(request, resources, times)
@@ -119,9 +115,6 @@ def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
     }
 
 
-# -- document ---------------------------------------------------------------------------------------------------------
-
-
 def outcome(part: str, result: dict[str, Any]) -> str:
     """In words what came out for a part that is no exact class."""
     if part == "noise":
@@ -136,7 +129,7 @@ def outcome(part: str, result: dict[str, Any]) -> str:
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of section 10 of docs/method.md; each row with its own number of cases."""
-    parts = {part: results["parts"][part] for part in (*NAMES, LIMITS) if part in results["parts"]}
+    parts = {part: results["parts"][part] for part in PARTS if part in results["parts"]}
     rows = [
         {
             "class": TITLES.get(part, part),
@@ -146,46 +139,31 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         }
         for part, result in parts.items()
     ]
-    time_head = "processor ms: median, 99 %"
-    exact = {
-        "class": "{class}",
-        "cases": "{cases:,}",
-        "J < 1e-9": lambda row: report.percent(row["reached"], 3),
-        "worst J": lambda row: report.power(row["worst_objective"]),
-        "reported errors off by, roundings": "{worst_disagreement_in_roundings:.0f}",
-        time_head: "{times}",
-    }
-    other = {"requests": "{class}", "outcome": "{outcome}", "cases": "{cases:,}", time_head: "{times}"}
     stamps = [results["made"], *(part["made"] for part in parts.values() if "made" in part)]
-    return {
-        "exact": report.table([row for row in rows if row["outcome"] is None], exact),
-        "other": report.table([row for row in rows if row["outcome"] is not None], other, 2),
-        "made": report.made_text(stamps),
+    tables = {
+        kind: [row for row in rows if (row["outcome"] is None) == (kind == "exact")] for kind in ("exact", "other")
     }
+    return report.tables("acceptance", tables) | {"made": report.made_text(stamps)}
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, publish after each part; 1 where a part is short of its goal."""
-    parts = (*NAMES, LIMITS)
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=1000)
-    parser.add_argument("--classes", nargs="+", choices=parts, default=parts, metavar="CLASS", help=", ".join(parts))
-    options = parser.parse_args(arguments)
+def measure(
+    cases: Annotated[int, "of each class"] = 1000,
+    classes: Annotated[str, "parts of the run; the others stay as they are", PARTS] = PARTS,
+) -> Iterator[dict[str, Any]]:
+    """The classes in turn; exit code 1 where one is short of its goal."""
     resources = prepared_service()
     answer(make_case("plain", 0).request, resources, Times())
     stamp = report.stamp()
     measured = report.load("acceptance")["parts"] if (report.RESULTS / "acceptance.json").exists() else {}
-    for part in options.classes:
-        cases = min(options.cases, FEWER.get(part, options.cases))
-        found = measure_limits(cases, resources) if part == LIMITS else measure_class(part, cases, resources)
+    for part in classes:
+        some = min(cases, FEWER.get(part, cases))
+        found = measure_limits(some, resources) if part == LIMITS else measure_class(part, some, resources)
+        print(part, json.dumps(found | {"failures": found.get("failures", [])[:20]}), flush=True)
         measured[part] = {**found, "made": stamp}
-        report.publish("acceptance", {"made": stamp, "parts": measured})
-        shown = {name: value for name, value in measured[part].items() if name not in ("made", "failures")}
-        print(part, json.dumps(shown), flush=True)
-        if measured[part]["short"]:
-            print(f"  short of its goal; {measured[part].get('failures', [])[:20]}")
-    return int(any(measured[part]["short"] for part in options.classes))
+        yield {"made": stamp, "parts": measured}
+    if short := [part for part in classes if measured[part]["short"]]:
+        raise SystemExit(f"short of their goals: {', '.join(short)}")
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    report.run(measure)

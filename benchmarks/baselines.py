@@ -13,31 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.product import (
-    DEFAULT_TOLERANCE,
-    STARTS,
-    TURN,
-    Atlas,
-    FullCrankChart,
-    ProjectedProblem,
-    Target,
-    close_loop,
-    coupler_angle,
-    make_target,
-    objective,
-)
+from benchmarks import product
 from benchmarks.report import Times, repeat
 from tests.oracles.classes import generator
 
 EVOLUTION_GENERATIONS = (5, 20, 80, 320, 1280)
-_EVOLUTION_BOUNDS = [(-6.0, 6.0), (-12.0, 3.0), (-6.0, 6.0), (0.0, TURN)]
+_EVOLUTION_BOUNDS = [(-6.0, 6.0), (-12.0, 3.0), (-6.0, 6.0), (0.0, product.TURN)]
 _EVOLUTION_POPULATION = 10
 _EVOLUTION_SPREAD = 1e-8
 POSE_SUBSETS = (1, 3, 9)
 POSE_SECONDS = 3.0
 """No further subset is begun after this much time of the processor."""
 _POSES = (3, 4, 5)
-_UNTIMED_CRANK = np.linspace(0, TURN, 720, endpoint=False)
+_UNTIMED_CRANK = np.linspace(0, product.TURN, 720, endpoint=False)
 MEMORY_RATIO = 1.5
 """Free memory wanted over that of the flat index: its search has buffers, and the machine has other work."""
 _INDEXED_AT_ONCE = 512
@@ -47,14 +35,14 @@ MASS_TYPES = 2000
 def missing() -> dict[str, str]:
     """Baselines to a linkage that cannot take part, and why."""
     reasons = {"scipy": "differential evolution", "pylinkage": "motion generation"}
-    return {
-        name: f"{what} skipped: {name} is not installed"
-        for name, what in reasons.items()
-        if importlib.util.find_spec(name) is None
-    }
+    return {name: reason for name, what in reasons.items() if (reason := _absence(name, what))}
 
 
-def evolve(target: Target, generations: int, seed: int) -> float:
+def _absence(package: str, what: str) -> str:
+    return "" if importlib.util.find_spec(package) else f"{what} skipped: {package} is not installed"
+
+
+def evolve(target: product.Target, generations: int, seed: int) -> float:
     """Least J by differential evolution over the same four unknowns as the search, with everything linear projected out.
 
     One run a branch. A run ends after so many generations, or where the best J is below the search's own tolerance, or where
@@ -64,8 +52,8 @@ def evolve(target: Target, generations: int, seed: int) -> float:
     """
     from scipy.optimize import differential_evolution
 
-    problem = ProjectedProblem(target, FullCrankChart())
-    best, goal = np.inf, DEFAULT_TOLERANCE**2
+    problem = product.ProjectedProblem(target, product.FullCrankChart())
+    best, goal = np.inf, product.DEFAULT_TOLERANCE**2
     for branch in (1.0, -1.0):
 
         def cost(unknowns: np.ndarray, branch: float = branch) -> np.ndarray:
@@ -100,7 +88,7 @@ def pose_subsets(samples: int, seed: int) -> Iterator[tuple[np.ndarray, ...]]:
         yield tuple(np.sort(random.choice(samples, count, replace=False)) for count in _POSES)
 
 
-def generate_motion(target: Target, seed: int) -> Iterator[tuple[int, float, float, float]]:
+def generate_motion(target: product.Target, seed: int) -> Iterator[tuple[int, float, float, float]]:
     """pylinkage's motion generation on more and more subsets of the poses, the best kept.
 
     It is given the motion about the origin and with the size 1, as its tolerances expect.
@@ -120,7 +108,7 @@ def generate_motion(target: Target, seed: int) -> Iterator[tuple[int, float, flo
     from pylinkage.synthesis import Pose, motion_generation
 
     place = (target.position - target.position.mean()) / target.length_scale
-    target = make_target(target.rotation, place, crank_angle=target.crank)
+    target = product.make_target(target.rotation, place, crank_angle=target.crank)
     timed = untimed = np.inf
     times, subsets = Times(), pose_subsets(target.samples, seed)
     for number in range(1, max(POSE_SUBSETS) + 1):
@@ -134,7 +122,7 @@ def generate_motion(target: Target, seed: int) -> Iterator[tuple[int, float, flo
             yield number, sum(times.processor), float(timed), float(untimed)
 
 
-def _judge(target: Target, first: int, answer: Any) -> tuple[float, float]:
+def _judge(target: product.Target, first: int, answer: Any) -> tuple[float, float]:
     """Timed and untimed error of an answer, either of its two pivoted links as the crank."""
     pivots = [complex(*answer.ground_pivot_a), complex(*answer.ground_pivot_d)]
     pins = [complex(*answer.crank_pivot_b), complex(*answer.coupler_pivot_c)]
@@ -144,18 +132,18 @@ def _judge(target: Target, first: int, answer: Any) -> tuple[float, float]:
         lengths = np.abs([crank, coupler, pins[b] - pivots[b], ground])
         start = np.angle(crank / ground)
         branch = 1.0 if (np.conj(pivots[b] - pins[a]) * coupler).imag > 0 else -1.0
-        angle = close_loop(lengths, start + target.crank[None] - target.crank[first]).coupler_angle(branch)
+        angle = product.close_loop(lengths, start + target.crank[None] - target.crank[first]).coupler_angle(branch)
         if np.all(np.isfinite(angle)):
-            timed = min(timed, objective(target, angle)[0])
+            timed = min(timed, product.objective(target, angle)[0])
         turn = start + np.concatenate([[0.0], _UNTIMED_CRANK])
-        angle = close_loop(lengths, turn).coupler_angle(branch)
+        angle = product.close_loop(lengths, turn).coupler_angle(branch)
         closes = np.isfinite(angle)
         if closes[0]:
             turned = angle[closes] - angle[0]
             pin = pivots[a] + lengths[0] * np.exp(1j * turn[closes]) * ground / abs(ground)
             points = pin + np.exp(1j * turned) * (target.position[first] - pins[a])
             gap = target.rotation[:, None] - (target.rotation[first] + turned)
-            gap = gap - TURN * np.round(gap / TURN)
+            gap = gap - product.TURN * np.round(gap / product.TURN)
             square = gap**2 + (np.abs(target.position[:, None] - points) / target.length_scale) ** 2
             untimed = min(untimed, float(np.sqrt(np.mean(square.min(axis=1)))))
     return timed, untimed
@@ -170,14 +158,14 @@ def _available_memory() -> int:
     return next((1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable")), 0)
 
 
-def window_table(atlas: Atlas, rows: np.ndarray, crank: np.ndarray, every: int = 1) -> np.ndarray:
+def window_table(atlas: product.Atlas, rows: np.ndarray, crank: np.ndarray, every: int = 1) -> np.ndarray:
     """Centred theta2 of all windows of some types at every n-th start.
 
     From the stored curves as series, so good to their ``curve_error``. Branch -1 is theta2(x, -1) = -theta2(-x, +1).
 
     Parameters
     ----------
-    atlas : Atlas
+    atlas : product.Atlas
         Curves of no more than `STARTS` samples.
     rows : ndarray of int, shape (n,)
     crank : ndarray, shape (N,)
@@ -187,24 +175,28 @@ def window_table(atlas: Atlas, rows: np.ndarray, crank: np.ndarray, every: int =
 
     Returns
     -------
-    ndarray of float32, shape (n * 2 * STARTS / every, N)
+    ndarray of float32, shape (n * 2 * product.STARTS / every, N)
         By type, branch (+1 first) and start. Law: the mean square of its difference from a centred request is the squared
         rms error of the window.
     """
-    spectrum = np.fft.rfft(atlas.curves(rows), axis=1) * (STARTS / atlas.rule.samples)
+    spectrum = np.fft.rfft(atlas.curves(rows), axis=1) * (product.STARTS / atlas.rule.samples)
     spectrum[:, -1] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
     order = np.arange(spectrum.shape[1])
-    table = np.empty((len(rows), 2, STARTS // every, crank.size))
+    table = np.empty((len(rows), 2, product.STARTS // every, crank.size))
     for place, t in enumerate(crank):
         turned = atlas.winding[rows, None] * t
-        ahead, behind = (np.fft.irfft(spectrum * np.exp(1j * order * angle), STARTS, axis=1) for angle in (t, -t))
+        ahead, behind = (
+            np.fft.irfft(spectrum * np.exp(1j * order * angle), product.STARTS, axis=1) for angle in (t, -t)
+        )
         table[:, 0, :, place] = (turned + ahead)[:, ::every]
-        table[:, 1, :, place] = (turned - behind[:, -np.arange(STARTS) % STARTS])[:, ::every]
+        table[:, 1, :, place] = (turned - behind[:, -np.arange(product.STARTS) % product.STARTS])[:, ::every]
     table -= table.mean(axis=-1, keepdims=True)
     return table.reshape(-1, crank.size).astype(np.float32)
 
 
-def flat_index(atlas: Atlas, targets: Sequence[Target], top: int, cores: int) -> dict[str, Any] | None:
+def flat_index(
+    atlas: product.Atlas, targets: Sequence[product.Target], top: int, cores: int
+) -> dict[str, Any] | None:
     """Exact search by faiss in a table of all windows of one span, over requests of the same crank angles.
 
     Returns
@@ -215,14 +207,15 @@ def flat_index(atlas: Atlas, targets: Sequence[Target], top: int, cores: int) ->
         Where memory does not hold the table it is of every n-th start, and seconds are scaled up. None where faiss is not
         installed or memory holds no part, and a line says so.
     """
-    try:
-        import faiss
-    except ImportError:
-        print("flat index skipped: faiss is not installed")
-        return None
+    if absent := _absence("faiss", "flat index"):
+        return print(absent)
+    import faiss
+
     crank = targets[0].crank
-    whole, available = len(atlas) * 2 * STARTS * crank.size * 4, _available_memory()
-    fits = [n for n in range(1, STARTS + 1) if STARTS % n == 0 and MEMORY_RATIO * whole / n <= available]
+    whole, available = len(atlas) * 2 * product.STARTS * crank.size * 4, _available_memory()
+    fits = [
+        n for n in range(1, product.STARTS + 1) if product.STARTS % n == 0 and MEMORY_RATIO * whole / n <= available
+    ]
     if not fits:
         print(f"flat index skipped: {available / 1e9:.1f} GB of memory are too little for its {whole / 1e9:.1f} GB")
         return None
@@ -247,8 +240,8 @@ def flat_index(atlas: Atlas, targets: Sequence[Target], top: int, cores: int) ->
     places_in_batch = batch.run(index.search, queries, top)[1]
 
     def windows(places: np.ndarray) -> list[set[tuple[int, int, int]]]:
-        row, rest = np.divmod(places, 2 * STARTS // every)
-        columns = zip(row, rest % (STARTS // every) * every, np.where(rest < STARTS // every, 1, -1))
+        row, rest = np.divmod(places, 2 * product.STARTS // every)
+        columns = zip(row, rest % (product.STARTS // every) * every, np.where(rest < product.STARTS // every, 1, -1))
         return [set(zip(*(column.tolist() for column in request))) for request in columns]
 
     return {
@@ -265,7 +258,7 @@ def flat_index(atlas: Atlas, targets: Sequence[Target], top: int, cores: int) ->
     }
 
 
-def stumpy_mass(atlas: Atlas, requests: Sequence[np.ndarray], cores: int) -> dict[str, Any] | None:
+def stumpy_mass(atlas: product.Atlas, requests: Sequence[np.ndarray], cores: int) -> dict[str, Any] | None:
     """Distance profiles by stumpy of requests at whole degrees over all curves of both branches, from a part of the types.
 
     In its favour, the sliding means and deviations of the curves are given, and it runs on one thread (its own threads wait
@@ -276,18 +269,17 @@ def stumpy_mass(atlas: Atlas, requests: Sequence[np.ndarray], cores: int) -> dic
     dict or None
         Seconds a request; None where stumpy is not installed, and a line says so.
     """
-    try:
-        import numba
-        import stumpy
-    except ImportError:
-        print("stumpy mass skipped: stumpy is not installed")
-        return None
+    if absent := _absence("stumpy", "stumpy mass"):
+        return print(absent)
+    import numba
+    import stumpy
+
     numba.set_num_threads(1)
     samples = len(requests[0])
     rows = np.random.default_rng(7).choice(len(atlas), min(MASS_TYPES, len(atlas)), replace=False)
-    degrees = np.deg2rad(np.arange(STARTS + samples - 1))
+    degrees = np.deg2rad(np.arange(product.STARTS + samples - 1))
     lengths = atlas.lengths[rows].astype(float)
-    curves = np.concatenate([coupler_angle(lengths, np.full(len(rows), side), degrees) for side in (1, -1)])
+    curves = np.concatenate([product.coupler_angle(lengths, np.full(len(rows), side), degrees) for side in (1, -1)])
     prepared = [stumpy.core.preprocess(curve, samples) for curve in curves]
 
     def profiles(request: np.ndarray, count: int | None = None) -> None:

@@ -7,6 +7,8 @@ compared within one run only.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -57,9 +59,6 @@ def moved(track: Track, away: float) -> Track:
     return Track([segment._replace(x=segment.x + away, y=segment.y + away) for segment in track.segments])
 
 
-# Opponents: the next pin by a search along the path
-
-
 def next_by_bracketing(path: oracle.Path, s: float, pitch: float, direction: int = 1) -> float:
     """scipy's brentq on the distance, one pin at a time."""
     x, y = path.point(s)
@@ -93,9 +92,6 @@ def pins_by_search(slot: Slot, phases: np.ndarray, following: Any, points: Any) 
     h = np.abs(b - a) / 2
     free = (a + b) / 2 + 1j * (b - a) / (2 * h) * np.sqrt(slot.chain.pitch**2 - h**2)
     return np.stack([*map(points, ahead), free, *map(points, behind[:0:-1])], axis=1)
-
-
-# Measurements
 
 
 def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
@@ -184,28 +180,25 @@ def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
     }
 
 
-def measure_fits(slot: Slot) -> list[dict[str, Any]]:
-    phases, rows = window(slot), []
+def measure_fits(slot: Slot) -> Iterator[dict[str, Any]]:
+    phases = window(slot)
     for kind, orders in ORDERS.items():
         for order in orders:
             fit = fit_slot(slot, kind, order)
             error = fit_error(slot, fit, phases)
 
-            def evaluate(fit: Any = fit) -> Any:
-                if fit.kind == "polynomial":  # it is given x: it does not know the phase
-                    return chebyshev.chebval(np.linspace(-1, 1, PHASES), fit.data["coefficients"])
-                return fit.evaluate(phases)
-
-            made = page.repeat(lambda kind=kind, order=order: fit_slot(slot, kind, order), 7).least.processor
+            evaluate = partial(fit.evaluate, phases)
+            if kind == "polynomial":  # it is given x: it does not know the phase
+                evaluate = partial(chebyshev.chebval, np.linspace(-1, 1, PHASES), fit.data["coefficients"])
+            made = page.repeat(partial(fit_slot, slot, kind, order), 7).least.processor
             times = {"fit_ms": 1e3 * made, "evaluate_us": 1e9 * page.repeat(evaluate, 9).least.processor / PHASES}
             errors = {"normal": error.normal, "chord": error.chord, "condition": fit.condition}
-            rows.append({"kind": kind, "order": order, "unknowns": fit.unknowns} | errors | times)
-    return rows
+            yield {"kind": kind, "order": order, "unknowns": fit.unknowns} | errors | times
 
 
-def measure_large_radii() -> list[dict[str, float]]:
+def measure_large_radii() -> Iterator[dict[str, Any]]:
     """Chord errors of the step from a wheel onto an arc of radius R: the paper's arccos form, and ours."""
-    r0, rows = PRINTED["wheel_radius"], []
+    r0 = PRINTED["wheel_radius"]
     for radius in (1e3, 1e5, 1e6, 1e7, 1e8):
         crescent = chain.level_crescent(r0, R1, math.asin((r0 + R1) / (radius - r0)))
         track, xi = crescent.track, crescent.xi
@@ -215,8 +208,7 @@ def measure_large_radii() -> list[dict[str, float]]:
         there = 1j * crescent.eccentricity + radius * np.exp(1j * (np.pi + xi + u))
         place = track.place(r0 * (np.pi + xi - v))
         chords = {"arccos": there - here, "ours": track.points(track.step(place, L)) - track.points(place)}
-        rows.append({"radius": radius} | {name: np.abs(np.abs(c) - L).max() for name, c in chords.items()})
-    return rows
+        yield {"radius": radius} | {name: np.abs(np.abs(c) - L).max() for name, c in chords.items()}
 
 
 def measure_far_origin(slot: Slot) -> dict[str, Any]:
@@ -226,11 +218,8 @@ def measure_far_origin(slot: Slot) -> dict[str, Any]:
     exact = near.position(near.advance(near.place(starts), pitch, links))
     for away in (0.0, 1e3, 1e6, 1e9):
         # an arc's numbers begin with its centre, a line's are its two ends
-        shifted = [
-            (kind, *np.add(values[:places], away), *values[places:])
-            for kind, *values in path.parts
-            for places in [2 if kind == "arc" else 4]
-        ]
+        places = {"arc": 2, "line": 4}
+        shifted = [(kind, *np.add(at[: places[kind]], away), *at[places[kind] :]) for kind, *at in path.parts]
         far_path = oracle.Path(shifted)
         far, found = moved(near, away), starts.tolist()
         for _ in range(links):
@@ -267,88 +256,34 @@ def measure_high_degree(slot: Slot) -> dict[str, Any]:
     return {"rows": rows, "best_degree": best, "best_normal": normal[best], "raw_as_well_to": max(as_well)}
 
 
-def measure_tracks() -> list[dict[str, Any]]:
-    rows = []
+def measure_tracks() -> Iterator[dict[str, Any]]:
     for label, slot in pictures.other_tracks().items():
         facts = report(slot, window(slot, 501))
         found = {"slack": facts.slack_max.value, "depth": facts.depth_max.value, "radius": facts.radius_min}
         exact = {"end_step": facts.end_step, "chord": facts.chord_error}
-        rows.append({"track": label, "pitch": slot.chain.pitch, "links": slot.chain.links} | found | exact)
-    return rows
+        yield {"track": label, "pitch": slot.chain.pitch, "links": slot.chain.links} | found | exact
 
 
-def measure_free_pin_places() -> list[dict[str, Any]]:
+def measure_free_pin_places() -> Iterator[dict[str, Any]]:
     """Slack, depth and gain of a stadium's slot on its half circle and on its straight run."""
-    rows = []
     for links in (12, 16, 20):
         track, row = chain.critical_stadium(50.0, links, 50 / math.sqrt(2)), {"links": links}
         for name, segment in (("arc", 2), ("run", 1)):
             facts = report(find_slot(Chain(track, 50.0, links), pictures.middle_of(track, segment)), np.zeros(1))
             gain = f"{facts.condition:.2f}" if math.isfinite(facts.condition) else "without bound"
-            row |= {
-                f"{name}_slack": facts.slack_max.value,
-                f"{name}_depth": facts.depth_max.value,
-                f"{name}_gain": gain,
-            }
-        rows.append(row)
-    return rows
-
-
-# The document
-
-
-def columns(heads: str, cells: str) -> dict[str, str]:
-    """Columns of `table` from two lines, the heads and the formats, each parted by bars."""
-    return dict(zip(heads.split(" | "), cells.split(" | "), strict=True))
-
-
-COLUMNS = {
-    "fits": columns(
-        "representation | order | numbers | normal, mm | chord, mm | condition | fit, ms | 1000 points, us",
-        "{label} | {order} | {unknowns} | {normal:.1e} | {chord:.1e} | {condition:.3g} | {fit_ms:.1f} | {evaluate_us:.0f}",
-    ),
-    "large_radii": columns(
-        "radius, mm | arccos form, mm | ours, mm",
-        "{radius:.0e} | {arccos:.1e} | {ours:.1e}",
-    ),
-    "far_origin": columns(
-        "origin away by, mm | search in drawing coordinates, mm | ours, mm | spacing of numbers there, mm",
-        "{away:g} | {search:.1e} | {ours:.1e} | {spacing:.1e}",
-    ),
-    "high_degree": columns(
-        "degree | x from axis | from wheel centre | 1 m away | 5 m away | ours | our condition",
-        "{degree} | {axis:.2g} | {wheel:.2g} | {metre:.2g} | {five:.2g} | {ours:.2g} | {condition:.3g}",
-    ),
-    "tracks": columns(
-        "track | pitch | links | slack | depth | smallest radius | step at ends | chord error",
-        "{track} | {pitch:g} | {links} | {slack:.4f} | {depth:.4f} | {radius:.3f} | {end_step:.1e} | {chord:.1e}",
-    ),
-    "free_pin_places": columns(
-        "links | slack on arc | depth on arc | gain | slack on run | depth on run | gain there",
-        "{links} | {arc_slack:.3f} | {arc_depth:.3f} | {arc_gain} | {run_slack:.3f} | {run_depth:.3f} | {run_gain}",
-    ),
-    "speed": columns(
-        "task | search by | ours, ms | search, ms | search / ours",
-        "{task} | {by} | {ours_ms:.4g} | {search_ms:.4g} | {ratio:.2g}",
-    ),
-}
+            found = {"slack": facts.slack_max.value, "depth": facts.depth_max.value, "gain": gain}
+            row |= {f"{name}_{key}": value for key, value in found.items()}
+        yield row
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables and figures of docs/chain.md."""
     speed, degrees, far = (results[name] for name in ("speed", "high_degree", "far_origin"))
     fits = [row | {"label": LABELS[row["kind"]]} for row in results["fits"]]
-    rows = {
-        **results,
-        "fits": fits,
-        "speed": speed["rows"],
-        "high_degree": degrees["rows"],
-        "far_origin": far["rows"],
-    }
-    texts = {"speed": 2}
+    rows = results | {"fits": fits, "speed": speed["rows"], "high_degree": degrees["rows"], "far_origin": far["rows"]}
     return {
         "published": page.lines(["quantity", "published", "ours"], results["published"]["rows"], 3),
-        **{name: page.table(rows[name], cells, texts.get(name, 1)) for name, cells in COLUMNS.items()},
+        **page.tables("chain", rows),
         **results["published"]["words"],
         "checked_ms": page.significant(speed["checked_ms"], 2),
         "closure_ms": page.significant(speed["closure_ms"], 2),
@@ -370,21 +305,20 @@ def draw(results: dict[str, Any]) -> None:
     pictures.draw_tracks(pictures.other_tracks(), results["tracks"])
 
 
-def main() -> None:
-    """Measure, and fill the document."""
+def measure() -> Iterator[dict[str, Any]]:
+    """All of it."""
     crescent, slot = chain.crescent_slot(L, N, R1)
-    results = {
+    yield {
         "published": measure_published(crescent, slot),
         "speed": measure_speed(crescent, slot),
-        "fits": measure_fits(slot),
-        "large_radii": measure_large_radii(),
+        "fits": list(measure_fits(slot)),
+        "large_radii": list(measure_large_radii()),
         "far_origin": measure_far_origin(slot),
         "high_degree": measure_high_degree(slot),
-        "tracks": measure_tracks(),
-        "free_pin_places": measure_free_pin_places(),
+        "tracks": list(measure_tracks()),
+        "free_pin_places": list(measure_free_pin_places()),
     }
-    page.publish("chain", results)
 
 
 if __name__ == "__main__":
-    main()
+    page.run(measure)

@@ -7,47 +7,26 @@ the first cases of each class only.
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import chain
+from typing import Annotated, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchmarks import baselines, report
-from benchmarks.product import (
-    DEFAULT_TOLERANCE,
-    FOURBAR,
-    TURN,
-    FullCrankChart,
-    Limits,
-    OrderRule,
-    ProjectedProblem,
-    Scan,
-    SeedTables,
-    Target,
-    TypeRule,
-    Work,
-    best_rows,
-    counter_clockwise,
-    coupler_angle,
-    objective,
-    refine,
-    search,
-    solved,
-    table_of,
-    target_of,
-)
-from benchmarks.report import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, power, significant
+from benchmarks import baselines, product, report
+from benchmarks.figures import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, curve, figure
+from benchmarks.report import Times, power, significant
 from tests.oracles.classes import EXACT, NAMES, UNREACHABLE, make_case
 from tests.oracles.recompute import REACHED
 
-SERVICE, REFINED, ROWS, PUBLISHED = (
+SERVICE, PUBLISHED, ROWS, REFINED = (
     "this service",
-    "atlas rows, refined",
-    "atlas rows as they are",
     "published method",
+    "atlas rows as they are",
+    "atlas rows, refined",
 )
 EVOLUTION, PYLINKAGE, UNTIMED = "differential evolution", "pylinkage", "pylinkage, any crank angle"
 LOOK = {
@@ -68,9 +47,7 @@ BUDGETS_MS = (2, 5, 10, 20, 50, 100, 300, 1000)
 FLOOR = 1e-16
 """Below this a J is rounding: it is drawn here."""
 
-# -- measurement ------------------------------------------------------------------------------------------------------
-
-Measured = Iterator[tuple[str, str, float, float]]
+Measured = tuple[str, str, float, float]
 """Method, setting, seconds of the processor, J."""
 
 
@@ -79,16 +56,18 @@ class Grid:
 
     def __init__(self, perimeter: int, starts: int) -> None:
         self.name = f"perimeter {perimeter}, step {360 // starts} deg"
-        self.scan = Scan(table_of(TypeRule(perimeter, 1, OrderRule.FULL_CRANK), 64), starts, 1e-3, (8, 20))
-        self.unknowns = FullCrankChart().unknowns(self.scan.lengths)
+        self.scan = product.Scan(
+            product.table_of(product.TypeRule(perimeter, 1, product.OrderRule.FULL_CRANK), 64), starts, 1e-3, (8, 20)
+        )
+        self.unknowns = product.FullCrankChart().unknowns(self.scan.lengths)
 
-    def rows(self, target: Target) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def rows(self, target: product.Target) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Types, branches and starts, the best start of each type and branch, by approximate error."""
         error = self.scan.error_table(target)
         start = error.argmin(axis=2)
         least = np.take_along_axis(error, start[:, :, None], 2)[:, :, 0]
         row, side = np.divmod(np.argsort(least, axis=None, kind="stable"), 2)
-        return row, 1.0 - 2.0 * side, start[row, side] * (TURN / self.scan.starts)
+        return row, 1.0 - 2.0 * side, start[row, side] * (product.TURN / self.scan.starts)
 
 
 def spread_out(unknowns: np.ndarray, count: int) -> np.ndarray:
@@ -98,94 +77,71 @@ def spread_out(unknowns: np.ndarray, count: int) -> np.ndarray:
     return np.sort(first)[:count]
 
 
-def run_grid(grid: Grid, target: Target) -> Measured:
-    """The rows of a grid as they are, and refined from several numbers of seeds; screening is part of each time."""
-    clock, chart = time.process_time, FullCrankChart()
-    begin = clock()
-    row, branch, start = grid.rows(target)
-    screened = clock() - begin
-    few = slice(0, 128)
-    error = objective(
-        target, coupler_angle(grid.scan.lengths[row[few]], branch[few], start[few, None] + target.crank)
-    )
-    best = np.argmin(error, keepdims=True)
-    solved(target, grid.scan.lengths[row[best]], branch[best], start[best])
-    yield ROWS, grid.name, clock() - begin, error[best[0]]
-    for seeds in SEEDS:
-        begin = clock()
-        unknowns = np.column_stack([grid.unknowns[row], start])
-        sides = [np.flatnonzero(branch == side) for side in (1.0, -1.0)]
-        seed = np.concatenate([places[spread_out(unknowns[places], seeds)] for places in sides])
-        done = refine(ProjectedProblem(target, chart), unknowns[seed], branch[seed], STEPS, 0.3 * DEFAULT_TOLERANCE)
-        one = np.argmin(done.cost, keepdims=True)
-        found = np.inf
-        if np.isfinite(done.cost[one[0]]):
-            lengths = chart.shape(done.unknowns[one, :3]).lengths
-            found = solved(target, lengths, branch[seed][one], done.unknowns[one, 3])[0].errors.objective
-        yield REFINED, f"{grid.name}, {seeds} seeds a branch", clock() - begin + screened, found
+def as_they_are(
+    grid: Grid, target: product.Target, row: np.ndarray, branch: np.ndarray, start: np.ndarray
+) -> list[product.Solution]:
+    """The best row of a grid, found exactly among the first of the screened ones."""
+    lengths = grid.scan.lengths[row[:128]]
+    angle = product.coupler_angle(lengths, branch[:128], start[:128, None] + target.crank)
+    best = np.argmin(product.objective(target, angle), keepdims=True)
+    return product.solved(target, lengths[best], branch[best], start[best])
 
 
-def run_service(tables: SeedTables, target: Target) -> Measured:
-    """The search of the service under budgets of processor time."""
+def refined(
+    grid: Grid, target: product.Target, row: np.ndarray, branch: np.ndarray, start: np.ndarray, seeds: int
+) -> list[product.Solution]:
+    """The best of so many seeds a branch, refined."""
+    chart = product.FullCrankChart()
+    unknowns = np.column_stack([grid.unknowns[row], start])
+    sides = [np.flatnonzero(branch == side) for side in (1.0, -1.0)]
+    seed = np.concatenate([places[spread_out(unknowns[places], seeds)] for places in sides])
+    problem, tolerance = product.ProjectedProblem(target, chart), 0.3 * product.DEFAULT_TOLERANCE
+    done = product.refine(problem, unknowns[seed], branch[seed], STEPS, tolerance)
+    best = np.argmin(done.cost, keepdims=True)
+    if not np.isfinite(done.cost[best[0]]):
+        return []
+    lengths = chart.shape(done.unknowns[best, :3]).lengths
+    return product.solved(target, lengths, branch[seed][best], done.unknowns[best, 3])
+
+
+def clocked(method: str, setting: str, solve: Callable[..., Any], *arguments: Any, before: float = 0.0) -> Measured:
+    """One call, with what it took before; what it returns is a J, solutions, or solutions and a report."""
+    times = Times()
+    found = times.run(solve, *arguments)
+    found = found[0] if isinstance(found, tuple) else found
+    if isinstance(found, list):
+        found = found[0].errors.objective if found else np.inf
+    return method, setting, before + times.processor[0], found
+
+
+def fast_methods(
+    tables: product.SeedTables, published: product.Scan, grids: Sequence[Grid], target: product.Target
+) -> Iterator[Measured]:
+    """The search under budgets of processor time, the paper's atlas, and the grids; screening is part of a grid's time."""
+    limits = product.Limits()
     for budget in BUDGETS_MS:
-        begin = time.process_time()
-        solutions, _ = search(
-            tables, target, Limits(), 1, DEFAULT_TOLERANCE, Work(budget / 1000, clock=time.process_time)
-        )
-        found = solutions[0].errors.objective if solutions else np.inf
-        yield SERVICE, f"budget {budget} ms", time.process_time() - begin, found
+        work = product.Work(budget / 1000, clock=time.process_time)
+        asked = tables, target, limits, 1, product.DEFAULT_TOLERANCE, work
+        yield clocked(SERVICE, f"budget {budget} ms", product.search, *asked)
+    yield clocked(PUBLISHED, "perimeter 400, step 1 deg", product.best_rows, published, target, limits, 1)
+    for grid in grids:
+        times = Times()
+        rows = grid, target, *times.run(grid.rows, target)
+        yield clocked(ROWS, grid.name, as_they_are, *rows, before=times.processor[0])
+        for seeds in SEEDS:
+            setting = f"{grid.name}, {seeds} seeds a branch"
+            yield clocked(REFINED, setting, refined, *rows, seeds, before=times.processor[0])
 
 
-def run_published(scan: Scan, target: Target) -> Measured:
-    """The best row of the paper's atlas, found exactly and mounted."""
-    begin = time.process_time()
-    solutions, _ = best_rows(scan, target, Limits(), 1)
-    found = solutions[0].errors.objective if solutions else np.inf
-    yield PUBLISHED, "perimeter 400, step 1 deg", time.process_time() - begin, found
-
-
-def run_slow(target: Target, seed: int, missing: dict[str, str]) -> Measured:
+def slow_methods(target: product.Target, seed: int, missing: dict[str, str]) -> Iterator[Measured]:
     """The baselines of other libraries."""
     for generations in baselines.EVOLUTION_GENERATIONS if "scipy" not in missing else ():
-        begin = time.process_time()
-        found = baselines.evolve(target, generations, seed)
-        yield EVOLUTION, f"at most {generations} generations", time.process_time() - begin, found
+        setting = f"at most {generations} generations"
+        yield clocked(EVOLUTION, setting, baselines.evolve, target, generations, seed)
     if "pylinkage" not in missing and target.rotation is not None and target.position is not None:
         for subsets, seconds, timed, untimed in baselines.generate_motion(target, seed):
             yield PYLINKAGE, f"{subsets} subsets of poses", seconds, timed
             yield UNTIMED, f"{subsets} subsets of poses", seconds, untimed
-
-
-def measure(cases: int, slow_cases: int) -> dict[str, Any]:
-    """All methods: of each class, method and setting the milliseconds and the J of its cases, in the order of their seeds."""
-    begin, missing = time.perf_counter(), baselines.missing()
-    tables, published = SeedTables(FOURBAR), Scan(table_of(TypeRule(), 128))
-    grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
-    warm = target_of(make_case("plain", 999).request)
-    for run in (
-        run_service(tables, warm),
-        run_grid(grids[0], warm),
-        run_published(published, warm),
-        run_slow(warm, 0, missing),
-    ):
-        list(run)
-    runs: dict[str, Any] = {}
-    for kind in NAMES:
-        for seed in range(cases):
-            target = counter_clockwise(target_of(make_case(kind, seed).request))
-            parts = [run_service(tables, target), run_published(published, target)]
-            parts += [run_grid(grid, target) for grid in grids]
-            parts += [run_slow(target, seed, missing)] if seed < slow_cases else []
-            for method, setting, seconds, found in (one for part in parts for one in part):
-                lists = runs.setdefault(kind, {}).setdefault(method, {}).setdefault(setting, {"ms": [], "J": []})
-                lists["ms"].append(float(f"{1000 * seconds:.4g}"))
-                lists["J"].append(report.finite(float(f"{found:.3g}")))
-        print(f"{kind}: {(time.perf_counter() - begin) / 60:.1f} minutes", flush=True)
-    minutes = round((time.perf_counter() - begin) / 60, 1)
-    return {"cases": cases, "slow_cases": slow_cases, "minutes": minutes, "skipped": missing, "runs": runs}
-
-
-# -- summary ----------------------------------------------------------------------------------------------------------
 
 
 def summarise(runs: dict[str, Any], kinds: Sequence[str]) -> list[dict[str, Any]]:
@@ -203,7 +159,8 @@ def summarise(runs: dict[str, Any], kinds: Sequence[str]) -> list[dict[str, Any]
         # by rank, not interpolated: a case without an answer counts as infinitely bad
         low, median, high = (float(found[int(share * (len(found) - 1))]) for share in (0.25, 0.5, 0.75))
         fast, ms, slow = np.percentile(both["ms"], [25, 50, 95]).tolist()
-        row = {"method": method, "setting": setting, "cases": len(found), "reached": float(np.mean(found < REACHED))}
+        share = 100 * float(np.mean(found < REACHED))
+        row = {"method": method, "setting": setting, "cases": len(found), "share": share}
         rows.append(row | {"fast": fast, "ms": ms, "slow": slow, "low": low, "median": median, "high": high})
     order = (*LOOK, UNTIMED)  # the settings of the grids by time; of the others they are in order of effort already
     return sorted(rows, key=lambda row: (order.index(row["method"]), row["ms"] if row["method"] in GRIDS else 0.0))
@@ -218,25 +175,10 @@ def frontier(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return kept
 
 
-# -- document ---------------------------------------------------------------------------------------------------------
-
-
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/error_vs_runtime.md, and the median of the published method for README.md."""
     runs = results["runs"]
-    exact = summarise(runs, EXACT)
-    columns = {
-        "method": "{method}",
-        "setting": "{setting}",
-        "cases": "{cases}",
-        "median ms": lambda row: significant(row["ms"]),
-        "95 % ms": lambda row: significant(row["slow"]),
-        **{
-            f"J: {name}": lambda row, key=key: power(row[key])
-            for name, key in (("quartile", "low"), ("median", "median"), ("upper quartile", "high"))
-        },
-        "J < 1e-9": lambda row: f"{100 * row['reached']:.0f} %",
-    }
+    exact, columns = summarise(runs, EXACT), report.TABLES["error_vs_runtime"]["runs"]
     shown = [row for row in exact if row["method"] not in GRIDS]
     shown += [row for method in GRIDS for row in frontier([row for row in exact if row["method"] == method])]
     best = []
@@ -251,11 +193,11 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     return {
         "cases": f"{results['cases']} seeded cases of each of {len(runs)} classes, {slow}; {points:,} measurements in "
         f"{results['minutes']:.0f} minutes. {' '.join(results['skipped'].values())}".strip(),
-        "exact": report.table(shown, columns, 2),
-        "classes": report.table(best, {"class": "{class}", **{method: f"{{{method}}}" for method in LOOK}}),
-        "grids": report.table([row for row in exact if row["method"] in GRIDS], columns, 2),
+        "exact": report.table(shown, **columns),
+        "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in ("class", *LOOK))),
+        "grids": report.table([row for row in exact if row["method"] in GRIDS], **columns),
         "search": ", ".join(
-            f"{100 * row['reached']:.0f} % of {row['cases']} cases within {row['setting'].removeprefix('budget ')}"
+            f"{row['share']:.0f} % of {row['cases']} cases within {row['setting'].removeprefix('budget ')}"
             for row in exact
             if row["setting"] in ("budget 10 ms", "budget 100 ms", "budget 1000 ms")
         ),
@@ -291,8 +233,7 @@ def draw_curves(axes: Any, rows: Sequence[dict[str, Any]], small: bool) -> None:
         if method == SERVICE:  # its time is its own choice: from the quartile to the 95th percentile
             axes.hlines(median[-1], curve[-1]["fast"], curve[-1]["slow"], color=colour, linewidth=1.2, zorder=4)
         if method in GRIDS:
-            every = [row for row in own if np.isfinite(row["median"])]
-            dots = [row["ms"] for row in every], [row["median"] for row in every]
+            dots = zip(*((row["ms"], row["median"]) for row in own if np.isfinite(row["median"])))
             axes.scatter(*dots, s=9, color=colour, alpha=0.35, linewidth=0, zorder=2)
     axes.axhline(REACHED, color=GREY, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1)
     axes.set(xscale="log", yscale="log", ylim=(3e-17, 3.0), xlim=(0.4, 5000))
@@ -304,18 +245,23 @@ def draw_shares(axes: Any, rows: Sequence[dict[str, Any]]) -> None:
     for method in reversed(LOOK):
         best: list[dict[str, Any]] = []
         for row in sorted((row for row in rows if row["method"] == method), key=lambda row: row["ms"]):
-            if not best or row["reached"] > best[-1]["reached"] or method == PYLINKAGE:
+            if not best or row["share"] > best[-1]["share"] or method == PYLINKAGE:
                 best.append(row)
-        axes.plot([row["ms"] for row in best], [100 * row["reached"] for row in best], **look(method))
+        curve(axes, best, "ms", "share", **look(method))
     axes.set(xscale="log", ylim=(-4, 104), xlim=(0.4, 5000), ylabel="cases that reach J < 1e-9 (%)")
     axes.minorticks_off()
+
+
+def curves_of(axes: Any) -> Iterator[list[Any]]:
+    """Lines and words of a legend, the service's first: it is drawn last."""
+    return (part[::-1] for part in axes.get_legend_handles_labels())
 
 
 def draw(results: dict[str, Any]) -> None:
     """All exact classes together, and every class for itself."""
     runs, clock = results["runs"], "processor time of a request, one core (ms)"
     rows = summarise(runs, EXACT)
-    with report.figure("error_vs_runtime.png", 1, 2, (11.5, 5.8), width_ratios=(1.7, 1)) as (drawing, (axes, shares)):
+    with figure("error_vs_runtime.png", 1, 2, (11.5, 5.8), width_ratios=(1.7, 1)) as (drawing, (axes, shares)):
         draw_curves(axes, rows, small=False)
         draw_shares(shares, rows)
         axes.set(ylabel="error J of the mounted linkage: median, quartiles", xlabel=clock)
@@ -325,10 +271,8 @@ def draw(results: dict[str, Any]) -> None:
             f"Error against run time: {results['cases'] * len(EXACT)} random motions that some four-bar performs exactly, "
             f"{len(EXACT)} classes"
         )
-        drawing.legend(
-            *(part[::-1] for part in axes.get_legend_handles_labels()), loc="outside lower center", ncols=3
-        )
-    with report.figure("error_vs_runtime_classes.png", 4, 4, (11, 10), sharex=True) as (drawing, grid):
+        drawing.legend(*curves_of(axes), loc="outside lower center", ncols=3)
+    with figure("error_vs_runtime_classes.png", 4, 4, (11, 10), sharex=True) as (drawing, grid):
         for axes, kind in zip(grid, NAMES):
             draw_curves(axes, summarise(runs, [kind]), small=True)
             if kind not in EXACT:  # nothing falls below the noise: look closer
@@ -337,22 +281,34 @@ def draw(results: dict[str, Any]) -> None:
             axes.set_title(kind + note, fontsize=10)
         drawing.supxlabel(clock, fontsize=10)
         drawing.supylabel("error J, median", fontsize=10)
-        drawing.legend(
-            *(part[::-1] for part in grid[0].get_legend_handles_labels()), loc="outside upper center", ncols=3
-        )
+        drawing.legend(*curves_of(grid[0]), loc="outside upper center", ncols=3)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and publish."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=30, help="cases of each class (%(default)s)")
-    parser.add_argument("--slow-cases", type=int, default=10, help="of them for the slow baselines (%(default)s)")
-    options = parser.parse_args(arguments)
-    with threadpool_limits(1, "blas"):
-        results = measure(options.cases, min(options.slow_cases, options.cases))
-    report.publish("error_vs_runtime", results)
-    return 0
+def measure(
+    cases: Annotated[int, "of each class"] = 30, slow_cases: Annotated[int, "of them for the slow baselines"] = 10
+) -> Iterator[dict[str, Any]]:
+    """All methods on one core: of each class, method and setting the milliseconds and the J of its cases, by their seeds."""
+    threadpool_limits(1, "blas")
+    begin, missing = time.perf_counter(), baselines.missing()
+    grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
+    fast = partial(
+        fast_methods, product.SeedTables(product.FOURBAR), product.Scan(product.table_of(product.TypeRule(), 128))
+    )
+    warm = product.target_of(make_case("plain", 999).request)
+    list(fast(grids[:1], warm)), list(slow_methods(warm, 0, missing))
+    runs: dict[str, Any] = {}
+    for kind in NAMES:
+        for seed in range(cases):
+            target = product.counter_clockwise(product.target_of(make_case(kind, seed).request))
+            slow = slow_methods(target, seed, missing) if seed < slow_cases else ()
+            for method, setting, seconds, found in chain(fast(grids, target), slow):
+                lists = runs.setdefault(kind, {}).setdefault(method, {}).setdefault(setting, {"ms": [], "J": []})
+                lists["ms"].append(float(f"{1000 * seconds:.4g}"))
+                lists["J"].append(report.finite(float(f"{found:.3g}")))
+        print(f"{kind}: {(time.perf_counter() - begin) / 60:.1f} minutes", flush=True)
+    minutes = round((time.perf_counter() - begin) / 60, 1)
+    yield {"cases": cases, "slow_cases": min(slow_cases, cases), "minutes": minutes, "skipped": missing, "runs": runs}
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    report.run(measure)

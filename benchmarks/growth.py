@@ -6,20 +6,20 @@ largest perimeter has seven million types and takes 17 GB of memory; nothing els
 
 from __future__ import annotations
 
-import argparse
 import bisect
 import json
 import math
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from tqdm import tqdm
 
 from benchmarks import report
+from benchmarks.figures import curve, figure
 from benchmarks.product import MAX_PERIMETER, Settings, TypeRule, count_types
 from benchmarks.report import Times, duration, significant, size
 from benchmarks.service import build, environment, match_bodies, quantile, running, serve_command, uvicorn_command
@@ -80,16 +80,6 @@ def refusal(atlas: Path) -> dict[str, Any]:
     return row
 
 
-# -- document ---------------------------------------------------------------------------------------------------------
-
-
-class Exponents(NamedTuple):
-    """e in quantity ~ types^e: over all perimeters, and over those from `LARGE` on; NaN for fewer than two."""
-
-    overall: float
-    large: float
-
-
 QUANTITIES = {
     "build_s": "build, seconds",
     "build_peak_bytes": "build, memory of the largest process",
@@ -112,48 +102,26 @@ def slope(types: Sequence[float], values: Sequence[float | None]) -> float:
     return float(np.polyfit(np.log(types), np.log(np.array(values, dtype=float)), 1)[0])
 
 
-def exponents(rows: Sequence[dict[str, Any]]) -> dict[str, Exponents]:
-    """How each of `QUANTITIES` grows with the number of types."""
-
-    def of(some: Sequence[dict[str, Any]], name: str) -> float:
-        return slope([row["types"] for row in some], [row[name] for row in some])
-
-    large = [row for row in rows if row["perimeter"] >= LARGE]
-    return {name: Exponents(of(rows, name), of(large, name)) for name in QUANTITIES}
+def exponents(rows: Sequence[dict[str, Any]], least: int = 0) -> dict[str, float]:
+    """e in quantity ~ types^e for each of `QUANTITIES`, over the perimeters from one on; NaN for fewer than two."""
+    some = [row for row in rows if row["perimeter"] >= least]
+    return {name: slope([row["types"] for row in some], [row[name] for row in some]) for name in QUANTITIES}
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of growth and the arithmetic of a billion types in docs/scaling.md."""
     rows = results["rows"]
-    built = {
-        "perimeter": "{perimeter:,}",
-        "types": "{types:,}",
-        "samples": "{samples}",
-        "build, s": lambda row: significant(row["build_s"]),
-        "its memory": lambda row: size(row["build_peak_bytes"]),
-        "file": lambda row: size(row["file_bytes"]),
-        "file, bytes a type": lambda row: significant(row["file_bytes"] / row["types"]),
-    }
-    served = {
-        "perimeter": "{perimeter:,}",
-        "ready, s": lambda row: significant(row["ready_s"]),
-        "resident": lambda row: size(row["resident_bytes"]),
-        "peak": lambda row: size(row["peak_bytes"]),
-        "scan, bytes a type": lambda row: significant(row["scan_bytes"] / row["types"]),
-        "request, median ms": lambda row: significant(row["median_ms"]),
-        "99 %, ms": lambda row: significant(row["p99_ms"]),
-        "windows evaluated": "{evaluated:,.0f} of {windows:,}",
-        "best row, degrees": lambda row: significant(row["similarity_deg"], 2),
-    }
+    shares = [{f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "scan")} for row in rows]
+    told = [row | share for row, share in zip(rows, shares)]
+    overall, large = exponents(rows), exponents(rows, LARGE)
     grown = [
-        [QUANTITIES[name], *(f"{value:.2f}" if math.isfinite(value) else "-" for value in found)]
-        for name, found in exponents(rows).items()
+        [what, *(f"{found[name]:.2f}".replace("nan", "-") for found in (overall, large))]
+        for name, what in QUANTITIES.items()
     ]
     percentile = "; their 99th percentile is the largest of them" if results["requests"] < 100 else ""
     cores = results["made"]["machine"]["cores"]
     return {
-        "build": report.table(rows, built, 0),
-        "served": report.table(rows, served, 0),
+        **report.tables("growth", {"build": told, "served": told}),
         "requests": f"{results['requests']} requests to each atlas, {cores} cores{percentile}.",
         "exponents": report.lines(["quantity ~ types^e", "e, all perimeters", f"e, from {LARGE} on"], grown),
         "refusal": refusal_text(results["refusal"]),
@@ -184,11 +152,13 @@ def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
     memory = (largest["peak_bytes_asked"] or largest["scan_bytes"]) / types
     shards = math.ceil(total * memory / HOST_BYTES)
     share = total / shards
-    found = exponents(rows)
-    growing, nearer = found["median_ms"].large, found["similarity_deg"].large
+    found = exponents(rows, LARGE)
+    growing, nearer = found["median_ms"], found["similarity_deg"]
     rate = types / largest["build_s"]
     shortest, error, start = largest["median_ms"], largest["similarity_deg"], largest["ready_s"] / types
     median, tail = shortest / 1000 * (share / types) ** growing, largest["p99_ms"] / shortest
+    grown, furthest = f"(types / {types:,})", significant(error * (total / types) ** nearer, 2)
+    repeated = significant(shards ** (1 - growing), 2)
     rows = [
         ["perimeter", "the first with 10^9 types", f"{perimeter:,}"],
         ["types", f"P^3 / {perimeter**3 / total:.1f}", f"{total:,}"],
@@ -199,7 +169,7 @@ def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
         ["build, one host", f"{rate:,.0f} types a second on {cores} cores", duration(total / rate)],
         ["build, all hosts", "one host's / shards", duration(total / rate / shards)],
         ["start", f"{significant(1e6 * start)} s a million types", duration(start * share)],
-        ["request, a shard", f"{significant(shortest)} ms x (types / {types:,})^{growing:.2f}", duration(median)],
+        ["request, a shard", f"{significant(shortest)} ms x {grown}^{growing:.2f}", duration(median)],
         [
             "request, the slowest",
             f"a shard's median x {tail:.2f}, the largest over the median",
@@ -207,14 +177,14 @@ def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
         ],
         [
             "error of the best row, median",
-            f"{significant(error, 2)} degrees x (types / {types:,})^{nearer:.2f}",
-            f"{significant(error * (total / types) ** nearer, 2)} degrees",
+            f"{significant(error, 2)} degrees x {grown}^{nearer:.2f}",
+            f"{furthest} degrees",
         ],
         ["replies to merge", f"shards x {TOP} rows x {ROW_BYTES} bytes", size(shards * TOP * ROW_BYTES)],
         [
             "work if no shard knew the others' limit",
             f"shards^(1 - {growing:.2f}), of one atlas's",
-            f"{significant(shards ** (1 - growing), 2)} times",
+            f"{repeated} times",
         ],
     ]
     head = f"From perimeter {largest['perimeter']:,}, {largest['samples']} samples:\n\n"
@@ -235,14 +205,13 @@ PANELS = {
 def draw(results: dict[str, Any]) -> None:
     """Seconds, milliseconds and bytes against types, each with its exponent."""
     rows = results["rows"]
-    found = exponents(rows)
-    with report.figure("growth.svg", 1, len(PANELS), size=(11.5, 3.9)) as (_, grid):
+    found = exponents(rows, LARGE)
+    with figure("growth.svg", 1, len(PANELS), size=(11.5, 3.9)) as (_, grid):
         for axes, (unit, curves) in zip(grid, PANELS.items()):
             for (name, (label, factor)), marker in zip(curves.items(), "so^"):
-                known = [(row["types"], row[name] * factor) for row in rows if row[name] is not None]
-                if known:
-                    text = f"{label}: types^{found[name].large:.2f}"
-                    axes.plot(*zip(*known), marker=marker, markersize=5, label=text)
+                scaled = [{"types": row["types"], name: row[name] and row[name] * factor} for row in rows]
+                text = f"{label}: types^{found[name]:.2f}"
+                curve(axes, scaled, "types", name, marker=marker, markersize=5, label=text)
             axes.set(xscale="log", yscale="log", xlabel="types", title=unit)
             axes.minorticks_off()
             axes.legend(loc="upper left")
@@ -250,26 +219,22 @@ def draw(results: dict[str, Any]) -> None:
             axes.set_ylim(low, high * (high / low) ** 0.35)  # room for the legend
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure every perimeter; what has been measured is published whatever comes."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--perimeters", type=int, nargs="+", default=list(PERIMETERS))
-    parser.add_argument("--requests", type=int, default=40, help="requests to each atlas (%(default)s)")
-    options = parser.parse_args(arguments)
-    bodies = match_bodies(options.requests)
-    results: dict[str, Any] = {"requests": options.requests, "rows": []}
-    for perimeter in tqdm(sorted(options.perimeters), disable=None, unit="atlas"):
+def measure(
+    perimeters: Annotated[int, "of the atlases"] = PERIMETERS, requests: Annotated[int, "to each atlas"] = 40
+) -> Iterator[dict[str, Any]]:
+    """Every perimeter in turn, from the smallest."""
+    bodies, rows = match_bodies(requests), []
+    for perimeter in tqdm(sorted(perimeters), disable=None, unit="atlas"):
         samples = next(samples for largest, samples in SAMPLES.items() if perimeter <= largest)
         with tempfile.TemporaryDirectory() as folder:
             atlas = Path(folder) / "atlas.h5"
             row = {"perimeter": perimeter, "samples": samples}
             row |= build(atlas, perimeter=perimeter, order="increasing", samples=samples) | serve(atlas, bodies)
-            results["rows"].append(row)
-            results["refusal"] = {"types": row["types"], **refusal(atlas)}
+            refused = {"types": row["types"], **refusal(atlas)}
+        rows.append(row)
         print(json.dumps({name: value for name, value in row.items() if name != "ms"}), flush=True)
-        report.publish("growth", results)
-    return 0
+        yield {"requests": requests, "rows": rows, "refusal": refused}
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    report.run(measure)

@@ -6,6 +6,7 @@ the positions from the same chain: times compare ways to decide and to locate, n
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -13,8 +14,8 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 
-from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, pairs_of
-from benchmarks.report import lines, paired, power, publish, ratio, repeat, significant, table
+from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, draw, pairs_of  # noqa: F401 - `render` calls draw
+from benchmarks.report import lines, paired, ratio, repeat, run, tables
 from synthesis.knotter import d_knotter
 from synthesis.knotter.mechanism import Mechanism, as_array
 from synthesis.knotter.needle import Needle
@@ -31,9 +32,6 @@ def grid_of(alpha1: np.ndarray, alpha3: np.ndarray) -> tuple[Mechanism, int]:
     return pairs_of(first, third), first.size
 
 
-# -- does the rope cross the triangle? --------------------------------------------------------------------------------
-
-
 def angle_sum(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Degrees under which a point of the plane sees a triangle's edges (eqs 15 and 30): 360 inside, by arccosines."""
     total = np.zeros(len(point))
@@ -45,14 +43,13 @@ def angle_sum(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) ->
     return total
 
 
-def predicate_errors() -> list[dict]:
+def predicate_errors() -> Iterator[dict[str, Any]]:
     """Wrong verdicts beside the edge S3S4, in percent; the truth by rational arithmetic."""
     random = np.random.default_rng(2018)
     a, b, c = TRIANGLE
     along = b - a
     inward = np.cross(along, (1.0, 0.0, 0.0))
     inward *= np.sign(inward @ (c - a)) / np.linalg.norm(inward)
-    rows = []
     for distance in (1e-1, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
         side = np.repeat([1.0, -1.0], 400)
         point = a + random.uniform(0.02, 0.98, (800, 1)) * along + (side * distance)[:, None] * inward
@@ -63,12 +60,10 @@ def predicate_errors() -> list[dict]:
             row[f"within_1e{exponent}"] = _percent((np.abs(total - 360.0) <= 10.0**exponent) != truth)
         row["nan"] = _percent(np.isnan(total))
         p, q = np.add(point, (3.0, 0.0, 0.0)), np.subtract(point, (2.0, 0.0, 0.0))
-        row["orientation"] = _percent(
-            inside(orientations(tuple(p.T), tuple(q.T), tuple(a), tuple(b), tuple(c))) != truth
-        )
+        signs = orientations(tuple(p.T), tuple(q.T), tuple(a), tuple(b), tuple(c))
+        row["orientation"] = _percent(inside(signs) != truth)
         row["classify"] = _percent((classify(p, q, a, b, c) == 0) != truth)
-        rows.append(row)
-    return rows
+        yield row
 
 
 def _exact_sides(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> list[Fraction]:
@@ -91,18 +86,14 @@ def predicate_times() -> dict:
     p, q = tuple(np.add(point, (3.0, 0.0, 0.0)).T), tuple(np.subtract(point, (2.0, 0.0, 0.0)).T)
     corners = [tuple(corner) for corner in TRIANGLE]
     total = angle_sum(point, *TRIANGLE)
-    summed, signed = paired(
-        [lambda: angle_sum(point, *TRIANGLE), lambda: inside(orientations(p, q, *corners))], rounds=7
-    )
+    ways = [lambda: angle_sum(point, *TRIANGLE), lambda: inside(orientations(p, q, *corners))]
+    summed, signed = paired(ways, rounds=7)
     return {
         "angle_sum_over_orientations": ratio(summed, signed)["median"],
         "inside_and_equal_360_percent": _percent(total == 360.0),
         "largest_miss_of_360_degrees": float(np.nanmax(np.abs(total - 360.0))),
         "inside_by_orientations_percent": _percent(inside(orientations(p, q, *corners))),
     }
-
-
-# -- where does it enter? ---------------------------------------------------------------------------------------------
 
 
 def scanned(items: Mechanism, count: int, step: float, way: str = "orientations") -> np.ndarray:
@@ -172,16 +163,14 @@ def event_errors() -> list[dict]:
     ]
 
 
-def short_windows(closing: float) -> list[dict]:
+def short_windows(closing: float) -> Iterator[dict[str, Any]]:
     """Which scan sees the window that closes as d5 grows, and what the cells find."""
-    rows = []
     for short_of in (1.0, 0.3, 0.03, 1e-2, 1e-4, 1e-6, 1e-8):
         item = pairs_of(10, 25, d5=closing - short_of)
         found = d_knotter.wrap().evaluate(item, 1)
         row = {"short_of_mm": short_of, "width_deg": float(np.degrees(found.leave[0] - found.enter[0]))}
         row |= {f"scan_{step:g}": bool(np.isfinite(scanned(item, 1, step)[0])) for step in (2, 1, 0.1, 0.01)}
-        rows.append({**row, "cells": bool(found.holds[0])})
-    return rows
+        yield {**row, "cells": bool(found.holds[0])}
 
 
 def grid_time() -> dict:
@@ -199,17 +188,11 @@ def grid_time() -> dict:
     }
 
 
-# -- the source's figures and ours ------------------------------------------------------------------------------------
-
-
 def figures() -> dict:
     """What comes out for what the source prints, and the figures of single pairs that the page names."""
     needle = Needle()
-    result = study(
-        d_knotter.mechanism(),
-        {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()},
-        d_knotter.conditions(),
-    )
+    grid = {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()}
+    result = study(d_knotter.mechanism(), grid, d_knotter.conditions())
     wrap, clearance = result.conditions["wrap"], result.conditions["clearance"]
     chosen, best = PAIRS.index((10, 25)), int(np.argmax(result.margin))
     limiting = min(result.conditions, key=lambda name: result.conditions[name].margin[chosen])
@@ -231,9 +214,6 @@ def figures() -> dict:
         "closing_d5_mm": closing.value,
         "closing_deg": float(np.degrees(closing.result.enter[0])),
     }
-
-
-# -- words ------------------------------------------------------------------------------------------------------------
 
 
 def agreement(ours: dict[str, bool], printed: dict[str, bool]) -> list[str]:
@@ -264,11 +244,12 @@ def blocks(results: dict) -> dict[str, str]:
         ["clearance holds at 270 deg", *agreement(found["clearance"], PAPER_SAYS["clearance_pattern"])],
         ["feasible pairs", pair_names(PAPER_SAYS["feasible"]), same],
     ]
-    heads = ("= 360", "± 1e-9°", "± 1e-6°", "± 1e-3°", "NaN", "orientations", "filtered")
-    names = ("equal_360", "within_1e-9", "within_1e-6", "within_1e-3", "nan", "orientation", "classify")
-    seen = {True: "found", False: "missed"}
-    windows = {"scan 2°": "scan_2", "1°": "scan_1", "0.1°": "scan_0.1", "0.01°": "scan_0.01", "cells": "cells"}
+    windows = [
+        row | {"sees": {key: "found" if found is True else "missed" for key, found in row.items()}}
+        for row in results["short_windows"]
+    ]
     return {
+        **tables("knotter", {**results, "windows": windows}),
         "published": lines(["quantity", "published", "here"], published, 3),
         "worst": f"{found['worst_mm']:.4f} mm at {found['worst_deg']:.4f}°, against {found['sample_mm']:.4f} mm at 270°",
         "chosen": f"{chosen['margin_mm']:.1f} mm to spare, and what limits it is the {chosen['limited_by']}",
@@ -277,32 +258,12 @@ def blocks(results: dict) -> dict[str, str]:
             f"d5 = {found['closing_d5_mm']:.9f} mm, where E1 passes through the vertex S4 at "
             f"alpha = {found['closing_deg']:.9f}°"
         ),
-        "predicates": table(
-            results["predicates"],
-            {"off the edge, mm": "{distance_mm:.0e}", **{h: f"{{{n}:.1f}}" for h, n in zip(heads, names)}},
-        ),
         "predicate_times": (
             "On 100,000 points inside the triangle the sum equals 360.0 for "
             f"{times['inside_and_equal_360_percent']:.1f} % and misses it by up to "
             f"{times['largest_miss_of_360_degrees']:.1e}°; the orientations are right for "
             f"{times['inside_by_orientations_percent']:.0f} %. The sum takes "
             f"{times['angle_sum_over_orientations']:.1f} times as long."
-        ),
-        "events": table(
-            results["events"],
-            {
-                "method": "{method}",
-                "largest error, degrees": lambda row: power(row["max_error_deg"]),
-                "time / cells": lambda row: significant(row["time_over_cells"], 2),
-            },
-        ),
-        "windows": table(
-            results["short_windows"],
-            {
-                "d5 short of closing, mm": "{short_of_mm:.0e}",
-                "window, degrees": "{width_deg:.3g}",
-                **{head: lambda row, name=name: seen[row[name]] for head, name in windows.items()},
-            },
         ),
         "grid": (
             f"A grid of 101 × 101 pairs with the three conditions took {grid['seconds']:.1f} s of one core "
@@ -312,21 +273,18 @@ def blocks(results: dict) -> dict[str, str]:
     }
 
 
-def main() -> None:
-    """Measure, save, draw, write."""
+def measure() -> Iterator[dict[str, Any]]:
+    """All of it."""
     found = figures()
-    results = {
+    yield {
         "figures": found,
-        "predicates": predicate_errors(),
+        "predicates": list(predicate_errors()),
         "predicate_times": predicate_times(),
         "events": event_errors(),
-        "short_windows": short_windows(found["closing_d5_mm"]),
+        "short_windows": list(short_windows(found["closing_d5_mm"])),
         "grid": grid_time(),
     }
-    publish("knotter", results)
-    for text in blocks(results).values():
-        print(text, end="\n\n")
 
 
 if __name__ == "__main__":
-    main()
+    run(measure)

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import BLUE, BROWN, GREEN, INK, ORANGE, PAPER, RED, ROOT, figure, note
+from benchmarks.figures import BLUE, BROWN, GREEN, INK, ORANGE, PAPER, RED, arrow, bare, curve, figure, note
+from benchmarks.report import ROOT
 from synthesis.knotter import d_knotter
 from synthesis.knotter.mechanism import Mechanism, as_array
 from synthesis.knotter.segment_triangle import crossing_point, orientations
@@ -71,10 +72,9 @@ def draw_frames() -> None:
             )
             for frame, tone, label, offset in bodies:
                 origin = drawn((0.0, 0.0, 0.0), frame)
-                arrow = {"arrowstyle": "-|>", "color": tone, "lw": 1.2, "shrinkA": 0, "shrinkB": 0}
                 for axis, letter in zip(np.eye(3), "ijk"):
                     tip = drawn(17 * axis, frame)
-                    axes.annotate("", tip, origin, arrowprops=arrow)
+                    arrow(axes, origin, tip, color=tone, lw=1.2, shrinkA=0, shrinkB=0)
                     beyond = origin + (tip - origin) * (1 + 3.0 / max(np.linalg.norm(tip - origin), 3.0))
                     axes.text(*beyond, letter, fontsize=8, color=tone, **CENTRED)
                 note(axes, label, origin, offset, color=tone, fontsize=9, weight="bold")
@@ -85,14 +85,13 @@ def draw_frames() -> None:
             ends = {end: drawn(*item.points[end][::-1]) for end in condition.segment}
             axes.plot(*np.transpose(list(ends.values())), color=ROPE, lw=2.2, marker="o", ms=4.5)
             crossing = drawn(found.point[0], condition.frame)
-            axes.plot(*crossing, "o", mfc=PAPER, mec=ROPE, ms=8, mew=1.8)
+            axes.plot(*crossing, "o", mfc=PAPER, mec=ROPE, ms=8, mew=1.8, zorder=5)
             for point, at in {**corners, **ends, mark: crossing}.items():
                 tone = colour if point in corners else ROPE
                 note(axes, point, at, LABELS[name][point], color=tone, fontsize=8.5, **CENTRED)
             edge = condition.edge_names[condition.enter]
             axes.set_title(f"{name}: {mark} enters through {edge} at $\\alpha$ = {np.degrees(alpha):.4f}°")
-            axes.set_aspect("equal")
-            axes.set_axis_off()
+            bare(axes)
         low, bottom = axes.get_xlim()[0], axes.get_ylim()[0] + 3
         axes.plot([low + 4, low + 24], [bottom] * 2, color=INK, lw=2)
         note(axes, "20 mm", (low + 14, bottom), (0, 7), ha="center", fontsize=8)
@@ -180,9 +179,9 @@ def draw(results: dict) -> None:
     with figure("knotter_errors.png", size=(7.6, 4.6)) as (_, (axes,)):
         for start in ("scan, sum of angles", "scan, orientations", "scan, straight line", "cells"):
             rows = [row for row in results["events"] if row["method"].startswith(start)]
-            places = [(row["ms_per_pair"], row["max_error_deg"]) for row in rows]
-            axes.plot(*np.transpose(places), "o-", lw=1.2, label=start)
-            for row, place in zip(rows, places):
+            curve(axes, rows, "ms_per_pair", "max_error_deg", "o-", lw=1.2, label=start)
+            for row in rows:
+                place = row["ms_per_pair"], row["max_error_deg"]
                 note(axes, row["method"].split(", ")[-1], place, (6, 6), fontsize=7.5)
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 30))
         axes.set(xlabel="time per pair, ms of one core", ylabel="largest error of the entry, degrees")

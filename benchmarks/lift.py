@@ -6,29 +6,26 @@ the numbers of ``docs/lift.md``. All searches are deterministic; only run times 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from benchmarks import lift_pictures, report
-from benchmarks.lift_problem import CYLINDER, DESIGNS, POSES, REFERENCE, STROKE, task
-from benchmarks.report import Times, percent
+from benchmarks import lift_pictures as pictures
+from benchmarks import report
+from benchmarks.lift_pictures import CYLINDER, DESIGNS, POSES, REFERENCE, task
+from benchmarks.report import Times, ends, percent
 from synthesis.lift.loops import condition, largest_residual, smallest_condition, velocity_by_instant_centre
 from synthesis.lift.motion import acceleration, motion, stroke, velocity
 from synthesis.lift.objective import Evaluator, Objective, Task, equation_residuals, project
 from synthesis.lift.optimum import Optimum, optimize, optimize_batch
 from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
-from synthesis.lift.published import ARMS, published_for
+from synthesis.lift.published import ARMS, STROKE, published_for
 from tests.oracles import lift as oracle
 
 ROUNDINGS = 5_000
-
-draw = lift_pictures.draw
-
-
-# -- measurements --------------------------------------------------------------------------------------------
 
 
 def adaptive(design: Design, method: str, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -42,15 +39,19 @@ def adaptive(design: Design, method: str, tolerance: float) -> tuple[np.ndarray,
     return solved.t, solved.y.T
 
 
-def measure_integration() -> list[dict]:
+def measure_integration() -> Iterator[dict[str, Any]]:
     """Error against run time: fixed and adaptive steps, each beside the closed form at the same times."""
+    fixed = {
+        "Euler": (oracle.euler_step, (1e-2, 1e-3, 1e-4)),
+        "RK4": (oracle.rk4_step, (1e-2, 5e-3, 2e-3, 1e-3, 1e-4)),
+    }
     cases: list[tuple] = [
-        ("Euler", f"h = {h:g} s", oracle.integrate, CYLINDER, h, oracle.euler_step) for h in (1e-2, 1e-3, 1e-4)
+        (name, f"h = {h:g} s", oracle.integrate, CYLINDER, h, rule)
+        for name, (rule, steps) in fixed.items()
+        for h in steps
     ]
-    cases += [("RK4", f"h = {h:g} s", oracle.integrate, CYLINDER, h) for h in (1e-2, 5e-3, 2e-3, 1e-3, 1e-4)]
     adaptives = (("RK45", 1e-3), ("RK45", 1e-6), ("DOP853", 1e-10))
     cases += [(method, f"rtol = {rtol:g}", adaptive, method, rtol) for method, rtol in adaptives]
-    rows = []
     for (name, design), (method, setting, run, *options) in product(DESIGNS.items(), cases):
         clock = Times()
         times, states = clock.run(run, design, *options)
@@ -62,28 +63,26 @@ def measure_integration() -> list[dict]:
         seconds, diverged = clock.least.processor, np.isnan(error)
         row = {"design": name, "method": method, "setting": setting, "times": len(reached), "seconds": seconds}
         row |= {"height_error": None if diverged else error, "loop_residual": None if diverged else residual}
-        rows.append({**row, "ratio": seconds / closed, "stopped_at": times[-1] if diverged else None})
-    return rows
+        yield {**row, "ratio": seconds / closed, "stopped_at": times[-1] if diverged else None}
 
 
-def measure_closed_form() -> list[dict]:
+def by_turn(design: Design, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity and acceleration of the closed form."""
+    pose = pose_at_turn(design, turns)
+    return velocity(pose, CYLINDER.speed), acceleration(pose, CYLINDER.speed, 0.0)
+
+
+def measure_closed_form() -> Iterator[dict[str, Any]]:
     """Run time and own error of the closed form: by turn, and from time through the scalar Newton iteration."""
-    rows = []
     for name, design in DESIGNS.items():
         moved = motion(design, CYLINDER, samples=POSES)
         turns, exact = np.linspace(float(moved.stroke.turn_bottom), 0.0, POSES), oracle.Exact(design)
-
-        def by_turn(design=design, turns=turns):
-            pose = pose_at_turn(design, turns)
-            return velocity(pose, 100.0), acceleration(pose, 100.0, 0.0)
-
         some = zip(moved.cylinder_length[::1144].tolist(), moved.pose.height[::1144].tolist())
         error = max(abs(float(exact.height_at_length(length) - height)) for length, height in some)
         row = {"design": name, "largest_residual": largest_residual(moved), "height_error": error}
-        row["by_turn_ms"] = 1e3 * report.repeat(by_turn).least.processor
+        row["by_turn_ms"] = 1e3 * report.repeat(partial(by_turn, design, turns)).least.processor
         row["from_time_ms"] = 1e3 * report.repeat(partial(motion, design, CYLINDER, samples=POSES)).least.processor
-        rows.append(row)
-    return rows
+        yield row
 
 
 def measure_published() -> dict:
@@ -93,13 +92,14 @@ def measure_published() -> dict:
     values = Evaluator(task(Objective("discrete")))(designs)
     values = values[np.isfinite(values)]
     on_constraints = project(ARMS[CYLINDER.length], ARMS[CYLINDER.length], CYLINDER.length, *STROKE)
-    sums = [
-        float(Evaluator(task(Objective("discrete", include_start=flag)))(on_constraints)) for flag in (True, False)
-    ]
-    least, most = float(np.min(values)), float(np.max(values))
+    tasks = {
+        "f": task(Objective("discrete")),
+        "f_as_printed": task(Objective("discrete", include_start=False)),
+    }
+    sums = {name: Evaluator(wanted)(on_constraints) for name, wanted in tasks.items()}
     initial = DESIGNS["initial"]
     closed_l5 = initial.l5 + equation_residuals(initial, CYLINDER.length, *STROKE)["(32) closure"]
-    found = {"samples": ROUNDINGS, "least": least, "most": most, "f": sums[0], "f_as_printed": sums[1]}
+    found = {"samples": ROUNDINGS, "least": values.min(), "most": values.max(), **sums}
     return {**found, "closed_l5_of_initial": closed_l5}
 
 
@@ -146,44 +146,39 @@ def optimum_row(wanted: Task, optimum: Optimum) -> dict[str, Any]:
     return row | {"f_of_published": published_for(wanted, optimum).objective, "active": optimum.active}
 
 
-def measure_table_2() -> list[dict]:
+def measure_table_2() -> Iterator[dict[str, Any]]:
     """Table 2 as printed, projected, and our optimum; one search for all speeds of one length."""
     by_speed, by_length = REFERENCE["table_2_speeds"], REFERENCE["table_2"]
     cylinders = {Cylinder(CYLINDER.length, float(speed)): value for speed, value in by_speed.items()}
     cylinders |= {Cylinder(float(length), CYLINDER.speed): row["printed"] for length, row in by_length.items()}
     tasks = [task(Objective("discrete"), cylinder=cylinder) for cylinder in cylinders]
-    rows = []
     for wanted, value, optimum in zip(tasks, cylinders.values(), optimize_batch(tasks)):
         length, speed = wanted.cylinder.length, wanted.cylinder.speed
         printed = {"length": length, "speed": speed, "printed_l2": ARMS[length], "printed_f": value}
-        rows.append(printed | optimum_row(wanted, optimum))
-    return rows
+        yield printed | optimum_row(wanted, optimum)
 
 
-def measure_optima() -> list[dict]:
+def measure_optima() -> Iterator[dict[str, Any]]:
     """Optima of all objectives and some bounds, with their search time."""
     cases = [("discrete", n, bound) for n, bound in ((310, 600.0), (31, 1e3), (100, 1e3), (1000, 1e3))]
     cases += [("as printed", 310, bound) for bound in (600.0, 1e3)]
     cases += [("continuous", None, bound) for bound in (600.0, 1e3, 4e3)]
     cases += [("normalized", None, bound) for bound in (600.0, 4e3)]
-    rows = []
     for kind, n, bound in cases:
         objective = Objective(kind) if n is None else Objective("discrete", n, kind == "discrete")
         times, wanted = Times(), task(objective, bound)
         optimum = times.run(optimize, wanted)
         case = {"kind": kind, "n": n, "bound": bound, "seconds": times.processor[0]}
-        rows.append(case | optimum_row(wanted, optimum))
-    return rows
+        yield case | optimum_row(wanted, optimum)
 
 
-def measure_designs(optimum: dict[str, float]) -> list[dict]:
+def measure_designs(optimum: dict[str, float]) -> Iterator[dict[str, Any]]:
     """What the motions of the three designs are like."""
-    rows = []
     for name, design in {**DESIGNS, "optimum": Design(**optimum)}.items():
         moved = motion(design, CYLINDER, samples=100_001)
         limits, start = moved.stroke, float(moved.cylinder_length[0])
         least, turn = smallest_condition(design, limits)
-        rows.append(
+        yield (
             {
                 "design": name,
                 "lengths": design.as_dict(),
@@ -200,33 +195,8 @@ def measure_designs(optimum: dict[str, float]) -> list[dict]:
                 "least_condition_time": (float(pose_at_turn(design, turn).length) - start) / CYLINDER.speed,
             }
         )
-    return rows
 
 
-# -- the documents' numbers ----------------------------------------------------------------------------------
-
-
-TABLES = {
-    "designs": ": {what} | before: {initial} | published: {published} | optimum (n = 310): {optimum}",
-    "integration": "design: {design} | method: {method} | step or tolerance: {setting} | "
-    "max height error (mm): {height} | max loop residual (mm): {loops} | run time (s): {seconds:.3g} | "
-    "times the closed form's: {times}",
-    "closed_form": "design: {design} | by turn (ms): {by_turn_ms:.1f} | from time (ms): {from_time_ms:.1f} | "
-    "max height error (mm): {height_error:.1e} | max loop residual (mm): {largest_residual:.1e}",
-    "dead_point": "design: {design} | distance d (rad): {distance:.0e} | v_s (mm/s): {speed:.3g} | "
-    "condition: {condition:.3g} | rel. error of v_s: {relative_error:.0e} | "
-    "turn from length, error (rad): {turn_from_length_error:.0e}",
-    "top": "design: {design} | turn (rad): {distance:.0e} | below the top (mm): {below_top:.1e} | "
-    "v_s (mm/s): {speed:.3g} | condition: {condition:.4g} | by turn: {relative_error:.0e} | "
-    "by height: {from_height_error:.0e} | plain arccos: {arccos_error:.0e} | instant centre: {instant_centre_error:.0e}",
-    "table_2": "l1': {length:g} | v_l: {speed:g} | printed l2 = l4: {printed_l2:g} | printed f: {printed_f:g} | "
-    "its f on the constraints: {f_of_published:.3f} | our l2 = l4: {design[l2]:.3f} | l3: {design[l3]:.3f} | "
-    "l5: {design[l5]:.3f} | b: {design[b]:.3f} | our f: **{f:.3f}** | rise time (s): {duration:.3f}",
-    "optima": "objective: {kind} | n: {steps} | bound: {bound:g} | l2: {design[l2]:.3f} | l3: {design[l3]:.3f} | "
-    "l4: {design[l4]:.3f} | l5: {design[l5]:.3f} | b: {design[b]:.3f} | f: {f:.6g} | active: {names} | "
-    "rise time (s): {duration:.2f}",
-}
-"""Heads and cells of the tables."""
 OF_INTEGRATION = {"height": "{height_error:.1e}", "loops": "{loop_residual:.1e}", "times": "{ratio:.0f}"}
 OF_DESIGNS = {
     "l2, l3, l4, l5, b": "{l2:.1f}, {l3:.1f}, {l4:.1f}, {l5:.1f}, {b:.1f}",
@@ -245,6 +215,7 @@ def blocks(results: dict) -> dict[str, str]:
     integration, table_2 = results["integration"], results["table_2"]
     initial, published, _ = designs
     rows = {
+        **results,
         **results["stability"],
         "designs": [
             {"what": what, **{row["design"]: cell.format(**row, **row["lengths"]) for row in designs}}
@@ -256,20 +227,11 @@ def blocks(results: dict) -> dict[str, str]:
             else {**row, **{key: cell.format(**row) for key, cell in OF_INTEGRATION.items()}}
             for row in integration
         ],
-        "closed_form": results["closed_form"],
-        "table_2": table_2,
         "optima": [
-            {**row, "steps": row["n"] or "-", "names": ", ".join(f"`{name}`" for name in row["active"])}
+            row | {"steps": row["n"] or "-", "names": ", ".join(f"`{name}`" for name in row["active"])}
             for row in optima
         ],
     }
-    tables = {}
-    for name, cells in TABLES.items():
-        columns = dict(cell.split(": ", 1) for cell in cells.split(" | "))
-        tables[name] = report.table(rows[name], columns, text_columns=3 if name == "integration" else 1)
-
-    def ends(values: list[float], digits: int = 1) -> str:
-        return f"{min(values):.{digits}f} to {max(values):.{digits}f}"
 
     def change(key: str) -> str:
         return f"{100 * (published[key] / initial[key] - 1):+.0f} %".replace("-", "−")
@@ -304,23 +266,25 @@ def blocks(results: dict) -> dict[str, str]:
         "least_condition": f"{initial['least_condition']:.2f} before, {published['least_condition']:.2f} published",
         "least_condition_time": f"{ends([row['least_condition_time'] for row in (initial, published)], 2)} s",
     }
-    return tables | words
+    return report.tables("lift", rows) | words
 
 
-def main() -> None:
-    """Measure, and write the results, the pictures and the documents' numbers."""
-    optima = measure_optima()
-    results = {
-        "integration": measure_integration(),
-        "closed_form": measure_closed_form(),
+draw = pictures.draw
+
+
+def measure() -> Iterator[dict[str, Any]]:
+    """All of it."""
+    optima = list(measure_optima())
+    yield {
+        "integration": list(measure_integration()),
+        "closed_form": list(measure_closed_form()),
         "published": measure_published(),
         "stability": measure_stability(),
-        "table_2": measure_table_2(),
+        "table_2": list(measure_table_2()),
         "optima": optima,
-        "designs": measure_designs(optima[0]["design"]),
+        "designs": list(measure_designs(optima[0]["design"])),
     }
-    report.publish("lift", results)
 
 
 if __name__ == "__main__":
-    main()
+    report.run(measure)

@@ -1,17 +1,32 @@
-"""The pictures of docs/lift.md: model, motion, integration against closed form, objectives, designs."""
+"""The pictures of docs/lift.md: the mechanism, its motions, errors against times, the objectives, three designs."""
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
 
-from benchmarks.lift_problem import CYLINDER, DESIGNS, POSES, STROKE, task
-from benchmarks.report import BLUE, GREEN, GREY, INK, ORANGE, RED, bare, figure, note, significant
+from benchmarks.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, arrow, bare, curve, figure, note
+from benchmarks.report import ROOT, significant
 from synthesis.lift.motion import motion, stroke
-from synthesis.lift.objective import Evaluator, Objective, project
-from synthesis.lift.pose import Design, pose_at_turn, turn_at_length
-from synthesis.lift.published import ARMS
+from synthesis.lift.objective import Evaluator, Objective, Task, project
+from synthesis.lift.pose import Cylinder, Design, pose_at_turn, turn_at_length
+from synthesis.lift.published import ARMS, STROKE
+
+REFERENCE = json.loads((ROOT / "tests/reference/lift_acceptance.json").read_text())
+DESIGNS = {
+    "initial": Design(*REFERENCE["designs"]["initial"]),
+    "published": Design(*REFERENCE["designs"]["optimum"]),
+}
+CYLINDER = Cylinder(220.0, 100.0)
+POSES = 57_201
+"""Poses of the closed form whose time and error are told."""
+
+
+def task(objective: Objective, bound: float = 600.0, cylinder: Cylinder = CYLINDER) -> Task:
+    """The published problem with another objective, bound or cylinder."""
+    return Task(cylinder, *STROKE, objective, bound)
 
 
 def draw_lift(axes: Any, design: Design, turn: float, color: str, alpha: float = 1.0) -> dict[str, np.ndarray]:
@@ -59,13 +74,9 @@ def picture_model() -> None:
         ):
             note(left, text, (1 - share) * at[first] + share * at[second], offset, fontsize=11, style="italic")
         s = at["A"][1]
-        for text, first, second, offset in (
-            ("s", (-560, 0), (-560, s), (-14, 0)),
-            ("b", (-480, -75), (0, -75), (0, -15)),
-        ):
-            left.annotate("", first, xytext=second, arrowprops={"arrowstyle": "<->", "color": INK, "lw": 1})
-            middle = (0.5 * (first[0] + second[0]), 0.5 * (first[1] + second[1]))
-            note(left, text, middle, offset, style="italic", fontsize=12)
+        for text, ends, offset in (("s", [(-560, s), (-560, 0)], (-14, 0)), ("b", [(0, -75), (-480, -75)], (0, -15))):
+            arrow(left, *ends, shape="<->", lw=1)
+            note(left, text, np.mean(ends, axis=0), offset, style="italic", fontsize=12)
         arc = np.linspace(-np.pi / 2, -np.pi / 2 + turn, 40)
         left.plot(-480 + 62 * np.cos(arc), s + 62 * np.sin(arc), color=ORANGE, lw=2, zorder=4)
         note(left, "T", (-480 + 72, s - 62), color=ORANGE, **bold)
@@ -113,8 +124,7 @@ def picture_motion(results: dict) -> None:
             (panels[2], "acceleration", "mm/s²", (0.12, -68), (1.0, -60)),
         ):
             values = ", ".join(significant(row[key]).replace("-", "−") for row in starts)
-            text, arrow = f"off the scale at t = 0: {values} {unit}", {"arrowstyle": "->", "color": INK, "lw": 0.8}
-            axes.annotate(text, at, xytext=text_at, arrowprops=arrow, fontsize=9)
+            arrow(axes, text_at, at, f"off the scale at t = 0: {values} {unit}", "->")
 
 
 def picture_integration(results: dict) -> None:
@@ -128,19 +138,17 @@ def picture_integration(results: dict) -> None:
     with figure("lift_integration.png", 1, 2, size=(11.2, 4.6), sharey=True) as (_, panels):
         for axes, own in zip(panels, results["closed_form"]):
             for method, (color, marker, level) in styles.items():
-                rows = [
-                    row for row in results["integration"] if (row["design"], row["method"]) == (own["design"], method)
-                ]
-                some = [row for row in rows if row["height_error"] is not None]
-                points = [row["seconds"] for row in some], [row["height_error"] for row in some]
-                axes.loglog(*points, marker=marker, color=color, lw=1.4, ms=7, label=method)
+                case = own["design"], method
+                rows = [row for row in results["integration"] if (row["design"], row["method"]) == case]
+                look = {"marker": marker, "color": color, "lw": 1.4, "ms": 7, "label": method}
+                curve(axes, rows, "seconds", "height_error", **look)
                 for row in (row for row in rows if row["height_error"] is None):
                     axes.plot(row["seconds"], level, marker="x", color=color, ms=9, mew=2.2)
                     text = f"{method}, {row['setting']}: diverges"
                     note(axes, text, (row["seconds"], level), (8, -4), fontsize=8.5)
             star = {"ms": 17, "color": ORANGE, "mec": INK, "mew": 0.6, "label": f"closed form,\n{POSES:,} poses"}
             axes.plot(1e-3 * own["from_time_ms"], own["height_error"], "*", **star)
-            axes.set(title=f"{own['design']} design", xlabel="run time  (s)")
+            axes.set(title=f"{own['design']} design", xlabel="run time  (s)", xscale="log", yscale="log")
         panels[0].set(ylabel="largest error of the height  (mm)", ylim=(1e-14, 3e3))
         panels[1].legend(loc="lower right")
 
@@ -189,7 +197,7 @@ def picture_designs(results: dict) -> None:
 
 
 def draw(results: dict) -> None:
-    """The pictures of given results."""
+    """All of them."""
     picture_model()
     picture_motion(results)
     picture_integration(results)

@@ -1,11 +1,14 @@
-"""Time, tables, figures and the places in the documents that measured numbers fill; shared by all benchmarks.
+"""Time, tables, results and the places in the documents that measured numbers fill; shared by all benchmarks.
 
-**A benchmark** is a module ``benchmarks/NAME.py``. Run as ``python -m benchmarks.NAME`` it measures and ends with
-``publish(NAME, results)``: `save` writes ``benchmarks/results/NAME.json``, stamped with machine, commit and command, and
-`render` writes the documents by two functions of the module, which take what the file holds and measure nothing:
+**A benchmark** is a module ``benchmarks/NAME.py`` of three functions. `run` calls the first for ``python -m benchmarks.NAME``;
+the other two take what the result file holds, and measure nothing:
 
+    def measure(cases: Annotated[int, "of each class"] = 30) -> Iterator[dict]   # the parameters are its options
     def blocks(results) -> dict[str, str]   # the text of each of its markers, by name
-    def draw(results) -> None               # optional: its pictures, with `figure`
+    def draw(results) -> None               # optional: its pictures, with `figures.figure`
+
+What ``measure`` yields is published: `save` writes ``benchmarks/results/NAME.json``, stamped with machine, commit and command,
+and `render` draws and fills the documents. A long one yields what it has after each part.
 
 **A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md or docs/*.md. Where a line ends
 after the first, what stands between is a block of lines (a table); else it is a few words of the line. Every block stands
@@ -20,38 +23,35 @@ In short::
     result = times.run(work, argument)                   # one more run, and its result
     ours, theirs = paired([ours, theirs], rounds=9)      # one after the other, in alternating order
     ratio(theirs, ours)["median"]                        # of the pairs: min, median, p99, max
-    table(rows, {"span": "{span}", "ms": lambda row: significant(1e3 * row["s"])})
-    with figure("name.png", 1, 2) as (drawing, (left, right)):
-        left.plot(x, y, color=BLUE)
+    tables(NAME, {"spans": rows})                        # as tables.toml says: "ms: {ms:significant}"
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib
+import inspect
 import json
 import math
 import os
 import platform
 import re
 import shlex
+import string
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
-IMAGES = ROOT / "docs" / "img"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-
-# -- time -------------------------------------------------------------------------------------------------------------
 
 
 class Seconds(NamedTuple):
@@ -127,34 +127,10 @@ def ratio(times: Times, to: Times, clock: str = "processor") -> dict[str, float]
     return spread([a / b for a, b in zip(getattr(times, clock), getattr(to, clock))])
 
 
-# -- words ------------------------------------------------------------------------------------------------------------
-
-
 def lines(head: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1) -> str:
     """A Markdown table of given cells; the columns behind the first ones are numbers, set to the right."""
     rule = ["---"] * text_columns + ["--:"] * (len(head) - text_columns)
     return "\n".join("| " + " | ".join(row) + " |" for row in (head, rule, *rows))
-
-
-def table(
-    rows: Sequence[Mapping[str, Any]],
-    columns: Mapping[str, str | Callable[[Any], str]],
-    text_columns: int = 1,
-) -> str:
-    """A Markdown table of mappings.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-    columns : mapping of str to str or callable
-        What makes a cell, by the head of its column: a format such as ``"{design[l2]:.3f}"`` or a function of the row.
-    text_columns : int
-        How many columns stand to the left as text; the others are numbers.
-    """
-    cells = [
-        [cell.format_map(row) if isinstance(cell, str) else cell(row) for cell in columns.values()] for row in rows
-    ]
-    return lines(list(columns), cells, text_columns)
 
 
 def significant(value: float | None, digits: int = 3) -> str:
@@ -198,70 +174,51 @@ def percent(share: float, digits: int = 2) -> str:
     return f"{significant(100 * share, digits)} %"
 
 
-# -- figures ----------------------------------------------------------------------------------------------------------
-
-INK, GREY, SOFT, PAPER = "#1f2933", "#9aa5b1", "#e4e7eb", "#ffffff"
-GREEN, BLUE, ORANGE, RED, PURPLE, BROWN = "#0b6e4f", "#2563a8", "#d97706", "#b83232", "#a23b72", "#7a4a00"
-STYLE = {
-    "font.family": "DejaVu Sans",
-    "axes.prop_cycle": f"cycler('color', {[BLUE, GREEN, ORANGE, RED, PURPLE, BROWN]})",
-    **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.color", "ytick.color"), INK),
-    **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.frameon"), False),
-    **dict.fromkeys(("axes.grid", "axes.axisbelow"), True),
-    "axes.edgecolor": GREY,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 11,
-    "grid.color": SOFT,
-    "grid.linewidth": 0.7,
-    "lines.linewidth": 1.8,
-    "legend.fontsize": 9,
-    "savefig.dpi": 150,
-    "svg.hashsalt": "linkage-atlas",
-}
+def ms(seconds: float) -> str:
+    """Seconds as milliseconds, without their unit."""
+    return f"{1000 * seconds:,.1f}"
 
 
-@contextmanager
-def figure(
-    name: str, rows: int = 1, columns: int = 1, size: tuple[float, float] = (11, 4.6), **options: Any
-) -> Iterator[tuple[Any, Any]]:
-    """A figure of the documents in the common style, saved as ``docs/img/NAME`` where the block ends without an error.
+def ends(values: Iterable[float], digits: int = 1) -> str:
+    """The least and the largest of some numbers."""
+    return "{:.{}f} to {:.{}f}".format(min(values), digits, max(values), digits)
 
-    Law: the same drawing gives the same bytes.
 
-    Yields
-    ------
-    drawing : matplotlib Figure
-        With constrained layout.
-    panels : ndarray of Axes, shape (rows * columns,)
+class Words(string.Formatter):
+    """Formats in which the functions above are specifications too: ``{ms:significant}``, ``{share:percent 3}``."""
+
+    functions: ClassVar = {
+        function.__name__: function for function in (significant, power, size, duration, percent, ms)
+    }
+
+    def format_field(self, value: Any, spec: str) -> str:
+        name, _, digits = spec.partition(" ")
+        say = self.functions.get(name)
+        return say(value, *map(int, digits.split())) if say else super().format_field(value, spec)
+
+
+TABLES = tomllib.loads((ROOT / "benchmarks" / "tables.toml").read_text())
+"""Arguments of `table` by result and block."""
+
+
+def tables(result: str, rows: Mapping[str, Any]) -> dict[str, str]:
+    """The blocks of a result that are tables in ``tables.toml``, from the rows of each."""
+    return {block: table(rows[block], **how) for block, how in TABLES[result].items()}
+
+
+def table(rows: Sequence[Mapping[str, Any]], columns: str, text_columns: int = 1) -> str:
+    """A Markdown table of mappings.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+    columns : str
+        A line each of head and cell, ``worst J: {J:power}``; the cell is a format of `Words`.
+    text_columns : int
+        How many columns stand to the left as text; the others are numbers.
     """
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    with mpl.rc_context(STYLE):
-        made = {"figsize": size, "layout": "constrained", "squeeze": False, **options}
-        drawing, panels = plt.subplots(rows, columns, **made)
-        try:
-            yield drawing, panels.ravel()
-            IMAGES.mkdir(parents=True, exist_ok=True)
-            drawing.savefig(IMAGES / name, metadata={"Date": None} if name.endswith(".svg") else {"Software": None})
-        finally:
-            plt.close(drawing)
-
-
-def note(axes: Any, text: str, at: tuple[float, float], offset: tuple[float, float] = (0, 0), **style: Any) -> None:
-    """Words at a place of the axes, moved by an offset in points."""
-    axes.annotate(text, at, offset, textcoords="offset points", **style)
-
-
-def bare(axes: Any, **limits: Any) -> None:
-    """Axes for the drawing of a mechanism: equal scales, nothing of the frame."""
-    axes.set(aspect="equal", **limits)
-    axes.set_axis_off()
-
-
-# -- results ----------------------------------------------------------------------------------------------------------
+    heads, _, cells = zip(*(column.rpartition(": ") for column in columns.splitlines()))
+    return lines(heads, [[Words().vformat(cell, (), row) for cell in cells] for row in rows], text_columns)
 
 
 def machine() -> dict[str, Any]:
@@ -335,8 +292,6 @@ def load(name: str) -> Any:
     return json.loads((RESULTS / f"{name}.json").read_text())
 
 
-# -- documents --------------------------------------------------------------------------------------------------------
-
 MARKER = re.compile(r"<!-- (\w+)\.(\w+) -->(\n?)(.*?)\n?<!-- /\1\.\2 -->", re.DOTALL)
 
 
@@ -381,19 +336,34 @@ def render(names: Sequence[str] | None = None, pictures: bool = True) -> None:
         path.write_text(fill(path.read_text(), found))
 
 
-def publish(name: str, results: Mapping[str, Any]) -> None:
-    """`save` and `render`: what a benchmark ends with."""
-    save(results, name)
-    render([name])
+def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence[str] | None = None) -> None:
+    """Measure with the options of the command line, and `save` and `render` all that comes.
+
+    An option is a parameter of ``measure`` with its default: ``Annotated[type, help]``, or ``Annotated[type, help, choices]``;
+    of a tuple, several values.
+    """
+    name = Path(inspect.getfile(measure)).stem
+    words = sys.modules[measure.__module__].__doc__
+    parser = argparse.ArgumentParser(description=words, formatter_class=argparse.RawDescriptionHelpFormatter)
+    hints = get_type_hints(measure, include_extras=True)
+    for option, parameter in inspect.signature(measure).parameters.items():
+        kind, words, *choices = get_args(hints[option])
+        kind = next(iter(get_args(kind)), kind)  # of "Path | None": the Path
+        several = {"nargs": "+"} if isinstance(parameter.default, tuple) else {}
+        several |= {"choices": choices[0]} if choices else {}
+        flag, words = f"--{option.replace('_', '-')}", f"{words} (%(default)s)"
+        parser.add_argument(flag, type=kind, default=parameter.default, help=words, **several)
+    for results in measure(**vars(parser.parse_args(arguments))):
+        save(results, name)
+        render([name])
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Render from the committed results."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("names", nargs="*", help="results, without .json; all if none is named")
     render(parser.parse_args(arguments).names or None)
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

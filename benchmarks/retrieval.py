@@ -13,12 +13,11 @@ Times are wall clock on all cores; of each scan the best of two, taken alternate
 
 from __future__ import annotations
 
-import argparse
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -26,7 +25,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks import report
 from benchmarks.baselines import flat_index, stumpy_mass
 from benchmarks.product import STARTS, TIE, Scan, Target, Windows, load_atlas, make_target
-from benchmarks.report import Times, repeat, significant, size, spread
+from benchmarks.report import Times, ms, repeat, significant, size, spread
 from benchmarks.service import build
 from tests.oracles.rotations import KINDS, SPANS, hard_target, reachable
 
@@ -34,9 +33,6 @@ TOP = 10
 FLAT_SPAN, MASS_REQUESTS = 60, 3
 NAIVE_SPAN, NAIVE_TYPES = 60, 500
 POSITION_SPANS = (20, 100, 300)
-
-
-# -- scans ------------------------------------------------------------------------------------------------------------
 
 
 Requests = Iterator[tuple[str, int, Target]]
@@ -59,9 +55,8 @@ def duels(ours: Scan, plain: Scan, requests: Requests) -> list[dict[str, Any]]:
             print(f"DIFFERS: {key} {seed}: {windows} by the scan, {wanted} by the plain scan")
         mine, other = times[ours].least.wall, times[plain].least.wall
         row = {"key": key, "seed": seed, "same": same, "windows": windows, "ours": mine, "plain": other}
-        done.append(
-            row | {"ratio": other / mine, "evaluated": told.evaluated, "evaluated_plain": wanted_told.evaluated}
-        )
+        row |= {"ratio": other / mine, "evaluated": told.evaluated, "evaluated_plain": wanted_told.evaluated}
+        done.append(row)
     return done
 
 
@@ -108,61 +103,10 @@ def measure_wide(smallest: float, cores: int) -> tuple[dict[str, Any], int]:
         build(Path(folder) / "wide.h5", order="full_crank", samples=128)
         atlas = load_atlas(Path(folder) / "wide.h5")
     ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
-    turns = enumerate(2 * SPANS)
-    done = duels(
-        ours, plain, ((str(span), n, reachable("wide", n, span, smallest, orders=True)) for n, span in turns)
-    )
+    some = ((str(s), n, reachable("wide", n, s, smallest, orders=True)) for n, s in enumerate(2 * SPANS))
+    done = duels(ours, plain, some)
     told = {"types": len(atlas), "windows": ours.windows, "scan_bytes": ours.nbytes, "spans": summaries(done, SPANS)}
     return told, sum(not one["same"] for one in done)
-
-
-def measure(file: Path, requests: int, hard: int, cores: int) -> dict[str, Any]:
-    """All of it."""
-    atlas = load_atlas(file)
-    smallest = atlas.rule.types.smallest / atlas.rule.types.perimeter
-    ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
-    turns = [(seed, SPANS[seed % len(SPANS)]) for seed in range(requests)]
-    flat = [reachable("flat", seed, FLAT_SPAN, smallest) for seed in range(requests)]
-    hard_ones = [(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(hard)]
-    groups: dict[str, Requests] = {
-        "spans": ((str(s), n, reachable("span", n, s, smallest, uneven=n // len(SPANS) % 3 == 2)) for n, s in turns),
-        "joint": ((str(s), n, reachable("joint", n, s, smallest, positions=True)) for n, s in turns),
-        "flat": (("flat", n, target) for n, target in enumerate(flat)),
-        "hard": ((kind, n, hard_target(kind, n, smallest)) for kind, n in hard_ones),
-    }
-    with threadpool_limits(1, "blas"):  # as the service does: threads are the scan's own
-        done = {name: duels(ours, plain, some) for name, some in groups.items()}
-        parts = {"atlas": measure_atlas(file, smallest, cores)}
-        wide, differ_wide = measure_wide(smallest, cores)
-    everything = [one for part in done.values() for one in part]
-    worst = min(everything, key=lambda one: one["ratio"])
-    if indexed := flat_index(atlas, flat, TOP, cores):
-        indexed["single_s"] = spread(indexed["single_s"])
-        ids = [set(zip(*(column.tolist() for column in one["windows"][:3]))) for one in done["flat"]]
-        for found, same in (("found", "same_windows"), ("found_in_batch", "same_windows_in_batch")):
-            indexed[same] = sum(one == two for one, two in zip(indexed.pop(found), ids))
-    motions = [reachable("mass", seed, FLAT_SPAN, smallest, samples=FLAT_SPAN + 1) for seed in range(MASS_REQUESTS)]
-    if profiled := stumpy_mass(atlas, [target.rotation for target in motions], cores):
-        profiled["seconds"] = spread(profiled["seconds"])
-    return {
-        "types": len(atlas),
-        "windows": ours.windows,
-        "scan_bytes": ours.nbytes,
-        "plain_scan_bytes": plain.nbytes,
-        "differ": sum(not one["same"] for one in everything) + differ_wide,
-        "spans": summaries(done["spans"], SPANS),
-        "joint": summaries(done["joint"], SPANS),
-        "hard": summaries(done["hard"], KINDS),
-        "flat_requests": summary(done["flat"]),
-        "flat_index": indexed,
-        "stumpy_mass": profiled,
-        "worst": {name: worst[name] for name in ("key", "seed", "ours", "plain", "evaluated")},
-        "wide": wide,
-        "parts": parts,
-    }
-
-
-# -- document ---------------------------------------------------------------------------------------------------------
 
 
 def file_figures(results: dict[str, Any]) -> str:
@@ -172,9 +116,8 @@ def file_figures(results: dict[str, Any]) -> str:
     atlas = results["parts"]["atlas"]
 
     def between(seconds: Sequence[float]) -> str:
-        return (
-            " to ".join(dict.fromkeys(significant(1000 * value, 2) for value in (min(seconds), max(seconds)))) + " ms"
-        )
+        ends = dict.fromkeys(significant(1000 * value, 2) for value in (min(seconds), max(seconds)))
+        return " to ".join(ends) + " ms"
 
     faster = ""
     if "one_by_one_ratio" in atlas:
@@ -206,22 +149,8 @@ def file_figures(results: dict[str, Any]) -> str:
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """By span, the other baselines, hard requests (docs/scaling.md); figures of docs/file_format.md; headline of README.md."""
 
-    def ms(seconds: float) -> str:
-        return f"{1000 * seconds:,.1f}"
-
     def compared(name: str, parts: dict[str, Any]) -> str:
-        columns = {
-            name: "{key}",
-            "requests": "{requests}",
-            "ms": lambda row: ms(row["ours"]["median"]),
-            "max": lambda row: ms(row["ours"]["max"]),
-            "plain ms": lambda row: ms(row["plain"]["median"]),
-            "plain max": lambda row: ms(row["plain"]["max"]),
-            "plain / ours": "{ratio[median]:.2f}",
-            "least": "{ratio[min]:.2f}",
-            "evaluated": "{evaluated[median]:,.0f}",
-            "differ": "{differ}",
-        }
+        columns = report.TABLES["retrieval"]["compared"]["columns"].replace("span:", f"{name}:")
         return report.table([{"key": key, **part} for key, part in parts.items()], columns)
 
     flat, mass, worst, wide = (results[name] for name in ("flat_index", "stumpy_mass", "worst", "wide"))
@@ -273,18 +202,59 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and publish; 1 if an answer differs."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--atlas", type=Path, default=Path("atlas.h5"))
-    parser.add_argument("--requests", type=int, default=60, help="reachable ones, and as many for the flat index")
-    parser.add_argument("--hard", type=int, default=200, help="requests far from every row, or numerically hard")
-    options = parser.parse_args(arguments)
-    results = measure(options.atlas, options.requests, options.hard, os.cpu_count() or 1)
-    report.publish("retrieval", results)
-    print(f"{results['differ']} answers differ from those of the plain scan")
-    return 1 if results["differ"] else 0
+def measure(
+    atlas: Annotated[Path, "file of the default atlas"] = Path("atlas.h5"),
+    requests: Annotated[int, "reachable ones, and as many for the flat index"] = 60,
+    hard: Annotated[int, "requests far from every row, or numerically hard"] = 200,
+) -> Iterator[dict[str, Any]]:
+    """All scans and indices on one atlas, and the scans on the wider one; exit code 1 if an answer differs."""
+    file, cores = atlas, os.cpu_count() or 1
+    atlas = load_atlas(file)
+    smallest = atlas.rule.types.smallest / atlas.rule.types.perimeter
+    ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
+    turns = [(seed, SPANS[seed % len(SPANS)]) for seed in range(requests)]
+    flat = [reachable("flat", seed, FLAT_SPAN, smallest) for seed in range(requests)]
+    hard_ones = [(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(hard)]
+    groups: dict[str, Requests] = {
+        "spans": ((str(s), n, reachable("span", n, s, smallest, uneven=n // len(SPANS) % 3 == 2)) for n, s in turns),
+        "joint": ((str(s), n, reachable("joint", n, s, smallest, positions=True)) for n, s in turns),
+        "flat": (("flat", n, target) for n, target in enumerate(flat)),
+        "hard": ((kind, n, hard_target(kind, n, smallest)) for kind, n in hard_ones),
+    }
+    with threadpool_limits(1, "blas"):  # as the service does: threads are the scan's own
+        done = {name: duels(ours, plain, some) for name, some in groups.items()}
+        parts = {"atlas": measure_atlas(file, smallest, cores)}
+        wide, differ_wide = measure_wide(smallest, cores)
+    everything = [one for part in done.values() for one in part]
+    worst = min(everything, key=lambda one: one["ratio"])
+    if indexed := flat_index(atlas, flat, TOP, cores):
+        indexed["single_s"] = spread(indexed["single_s"])
+        ids = [set(zip(*(column.tolist() for column in one["windows"][:3]))) for one in done["flat"]]
+        for found, same in (("found", "same_windows"), ("found_in_batch", "same_windows_in_batch")):
+            indexed[same] = sum(one == two for one, two in zip(indexed.pop(found), ids))
+    motions = [reachable("mass", seed, FLAT_SPAN, smallest, samples=FLAT_SPAN + 1) for seed in range(MASS_REQUESTS)]
+    if profiled := stumpy_mass(atlas, [target.rotation for target in motions], cores):
+        profiled["seconds"] = spread(profiled["seconds"])
+    differ = sum(not one["same"] for one in everything) + differ_wide
+    yield {
+        "types": len(atlas),
+        "windows": ours.windows,
+        "scan_bytes": ours.nbytes,
+        "plain_scan_bytes": plain.nbytes,
+        "differ": differ,
+        "spans": summaries(done["spans"], SPANS),
+        "joint": summaries(done["joint"], SPANS),
+        "hard": summaries(done["hard"], KINDS),
+        "flat_requests": summary(done["flat"]),
+        "flat_index": indexed,
+        "stumpy_mass": profiled,
+        "worst": {name: worst[name] for name in ("key", "seed", "ours", "plain", "evaluated")},
+        "wide": wide,
+        "parts": parts,
+    }
+    if differ:
+        raise SystemExit(f"{differ} answers differ from those of the plain scan")
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    report.run(measure)

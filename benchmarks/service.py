@@ -42,9 +42,6 @@ def quantile(values: Sequence[float], share: float) -> float:
     return float(np.quantile(values, share, method="inverted_cdf"))
 
 
-# -- requests ---------------------------------------------------------------------------------------------------------
-
-
 def match_bodies(count: int) -> list[bytes]:
     """Bodies for /v1/match: reachable rotations at 32 samples over 20 to 300 degrees, the best 10 rows; seeded.
 
@@ -67,19 +64,12 @@ def synthesize_bodies(count: int) -> list[bytes]:
     return [json.dumps(make_case("plain", seed).request).encode() for seed in range(count)]
 
 
-# -- the build --------------------------------------------------------------------------------------------------------
-
-
 def build(out: Path, **options: Any) -> dict[str, Any]:
     """Build an atlas by the command in a process of its own: seconds, memory of the largest of its processes, bytes, types."""
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     begin = time.perf_counter()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "data_build", *words, "--out", str(out), "--json"],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        env=environment(),
-    )
+    command = [sys.executable, "-m", "data_build", *words, "--out", str(out), "--json"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, env=environment())
     with process.stdout:
         built = process.stdout.read()
     _, status, usage = os.wait4(process.pid, 0)  # the memory of this child alone, not of the largest so far
@@ -92,9 +82,6 @@ def build(out: Path, **options: Any) -> dict[str, Any]:
         "build_peak_bytes": usage.ru_maxrss * 1024,
         "file_bytes": out.stat().st_size,
     }
-
-
-# -- the service ------------------------------------------------------------------------------------------------------
 
 
 class Answer(NamedTuple):
@@ -201,12 +188,9 @@ def running(command: Callable[[int], list[str]], workers: int = 1, **settings: A
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))  # a port that nothing listens on
             port = probe.getsockname()[1]
-        begin, options = (
-            time.perf_counter(),
-            {"cwd": ROOT, "env": environment(**settings), "stderr": subprocess.STDOUT},
-        )
+        begin, told = time.perf_counter(), {"cwd": ROOT, "env": environment(**settings), "stderr": subprocess.STDOUT}
         with log.open("wb") as file:
-            process = subprocess.Popen(command(port), stdout=file, **options)
+            process = subprocess.Popen(command(port), stdout=file, **told)
         service = Service(process, port, log, http.client.HTTPConnection("127.0.0.1", port))
         try:
             service.ready = _first_answer(service, begin, workers)
@@ -235,9 +219,6 @@ def _first_answer(service: Service, begin: float, workers: int) -> Answer:
                 service.connection.close()
         time.sleep(0.01)
     raise RuntimeError(f"the service did not answer:\n{service.log.read_text()[-2000:]}")
-
-
-# -- clients ----------------------------------------------------------------------------------------------------------
 
 
 class Load(NamedTuple):

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
+import tomllib
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Annotated, Any
 
 import numpy as np
 from mpmath import mp, mpf
 
-from benchmarks import report
-from benchmarks.product import (
-    FieldError,
-    FullCrankChart,
-    ProjectedProblem,
-    ServiceResources,
-    answer,
-    close_loop,
-    minimise,
-    prepared_service,
-    target_of,
-)
+from benchmarks import product, report
 from benchmarks.report import Times
 from tests.oracles.classes import change_point, is_crank_rocker, make_case, simplex
 from tests.oracles.recompute import DIGITS, LINKS, REACHED, close_by_circles, compare
@@ -30,12 +19,15 @@ EPSILON = float(np.finfo(float).eps)
 Request = dict[str, Any]
 
 
-def row(tried: str, cases: int, worst: str, does: str, cannot: str, **numbers: Any) -> dict[str, Any]:
-    """A line of the report: what was tried on how many cases, the worst that came out, and what is behind it."""
-    return {"tried": tried, "cases": cases, "worst": worst, "does": does, "cannot": cannot, "numbers": numbers}
+EXTREMES = tomllib.loads((report.ROOT / "benchmarks" / "extremes.toml").read_text())
 
 
-# -- kinematics -------------------------------------------------------------------------------------------------------
+def row(name: str, cases: int, worst: str, numbers: dict[str, Any], **place: Any) -> dict[str, Any]:
+    """A line of the report: one of `EXTREMES`, on how many cases, and the worst that came out, a format of the numbers."""
+    words = {key: text.format(**place) for key, text in ({"cannot": "-"} | EXTREMES[name]).items()}
+    words["worst"] = worst.format(**numbers) if numbers else worst
+    print("{tried}: {worst}".format(**words), flush=True)
+    return {**words, "cases": cases, "numbers": numbers}
 
 
 def folding_angles(random: np.random.Generator, count: int) -> np.ndarray:
@@ -47,7 +39,7 @@ def folding_angles(random: np.random.Generator, count: int) -> np.ndarray:
 def theta2_error(lengths: np.ndarray, branch: int, crank: np.ndarray) -> float:
     """Worst error of theta2 in radians."""
     exact = close_by_circles(lengths, branch, crank).theta2
-    found = close_loop(lengths, crank).coupler_angle(np.array(branch))
+    found = product.close_loop(lengths, crank).coupler_angle(np.array(branch))
     with mp.workdps(DIGITS):
         # where L1 > L4 both are continuous, but may begin a whole turn apart
         turn = 2 * mp.pi * mp.nint((mpf(found[0]) - exact[0]) / (2 * mp.pi))
@@ -67,7 +59,7 @@ def textbook_error(lengths: np.ndarray, branch: int, crank: np.ndarray) -> float
 
 def gradient_error(lengths: np.ndarray, branch: int, crank: np.ndarray) -> float:
     """Worst error of the five derivatives of theta2, relative to the largest (in logarithms of the lengths)."""
-    found = close_loop(lengths, crank).coupler_angle_gradient(np.array(branch))
+    found = product.close_loop(lengths, crank).coupler_angle_gradient(np.array(branch))
     worst = 0.0
     for t, mine in zip(crank, found):
         with mp.workdps(DIGITS):
@@ -91,74 +83,32 @@ def kinematics() -> Iterator[dict[str, Any]]:
         for _ in range(25):
             where = change_point(random, low, high), int(random.choice([-1, 1])), folding_angles(random, 12)
             errors.append((theta2_error(*where), textbook_error(*where), gradient_error(*where[:2], where[2][:3])))
-        worst, textbook, slope = np.max(errors, axis=0)
-        yield row(
-            f"coupler angle, 1e{low}..1e{high} of the perimeter from a change point, cranks near the fold",
-            12 * len(errors),
-            f"{worst:.1e} rad (arccos form: {textbook:.1e}); derivatives {slope:.1e} relative",
-            "every term of the closure is a sum of non-negative numbers, so the angle keeps all its digits; "
-            "derivatives lose some within 1e-12, where they grow without bound",
-            "at the change point itself the branches meet, and the derivatives are infinite",
-            theta2=worst,
-            textbook=textbook,
-            gradient=slope,
-        )
+        numbers = dict(zip(("theta2", "textbook", "gradient"), np.max(errors, axis=0)))
+        worst = "{theta2:.1e} rad (arccos form: {textbook:.1e}); derivatives {gradient:.1e} relative"
+        yield row("change-point-angle", 12 * len(errors), worst, numbers, low=low, high=high)
     for exponent in (-200, -100, 100, 200):
         errors = []
         for _ in range(20):
             lengths = np.ldexp(simplex(random, is_crank_rocker), round(exponent * np.log2(10)))
             crank = random.uniform(0, 6.28, 8)
             errors.append((theta2_error(lengths, 1, crank), gradient_error(lengths, 1, crank[:2])))
-        worst, slope = np.max(errors, axis=0)
-        yield row(
-            f"coupler angle, lengths of 1e{exponent}",
-            8 * len(errors),
-            f"{worst:.1e} rad; derivatives {slope:.1e} relative",
-            "lengths are divided by a power of two first: the same bits as at any other scale",
-            "-",
-            theta2=worst,
-            gradient=slope,
-        )
+        numbers = dict(zip(("theta2", "gradient"), np.max(errors, axis=0)))
+        worst = "{theta2:.1e} rad; derivatives {gradient:.1e} relative"
+        yield row("scale-angle", 8 * len(errors), worst, numbers, exponent=exponent)
     errors = []
     for _ in range(40):
         crank = random.uniform(0, 6.28) + np.linspace(0, 10.0 ** random.uniform(-9, -3), 8)
         errors.append(theta2_error(simplex(random, is_crank_rocker), 1, crank))
-    yield row(
-        "coupler angle over spans of 1e-9 .. 1e-3 rad",
-        8 * len(errors),
-        f"{max(errors):.1e} rad",
-        "the error is absolute: the curve's shape over the span is known to rounding over span",
-        "a shape below rounding; spans under 0.1 degree are refused (below)",
-        theta2=max(errors),
-    )
+    yield row("short-span-angle", 8 * len(errors), "{theta2:.1e} rad", {"theta2": max(errors)})
     random, count = np.random.default_rng(2), 400
-    problem = ProjectedProblem(target_of(make_case("any order", 3).request), FullCrankChart())
+    problem = product.ProjectedProblem(product.target_of(make_case("any order", 3).request), product.FullCrankChart())
     unknowns = random.uniform((-5, -30, -12, 0), (5, 3, 12, 6.28), (count, 4))
     branch = random.choice([-1.0, 1.0], count)
     state = problem.evaluate(unknowns, branch)
     finite = bool(np.all(np.isfinite(state.stack)))
-    worse = int(np.sum(minimise(problem.evaluate, unknowns, branch, 60).cost > state.cost))
-    yield row(
-        "refinement from the far ends of the chart (excess down to 1e-13, L1/L4 from 1/150 to 150)",
-        count,
-        f"{worse} worse than their seed; numbers {'all finite' if finite else 'NOT all finite'}",
-        "derivatives are capped at 1e8, steps at 1.5 in a logarithm, the damping does the rest",
-        "the capped derivatives are not exact: convergence there is slow, not quadratic",
-        worse=worse,
-        finite=finite,
-    )
-
-
-# -- synthesis --------------------------------------------------------------------------------------------------------
-
-
-class Extreme(NamedTuple):
-    """A kind of requests that is hard on the numbers, each with the linkage it was made from."""
-
-    tried: str
-    requests: list[tuple[Request, dict[str, Any] | None]]
-    does: str
-    cannot: str = "-"
+    worse = int(np.sum(product.refine(problem, unknowns, branch, 60).cost > state.cost))
+    text = f"{worse} worse than their seed; numbers {'all finite' if finite else 'NOT all finite'}"
+    yield row("chart-ends", count, text, {"worse": worse, "finite": finite})
 
 
 def drawn(kind: str, cases: int, samples: int = 32) -> list[tuple[Request, dict[str, Any]]]:
@@ -180,68 +130,20 @@ def shifted(request: Request, extents: float) -> Request:
     return request | {"position": (points + shift).tolist()}
 
 
-def extremes(cases: int) -> Iterator[Extreme]:
-    """All kinds; the slower ones with half of the cases."""
-    half = max(3, cases // 2)
-    yield Extreme(
-        "tiny span, 2..12 degrees",
-        drawn("tiny span", cases),
-        "refined by singular values, never by normal equations; says that the lengths are not determined",
-        "find the original linkage: quite different ones perform the motion to rounding",
-    )
-    yield Extreme(
-        "tiny crank, below 1/400 of the perimeter",
-        drawn("tiny crank", cases),
-        "reaches the motion; the uncertainty of the lengths comes with each solution",
-        "beat rounding: the motion is a 1/400 of the linkage, so its numbers hold three digits less",
-    )
-    yield Extreme(
-        "within 1e-8..1e-1 of a change point",
-        drawn("change point", cases),
-        "the chart puts change points at infinity: no step crosses one, branches cannot mix",
-        "promise the branch of the built linkage: clearances decide at a fold that close",
-    )
-    yield Extreme(
-        "positions 1e6 times their extent from the origin",
-        drawn("offset 1e6", cases),
-        "takes the mean off before anything else",
-        "J below 1e6 roundings (1e-10): the request's own numbers hold no more",
-    )
-    yield Extreme(
-        "positions 1e12 times their extent from the origin",
-        [(shifted(request, 1e12), truth) for request, truth in drawn("any order", cases)],
-        "fits what the rounded positions say: as noise of 1e-4",
-        "reach 1e-9: the positions hold four digits of the motion",
-    )
+def extremes(cases: int) -> Iterator[tuple[str, dict[str, Any], list[tuple[Request, dict[str, Any] | None]]]]:
+    """All kinds of requests that are hard on the numbers, each with its truth; the slower ones with half of the cases."""
+    half, plain = max(3, cases // 2), drawn("any order", cases)
+    for kind in ("tiny span", "tiny crank", "change point", "offset 1e6"):
+        yield kind.replace(" ", "-"), {}, drawn(kind, cases)
+    yield "offset-1e12", {}, [(shifted(request, 1e12), truth) for request, truth in plain]
     for what, kind in (("rotation and position", "any order"), ("rotation only", "rotation only")):
-        yield Extreme(
-            f"N = 3, {what}",
-            drawn(kind, cases, 3),
-            "answers, and says that the problem is ill-posed",
-            "determine lengths from three samples: fewer equations than unknowns",
-        )
-    yield Extreme(
-        "N = 1024, rotation and position", drawn("any order", cases, 1024), "searches on 64 samples, polishes on all"
-    )
+        yield "three-samples", {"what": what}, drawn(kind, cases, 3)
+    yield "many-samples", {}, drawn("any order", cases, 1024)
     for scale in (1e-9, 1e9, 1e-40, 1e40):
-        yield Extreme(
-            f"lengths x {scale:.0e}",
-            [rescaled(request, truth, scale) for request, truth in drawn("any order", half)],
-            "everything is relative to the motion's extent",
-            "coordinates above 1e50 are refused" if scale > 1e9 else "-",
-        )
-    yield Extreme(
-        "a motion of 30..360 degrees asked for within 0.2 degrees of crank",
-        [(request | {"crank_span": 0.2}, None) for request, _ in drawn("any order", half)],
-        "returns the closest there is",
-        "reach it: no four-bar turns its coupler that fast",
-    )
-    yield Extreme(
-        "noise of 1e-3 on everything",
-        drawn("noise", half),
-        "the best fit, as good as the true linkage's or better",
-        "give back the true lengths: the reply says how far they may be off",
-    )
+        requests = [rescaled(request, truth, scale) for request, truth in drawn("any order", half)]
+        yield "scale-up" if scale > 1e9 else "scale", {"scale": scale}, requests
+    yield "fast-motion", {}, [(request | {"crank_span": 0.2}, None) for request, _ in drawn("any order", half)]
+    yield "noise", {}, drawn("noise", half)
 
 
 def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: bool) -> np.ndarray:
@@ -252,13 +154,12 @@ def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: b
     return np.abs(np.log(mine / true))
 
 
-def synthesis(resources: ServiceResources, cases: int) -> Iterator[dict[str, Any]]:
+def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[str, Any]]:
     """Recomputed J, agreement of what is reported, and how well the lengths are determined and said to be."""
-    for kind in extremes(cases):
-        times, compared, gaps = Times(), [], []
-        ill_posed = covered = 0
-        for request, truth in kind.requests:
-            best = answer(request, resources, times)["solutions"][0]
+    for name, place, requests in extremes(cases):
+        times, compared, gaps, ill_posed, covered = Times(), [], [], 0, 0
+        for request, truth in requests:
+            best = product.answer(request, resources, times)["solutions"][0]
             compared.append(compare(request, best))
             fixed = best["determination"]
             ill_posed += fixed["ill_posed"]
@@ -268,34 +169,25 @@ def synthesis(resources: ServiceResources, cases: int) -> Iterator[dict[str, Any
                 gaps.append(float(away.max()))
                 # ten times: the uncertainty is of first order, at the resolution of the motion
                 covered += bool(np.all(away <= 10 * said + 1e-9))
-        count = len(compared)
-        worst, gap = max(one.objective for one in compared), max(one.gap for one in compared)
-        roundings = max(one.gap / (EPSILON * one.size) for one in compared)
-        reached = sum(one.objective < REACHED for one in compared)
-        text = (
-            f"J {worst:.1e}, {reached} of {count} below 1e-9; reported J off by {gap:.1e} ({roundings:.0f} roundings)"
-        )
+        numbers = {
+            "objective": max(one.objective for one in compared),
+            "reached": sum(one.objective < REACHED for one in compared),
+            "disagreement": max(one.gap for one in compared),
+            "roundings": max(one.gap / (EPSILON * one.size) for one in compared),
+            "length_gap": max(gaps, default=0.0),
+            "within_said": covered,
+            "ill_posed": ill_posed,
+            "median_processor_ms": 1000 * times.median.processor,
+        }
+        text = f"J {{objective:.1e}}, {{reached}} of {len(compared)} below 1e-9; "
+        text += "reported J off by {disagreement:.1e} ({roundings:.0f} roundings)"
         if gaps:
-            text += f"; lengths off by up to {max(gaps):.1e}, {covered} of {len(gaps)} within what the reply says"
-            text += f"; called ill-posed {ill_posed} times"
-        yield row(
-            kind.tried,
-            count,
-            text,
-            kind.does,
-            kind.cannot,
-            objective=worst,
-            reached=reached,
-            disagreement=gap,
-            roundings=roundings,
-            length_gap=max(gaps, default=0.0),
-            within_said=covered,
-            ill_posed=ill_posed,
-            median_processor_ms=1000 * times.median.processor,
-        )
+            text += f"; lengths off by up to {{length_gap:.1e}}, {{within_said}} of {len(gaps)} within what the reply says"
+            text += "; called ill-posed {ill_posed} times"
+        yield row(name, len(compared), text, numbers, **place)
 
 
-def refusals(resources: ServiceResources) -> Iterator[dict[str, Any]]:
+def refusals(resources: product.ServiceResources) -> Iterator[dict[str, Any]]:
     """What is refused, by name of the field, and why."""
     base = make_case("any order", 1).request
     points = np.array(base["position"])
@@ -316,51 +208,30 @@ def refusals(resources: ServiceResources) -> Iterator[dict[str, Any]]:
     }
     for what, (request, why) in tried.items():
         try:
-            answer(request, resources, Times())
+            product.answer(request, resources, Times())
             text = "NOT refused"
-        except FieldError as error:
+        except product.FieldError as error:
             text = f"refused: {error}"
         except ValueError as error:  # of the request's model: field, what is wrong with it, where to read on
             field, problem = str(error).splitlines()[1:3]
             text = f"refused: {field}: {problem.strip().split(' [')[0]}"
-        yield row(what, 1, text, "a 422 that names the field", why)
-
-
-# -- document ---------------------------------------------------------------------------------------------------------
+        yield row("refusal", 1, text, {}, what=what, why=why)
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/stability.md."""
-    columns = {
-        "what was tried": "{tried}",
-        "cases": "{cases}",
-        "worst error": "{worst}",
-        "what the software does": "{does}",
-        "what it cannot do": "{cannot}",
+    return {
+        part: report.table(rows, **report.TABLES["stability"]["parts"]) for part, rows in results["parts"].items()
     }
-    return {part: report.table(rows, columns, 5) for part, rows in results["parts"].items()}
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run every extreme class and publish."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=20, help="requests of each class of synthesis")
-    options = parser.parse_args(arguments)
+def measure(cases: Annotated[int, "of each class of synthesis"] = 20) -> Iterator[dict[str, Any]]:
+    """Every extreme class."""
     warnings.simplefilter("error")
-    resources = prepared_service()
-    parts = {
-        "kinematics": kinematics(),
-        "synthesis": synthesis(resources, options.cases),
-        "refused": refusals(resources),
-    }
-    done: dict[str, list[dict[str, Any]]] = {}
-    for title, rows in parts.items():
-        for one in rows:
-            print(f"{one['tried']}: {one['worst']}", flush=True)
-            done.setdefault(title, []).append(one)
-    report.publish("stability", {"digits": DIGITS, "parts": done})
-    return 0
+    resources = product.prepared_service()
+    parts = {"kinematics": kinematics(), "synthesis": synthesis(resources, cases), "refused": refusals(resources)}
+    yield {"digits": DIGITS, "parts": {title: list(rows) for title, rows in parts.items()}}
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    report.run(measure)

@@ -7,42 +7,31 @@ docs/http.md says for a machine without containers. Clients keep their connectio
 
 from __future__ import annotations
 
-import argparse
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from benchmarks import report
-from benchmarks.report import percent, significant, size
-from benchmarks.service import (
-    Load,
-    Service,
-    build,
-    drive,
-    match_bodies,
-    quantile,
-    running,
-    serve_command,
-    synthesize_bodies,
-    uvicorn_command,
-)
+from benchmarks import report, service
+from benchmarks.report import significant
 
 ARRANGEMENTS = {
-    "one service": (serve_command, 1, 1),
-    "two services": (serve_command, 1, 2),
-    "`--workers 2`": (partial(uvicorn_command, workers=2), 2, 1),
+    "one service": (service.serve_command, 1, 1),
+    "two services": (service.serve_command, 1, 2),
+    "`--workers 2`": (partial(service.uvicorn_command, workers=2), 2, 1),
 }
 """Command, workers that it starts, and how many times it is started."""
 CLIENTS = (1, 8, 64)
 OVERLOAD_CLIENTS = 200
 BODIES = 200
+UNKNOWN = dict.fromkeys(("p50_ms", "p99_ms", "livez_p99_ms", "service_cores"))
+"""What a row lacks where no request was answered, or the system does not tell."""
 
 
-def summarise(load: Load, beats: Sequence[float]) -> dict[str, Any]:
+def summarise(load: service.Load, beats: Sequence[float]) -> dict[str, Any]:
     """The figures of one run; latencies are those of the requests that were answered with 200."""
     served = [seconds for seconds, status in zip(load.seconds, load.status) if status == 200]
     refused = [after for after, status in zip(load.retry_after, load.status) if status == 503]
@@ -59,18 +48,23 @@ def summarise(load: Load, beats: Sequence[float]) -> dict[str, Any]:
     }
     for name, values in (("", served), ("livez_", beats)):
         if values:
-            row |= {f"{name}p50_ms": 1000 * quantile(values, 0.5), f"{name}p99_ms": 1000 * quantile(values, 0.99)}
+            row |= {
+                f"{name}p50_ms": 1000 * service.quantile(values, 0.5),
+                f"{name}p99_ms": 1000 * service.quantile(values, 0.99),
+            }
     return row
 
 
-def measure(services: Sequence[Service], path: str, *load: Any, clients: int, **options: Any) -> dict[str, Any]:
+def measure_load(
+    services: Sequence[service.Service], path: str, *load: Any, clients: int, **options: Any
+) -> dict[str, Any]:
     """One run of clients: `summarise`, the processor time of all services per second, and the busiest process's share of it."""
 
     def spent() -> dict[int, float]:
-        return {process: seconds for service in services for process, seconds in service.cpu_seconds().items()}
+        return {process: seconds for one in services for process, seconds in one.cpu_seconds().items()}
 
     before = spent()
-    found, beats = drive([service.port for service in services], path, *load, clients=clients, **options)
+    found, beats = service.drive([one.port for one in services], path, *load, clients=clients, **options)
     used = [seconds - before.get(process, 0.0) for process, seconds in spent().items()]
     row = {"path": path, "clients": clients} | summarise(found, beats)
     if used:  # none without /proc
@@ -89,28 +83,27 @@ def run(
 ) -> dict[str, Any]:
     """One arrangement: requests to each route from few and many clients, then from too many."""
     with ExitStack() as stack:
-        services = [stack.enter_context(running(command, workers, atlas=atlas.resolve())) for _ in range(times)]
-        for service in services:
-            service.need_ready()
+        services = [
+            stack.enter_context(service.running(command, workers, atlas=atlas.resolve())) for _ in range(times)
+        ]
+        for one in services:
+            one.need_ready()
         for path, some in bodies.items():  # what the first requests prepare is not to be measured
-            drive([service.port for service in services], path, some, 4, seconds / 5)
-        row: dict[str, Any] = {"livez": measure(services, "/livez", [None], clients=8, seconds=seconds / 5)}
+            service.drive([one.port for one in services], path, some, 4, seconds / 5)
+        row: dict[str, Any] = {"livez": measure_load(services, "/livez", [None], clients=8, seconds=seconds / 5)}
         row["loads"] = [
-            measure(services, path, some, clients=clients, seconds=seconds)
+            measure_load(services, path, some, clients=clients, seconds=seconds)
             for path, some in bodies.items()
             for clients in CLIENTS
         ]
         row["overload"] = [
             {"patient": patient}
-            | measure(services, path, some, clients=OVERLOAD_CLIENTS, seconds=seconds, patient=patient)
+            | measure_load(services, path, some, clients=OVERLOAD_CLIENTS, seconds=seconds, patient=patient)
             for path, some in bodies.items()
             for patient in (True, False)
         ]
-        peak = [service.memory("VmHWM") for service in services]
+        peak = [one.memory("VmHWM") for one in services]
     return {"peak_bytes": None if None in peak else sum(peak), **row}
-
-
-# -- document ---------------------------------------------------------------------------------------------------------
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -118,47 +111,14 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     services = results["services"]
 
     def rows(kind: str) -> list[dict[str, Any]]:
-        every = [{"service": one["service"], **load} for one in services for load in one[kind]]
+        every = [UNKNOWN | {"service": one["service"], **load} for one in services for load in one[kind]]
+        for row in every:
+            row["refused"] = row["replies"] - row["served"] - row["others"]
+            row["then"] = "wait" if row.get("patient") else "ask again"
         return sorted(every, key=lambda row: row["path"])  # stable: the order of services stays
 
-    first = {"route": "{path}", "service": "{service}"}
-    rate = {"answered / s": lambda row: significant(row["per_second"])}
-    slowest = {"99 %, ms": lambda row: significant(row.get("p99_ms"))}
-    refused = {"503": lambda row: percent(row["share_503"])}
-    load = {
-        **first,
-        "clients": "{clients}",
-        **rate,
-        "median, ms": lambda row: significant(row.get("p50_ms")),
-        **slowest,
-        **refused,
-        "its cores": lambda row: significant(row.get("service_cores"), 2),
-        "clients' cores": lambda row: significant(row["client_cores"], 2),
-    }
-    overload = {
-        **first,
-        "after a 503": lambda row: "wait" if row["patient"] else "ask again",
-        **rate,
-        **slowest,
-        **refused,
-        "with Retry-After": lambda row: (
-            f"{row['with_retry_after']:,} of {row['replies'] - row['served'] - row['others']:,}"
-        ),
-        "others": "{others:,}",
-        "/livez 99 %, ms": lambda row: significant(row.get("livez_p99_ms")),
-    }
-    clients = {
-        "service": "{service}",
-        "/livez / s": lambda row: significant(row["livez"]["per_second"]),
-        "median, ms": lambda row: significant(row["livez"]["p50_ms"], 2),
-        "peak memory": lambda row: size(row["peak_bytes"]),
-    }
-    return {
-        "loads": report.table(rows("loads"), load, 2),
-        "ratios": ratios_text(services),
-        "clients": report.table(services, clients),
-        "overload": report.table(rows("overload"), overload, 3),
-    }
+    tables = {"loads": rows("loads"), "overload": rows("overload"), "clients": services}
+    return report.tables("throughput", tables) | {"ratios": ratios_text(services)}
 
 
 def ratios_text(services: Sequence[dict[str, Any]]) -> str:
@@ -172,25 +132,19 @@ def ratios_text(services: Sequence[dict[str, Any]]) -> str:
     return f"With {most} clients two services answer {ratios} that one does."
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and publish."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--atlas", type=Path, help="the default atlas; built anew if not given")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of each run (%(default)s)")
-    options = parser.parse_args(arguments)
-    bodies = {"/v1/match": match_bodies(BODIES), "/v1/synthesize": synthesize_bodies(BODIES)}
-    results: dict[str, Any] = {"seconds": options.seconds, "services": []}
+def measure(
+    atlas: Annotated[Path | None, "the default atlas; built anew if not given"] = None,
+    seconds: Annotated[float, "of each run"] = 10.0,
+) -> Iterator[dict[str, Any]]:
+    """All arrangements."""
+    bodies = {"/v1/match": service.match_bodies(BODIES), "/v1/synthesize": service.synthesize_bodies(BODIES)}
     with tempfile.TemporaryDirectory() as folder:
-        atlas = options.atlas
         if atlas is None:
             atlas = Path(folder) / "atlas.h5"
-            build(atlas)
-        for name, arrangement in ARRANGEMENTS.items():
-            row = run(*arrangement, atlas, bodies, options.seconds)
-            results["services"].append({"service": name} | row)
-    report.publish("throughput", results)
-    return 0
+            service.build(atlas)
+        rows = [{"service": name, **run(*how, atlas, bodies, seconds)} for name, how in ARRANGEMENTS.items()]
+    yield {"seconds": seconds, "services": rows}
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    report.run(measure)

@@ -5,15 +5,16 @@ from __future__ import annotations
 import importlib
 import json
 import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pytest
 
-from benchmarks import growth, report
+from benchmarks import figures, growth, report
 
-TO_COME = {"chain", "lift"}
-"""Results whose benchmarks do not use `report` yet."""
-NAMES = sorted({path.stem for path in report.RESULTS.glob("*.json")} - TO_COME)
+NAMES = sorted(path.stem for path in report.RESULTS.glob("*.json"))
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def test_every_marker_holds_what_its_result_renders_to(path, parts) -> None:
 
 
 def test_every_marker_has_a_result_and_every_result_of_a_block_a_marker(parts) -> None:
-    every = "".join(path.read_text() for path in report.DOCUMENTS if path.stem not in TO_COME)
+    every = "".join(path.read_text() for path in report.DOCUMENTS)
     placed = {found[:2] for found in report.MARKER.findall(every)}
     assert {name for name, _ in placed} <= set(NAMES)
     missing = {(name, block) for name in NAMES for block in parts[name] if block != "made"} - placed
@@ -52,7 +53,7 @@ def test_a_result_says_where_it_comes_from(name) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_benchmark_is_found_by_the_name_of_its_result(name) -> None:
     module = importlib.import_module(f"benchmarks.{name}")
-    assert module.__doc__ and callable(module.main)
+    assert module.__doc__ and callable(module.measure) and callable(module.blocks)
 
 
 def test_a_marker_without_block_or_end_is_an_error() -> None:
@@ -73,9 +74,9 @@ def test_a_marker_without_block_or_end_is_an_error() -> None:
 def test_a_picture_is_the_same_every_time(tmp_path, monkeypatch) -> None:
     pytest.importorskip("matplotlib")
     for name in ("first", "second"):
-        monkeypatch.setattr(report, "IMAGES", tmp_path / name)
+        monkeypatch.setattr(figures, "IMAGES", tmp_path / name)
         growth.draw(report.load("growth"))
-        with report.figure("line.png") as (_, (axes,)):
+        with figures.figure("line.png") as (_, (axes,)):
             axes.plot([1, 2], [3, 4])
     for picture in ("growth.svg", "line.png"):
         first, second = ((tmp_path / name / picture).read_bytes() for name in ("first", "second"))
@@ -114,6 +115,32 @@ def test_a_source_is_told_once() -> None:
     assert "aaaaaaaaa+changes;" in report.made_text([{**stamps[0], "commit": 40 * "a" + "+changes"}])
 
 
+def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(monkeypatch) -> None:
+    published: list[tuple[str, dict]] = []
+    monkeypatch.setattr(report, "save", lambda results, name: published.append((name, results)))
+    monkeypatch.setattr(report, "render", lambda names: published.append((names[0], {})))
+
+    def measure(
+        slow_cases: Annotated[int, "of each"] = 3,
+        kinds: Annotated[str, "some", ("a", "b")] = ("a", "b"),
+        atlas: Annotated[Path | None, "built if not given"] = None,
+    ) -> Iterator[dict]:
+        yield {"cases": slow_cases, "kinds": kinds}
+        yield {"atlas": atlas}
+
+    report.run(measure, ["--slow-cases", "7", "--kinds", "b"])
+    assert published == [
+        ("test_report", {"cases": 7, "kinds": ["b"]}),
+        ("test_report", {}),
+        ("test_report", {"atlas": None}),
+        ("test_report", {}),
+    ]
+    report.run(measure, ["--atlas", "x.h5"])
+    assert published[-4][1] == {"cases": 3, "kinds": ("a", "b")} and published[-2][1] == {"atlas": Path("x.h5")}
+    with pytest.raises(SystemExit):
+        report.run(measure, ["--kinds", "c"])
+
+
 # -- time and words ---------------------------------------------------------------------------------------------------
 
 
@@ -137,8 +164,10 @@ def test_pairs_alternate() -> None:
 
 def test_a_table_is_made_by_columns() -> None:
     rows = [{"name": "a", "at": {"x": 2.5}}, {"name": "b", "at": {"x": 12}}]
-    columns = {"what": "{name}", "x": "{at[x]:.1f}", "twice": lambda row: str(2 * row["at"]["x"])}
-    wanted = "| what | x | twice |\n| --- | --: | --: |\n| a | 2.5 | 5.0 |\n| b | 12.0 | 24 |"
+    columns = "what: {name}\nx: rounded: {at[x]:.1f}\nthree, two: {at[x]:significant}, {at[x]:significant 2}"
+    wanted = (
+        "| what | x: rounded | three, two |\n| --- | --: | --: |\n| a | 2.5 | 2.50, 2.5 |\n| b | 12.0 | 12.0, 12 |"
+    )
     assert report.table(rows, columns) == wanted
 
 
