@@ -142,7 +142,7 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
     if "pivot_box" in given:
         box = _numbers("limits/pivot_box", given["pivot_box"])
         if box.shape != (4,):
-            raise FieldError("/limits/pivot_box", f"wanted [xmin, ymin, xmax, ymax], found shape {box.shape}")
+            raise FieldError("/limits/pivot_box", f"wanted [xmin, ymin, xmax, ymax], found {box.size} numbers")
         given["pivot_box"] = tuple(box.tolist())
     checked = Limits(**given)
     checked.check_against(motion.target)

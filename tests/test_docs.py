@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 import linkage_atlas
-from app.cli import _parser, main
+from app.cli import main, make_parser
 from app.main import create_app
 from app.openapi import description
 from app.settings import Settings
@@ -114,7 +114,7 @@ def test_the_map_of_the_architecture_is_the_one_that_is_printed() -> None:
 @pytest.mark.parametrize("path", DOCUMENTS, ids=names)
 def test_every_command_exists(path) -> None:
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    verbs = set(_parser()._subparsers._group_actions[0].choices)
+    verbs = set(make_parser()._subparsers._group_actions[0].choices)
     for line in commands(path.read_text()):
         for target in re.findall(r"^make ([a-z]\S*)", line):
             assert target in targets, f"{names(path)}: {line}"
@@ -234,7 +234,7 @@ def test_the_dockerfile_is_slim_in_two_stages_and_not_root() -> None:
 
 
 def test_what_the_dockerfile_runs_is_a_command_with_these_options() -> None:
-    parser = _parser()
+    parser = make_parser()
     run = re.findall(r'"([^"]*)"', dict(stages()[1])["CMD"])
     assert run[0] == "linkage-atlas"
     options = parser.parse_args(run[1:])
