@@ -149,7 +149,8 @@ def _proc(process: int, name: str) -> str:
 
 def serve_command(port: int) -> list[str]:
     """What the container runs."""
-    return [sys.executable, "-m", "linkage_atlas", "serve", "--host", "127.0.0.1", "--port", str(port)]
+    entry = "from app.cli import main; raise SystemExit(main())"  # the script `linkage-atlas`, by this interpreter
+    return [sys.executable, "-c", entry, "serve", "--host", "127.0.0.1", "--port", str(port)]
 
 
 def uvicorn_command(port: int, workers: int = 1) -> list[str]:
