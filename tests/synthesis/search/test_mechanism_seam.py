@@ -10,7 +10,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from synthesis.mechanism import BodyAngles
 from synthesis.pose import fit_positions
@@ -105,16 +104,15 @@ class Mechanism:
 ANY = SimpleNamespace(family="full_crank", only_family=True, within=lambda target, linkages: linkages)
 
 
-@pytest.mark.parametrize("kind", ["both", "rotation"])
-def test_random_slider_cranks_are_recovered(kind) -> None:
+def test_random_slider_cranks_are_recovered() -> None:
     tables = SeedTables(Mechanism())
-    for seed in range(10):
+    for seed in range(20):  # every other one with positions too
         random = np.random.default_rng(seed)
         lengths, start = Chart().shape(random.uniform([[-2, -2]], [[1.5, 2]])).lengths, random.uniform(0, 6)
         crank = np.linspace(0, random.uniform(2, 6), 24)
         angle = body_angle(lengths, start + crank)[0][0]
         pivot, z1, z2 = random.normal(size=3) + 1j * random.normal(size=3)
-        position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * angle) if kind == "both" else None
+        position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * angle) if seed % 2 else None
         target = make_target(angle + random.uniform(-3, 3), position, crank_angle=crank)
         solutions, _ = search(tables, target, ANY, 3)
         assert solutions[0].errors.objective < 1e-9, seed
