@@ -285,6 +285,7 @@ def match(
     screened = watch.elapsed
     matches = []
     for k, angle in enumerate(scan.angles(target, windows)):
+        watch.check()
         angle = principal(angle)
         kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
         start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
