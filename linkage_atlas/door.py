@@ -290,7 +290,7 @@ def match(
         kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
         start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
         offset = float(np.mean(wanted - angle) / radian)
-        linkage = FourBar(*_four(kind.lengths), branch, start_angle=start, body_offset=offset, degrees=degrees)
+        linkage = FourBar(*answers.four(kind.lengths), branch, start_angle=start, body_offset=offset, degrees=degrees)
         error = float(windows.error[k] / radian)
         own = _features(target.crank, angle, radian) if features else None
         matches.append(Match(k + 1, kind, linkage, start, branch, offset, error, own))
@@ -299,11 +299,6 @@ def match(
     stages = {"screen": screened, "rest": total - screened, "total": total}
     elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
     return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, motion.notes(), asked))
-
-
-def _four(lengths: list[int]) -> tuple[int, int, int, int]:
-    crank, coupler, rocker, ground = lengths
-    return crank, coupler, rocker, ground
 
 
 def _features(crank: Any, curve: Any, radian: float) -> Features:

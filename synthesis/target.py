@@ -72,6 +72,10 @@ class Mean:
         rest = values - np.expand_dims(self(values), -1)
         return np.sqrt(self(np.abs(rest) ** 2))
 
+    def reach(self, values: NDArray[Any]) -> float:
+        """Largest distance of a given sample (N,) from the mean."""
+        return float(np.max(self.given(np.abs(values - self(values)))))
+
     def given(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values (..., N) with zeros where a sample is missing."""
         return values if self.weights is None else np.where(self.weights > 0, values, 0.0)
@@ -120,9 +124,8 @@ class Target:
     @cached_property
     def extent(self) -> float:
         """Largest distance of a position from the mean position."""
-        mean = self.position_mean
         assert self.position is not None
-        return float(np.max(mean.given(np.abs(self.position - mean(self.position)))))
+        return self.position_mean.reach(self.position)
 
     @property
     def interval(self) -> Interval:
@@ -278,7 +281,7 @@ def _length_scale(position: Complexes, mean: Mean, length_scale: float | None) -
     for field, length in (("/position", largest or None), ("/length_scale", length_scale)):
         if length is not None and not MIN_LENGTH <= length <= MAX_LENGTH:
             raise FieldError(field, f"wanted lengths between {MIN_LENGTH:g} and {MAX_LENGTH:g}")
-    spread = float(np.max(mean.given(np.abs(position - mean(position)))))
+    spread = mean.reach(position)
     if spread <= 64 * np.finfo(float).eps * largest:
         raise FieldError("/position", "all positions are the same point: a motion without extent fixes no linkage")
     return float(length_scale) if length_scale is not None else spread

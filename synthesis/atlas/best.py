@@ -79,5 +79,5 @@ def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> NDA
     fit = fit_positions(target, scan.angles(target, windows))
     scale = np.abs(fit.crank_vector) / lengths[:, 0]
     links = lengths * np.maximum(scale, np.finfo(float).tiny)[:, None]
-    pivots = scan.mechanism.pivots(lengths * scale[:, None], fit.pivot, np.angle(fit.crank_vector) - start)
+    pivots = scan.mechanism.pivots(links, fit.pivot, np.angle(fit.crank_vector) - start)
     return limits.kept_by(target, links, start, pivots)

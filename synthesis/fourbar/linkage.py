@@ -119,19 +119,16 @@ class Linkage:
         closure = close_loop(np.array(self.links), np.concatenate([[self.start], self.start + travel]))
         branch = np.array(self.branch)
         turn = self.ground_angle
-        coupler = principal(closure.coupler_angle(branch))[1:] + turn
+        theta2 = principal(closure.coupler_angle(branch))[1:]
+        coupler = theta2 + turn
         crank = self.start + travel + turn
         pin = self.pivot_a + self.links[0] * np.exp(1j * crank)
-        point = None
-        if self.coupler_point is not None:
-            radius, angle = self.coupler_point
-            point = pin + radius * np.exp(1j * (angle + coupler))
         return Joints(
             complex(self.pivot_a),
             self.pivot_b,
             np.where(closure.closed[1:], pin, np.nan),
             pin + self.links[1] * np.exp(1j * coupler),
-            point,
+            self.body_point(self.start + travel, theta2) if self.mounted else None,
             crank,
             coupler,
             closure.rocker_angle(branch)[1:] + turn,

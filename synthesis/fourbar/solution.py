@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -104,7 +105,7 @@ def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayL
     return linkages
 
 
-def four(lengths: Floats) -> tuple[float, float, float, float]:
+def four(lengths: Iterable[float]) -> tuple[float, float, float, float]:
     """A row of lengths as plain numbers."""
     crank, coupler, rocker, ground = (float(value) for value in lengths)
     return crank, coupler, rocker, ground

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from synthesis.knotter.conditions import Result, in_chunks
 from synthesis.knotter.mechanism import Integers, Mechanism, Vector, as_array
 from synthesis.knotter.segment_triangle import (
     UNIT_ROUNDOFF,
+    Verdict,
     along,
     classify,
     cross,
@@ -39,7 +39,7 @@ APPROACH_STEPS = 60
 """Golden-section steps of the closest approach: from the nodes' distance to below 1e-12 of it."""
 
 
-class Found(IntEnum):
+class Found(Verdict):
     """What a search for a segment's entry into a triangle found; ``sentence`` is what the user reads."""
 
     ENTERS = 0, "the segment first enters through the wanted edge"
@@ -47,15 +47,6 @@ class Found(IntEnum):
     INSIDE_AT_START = 2, "the segment is inside already where the range starts"
     NEVER = 3, "the segment never crosses the triangle in the range"
     ALWAYS_IN_PLANE = 4, "an end of the segment lies in the triangle's plane throughout: it never crosses"
-
-    sentence: str
-
-    def __new__(cls, code: int, sentence: str) -> Found:
-        """The code with its sentence."""
-        member = int.__new__(cls, code)
-        member._value_ = code
-        member.sentence = sentence
-        return member
 
 
 @dataclass(frozen=True)

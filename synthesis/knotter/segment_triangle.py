@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 from fractions import Fraction
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,20 @@ from synthesis.one_variable import Flags, Floats
 UNIT_ROUNDOFF = 2.0**-53
 
 
-class Crossing(IntEnum):
+class Verdict(IntEnum):
+    """Codes with the sentence that the user reads: ``NAME = code, sentence``."""
+
+    sentence: str
+
+    def __new__(cls, code: int, sentence: str) -> Self:
+        """The code with its sentence."""
+        member = int.__new__(cls, code)
+        member._value_ = code
+        member.sentence = sentence
+        return member
+
+
+class Crossing(Verdict):
     """How a segment lies to a triangle; ``sentence`` is what the user reads."""
 
     CROSSES = 0, "the segment crosses the triangle's inside"
@@ -30,15 +43,6 @@ class Crossing(IntEnum):
     PARALLEL = 4, "the segment runs parallel to the plane"
     IN_PLANE = 5, "the segment lies in the plane"
     DEGENERATE = 6, "the triangle has no area"
-
-    sentence: str
-
-    def __new__(cls, code: int, sentence: str) -> Crossing:
-        """The code with its sentence."""
-        member = int.__new__(cls, code)
-        member._value_ = code
-        member.sentence = sentence
-        return member
 
 
 def subtract(a: Vector, b: Vector) -> Vector:

@@ -16,7 +16,6 @@ from synthesis.mechanism import Mechanism
 from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 _SAMPLES = 64
 _STARTS = 24
