@@ -318,7 +318,7 @@ class FourBar:
             return self._motion
         if not self.turns_fully:
             raise FieldError("/motion", "this crank cannot turn fully: give the motion that it is to be shown over")
-        return Target(np.linspace(0.0, TURN, _TURN_STEPS), None, None)
+        return Target(None, None, crank=np.linspace(0.0, TURN, _TURN_STEPS))
 
     def _repr_svg_(self) -> str | None:
         """A drawing, for notebooks."""

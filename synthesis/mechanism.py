@@ -82,6 +82,9 @@ class Chart(Protocol):
     def prepared(self, target: Target) -> Evaluate:
         """The evaluation of candidates over a target's samples, whose crank turns counter-clockwise."""
 
+    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+        """Angles of shapes (n, k) at crank angles (n, N), each candidate's own; the slope's last row is that by theta1."""
+
 
 class Limits(Protocol):
     """What solutions must keep to."""

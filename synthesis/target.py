@@ -82,15 +82,13 @@ class Mean:
 
 
 @dataclass(frozen=True)
-class Target:
-    """A requested motion, in radians and the user's unit of length.
+class Samples:
+    """What a body must do at the samples of a motion, in radians and the user's unit of length.
 
     Attributes
     ----------
-    crank : ndarray, shape (N,)
-        Crank angle from the first sample on; ``crank[0] == 0``, strictly rising or strictly falling (clockwise).
     rotation : ndarray, shape (N,), or None
-        Rotation of the body, taken as continuous as it is given.
+        Rotation of the body.
     position : ndarray of complex, shape (N,), or None
         A point of the body, x + i y.
     length_scale : float
@@ -99,7 +97,6 @@ class Target:
         Weight of each sample, 0 for one that is missing; None: all alike.
     """
 
-    crank: Floats
     rotation: Floats | None
     position: Complexes | None
     length_scale: float = 1.0
@@ -109,7 +106,7 @@ class Target:
     @property
     def samples(self) -> int:
         """How many samples there are."""
-        return self.crank.size
+        return (self.rotation if self.position is None else self.position).shape[-1]  # type: ignore[union-attr]
 
     @cached_property
     def rotation_mean(self) -> Mean:
@@ -126,6 +123,24 @@ class Target:
         """Largest distance of a position from the mean position."""
         assert self.position is not None
         return self.position_mean.reach(self.position)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target(Samples):
+    """A requested motion: samples with the crank angle that belongs to each. Rotations are continuous as they are given.
+
+    Attributes
+    ----------
+    crank : ndarray, shape (N,)
+        Crank angle from the first sample on; ``crank[0] == 0``, strictly rising or strictly falling (clockwise).
+    """
+
+    crank: Floats
+
+    @property
+    def samples(self) -> int:
+        """How many samples there are."""
+        return self.crank.size
 
     @property
     def interval(self) -> Interval:
@@ -227,11 +242,11 @@ def make_target(
     elif length_scale is not None:
         raise FieldError("/length_scale", "weighs positions, but there are none")
     return Target(
-        crank,
         given["rotation"].astype(float) if rotation is not None else None,
         given["position"].astype(complex) if position is not None else None,
         scale,
         *weights,
+        crank=crank,
     )
 
 

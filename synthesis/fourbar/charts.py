@@ -7,6 +7,7 @@ and crank angle at the first sample, over a target's samples.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -94,6 +95,10 @@ class FullCrankChart:
         """The evaluation of candidates over a target's samples."""
         return CouplerAngles(self, target)
 
+    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+        """The evaluation of candidates at crank angles of their own."""
+        return angles_at(self, unknowns, theta1, branch, derivatives)
+
 
 @dataclass(frozen=True)
 class AnyChart:
@@ -130,6 +135,10 @@ class AnyChart:
         """The evaluation of candidates over a target's samples."""
         return CouplerAngles(self, target)
 
+    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+        """The evaluation of candidates at crank angles of their own."""
+        return angles_at(self, unknowns, theta1, branch, derivatives)
+
 
 class CouplerAngles:
     """Coupler angles of candidates over a target's samples, with their derivatives: the fast path of `kinematics`.
@@ -151,35 +160,13 @@ class CouplerAngles:
 
     def __call__(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
         """theta2 at unknowns (n, 4) and branches (n,)."""
-        shape = self.chart.shape(unknowns[:, :3])
-        lengths = shape.lengths[:, :, None]
-        l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
-        side = branch[:, None]
-        half = np.exp(0.5j * unknowns[:, 3:]) * self.half
-        sine, cosine = half.imag, half.real
-        product = 4 * l1 * l4
-        reach = product * (sine * sine)
-        x = shape.x0[:, None] + product * (cosine * cosine)
-        y = shape.y0[:, None] + reach
-        gap = l4 - l1
-        r2 = gap * gap + reach
-        possible = self._closes(shape, unknowns[:, 3], x, y)
-        if possible is not True:
-            x, y, r2 = (np.where(possible[:, None], value, 1.0) for value in (x, y, r2))
-        # theta2 as in `kinematics`, where the two forms of arg(B - D) are explained. 2 L2 r cos(mu) = r^2 + L2^2 - L3^2 and
-        # 2 L2 r sin(mu) = sqrt(X Y): not the last digit of that form, but X and Y are as good as there.
-        small = np.minimum(l1, l4)
-        lag = np.arctan2(np.copysign(2 * small, -gap) * (sine * cosine), np.abs(gap) + 2 * small * (sine * sine))
-        root = np.sqrt(x * y)
-        angle = lag + side * np.arctan2(root, r2 + (l2 - l3) * (l2 + l3))
-        ahead = np.flatnonzero(gap[:, 0] < 0)
-        if ahead.size:
-            angle[ahead] += unknowns[ahead, 3:] + (self.crank - np.pi)
-        phasor = np.empty(angle.shape, dtype=complex)
-        np.cos(angle, out=phasor.real)
-        np.sin(angle, out=phasor.imag)
-        slope = self._slope(shape, half * half, phasor, root, side) if derivatives else None
-        return BodyAngles(angle, phasor, slope, possible)
+        shape, start = self.chart.shape(unknowns[:, :3]), unknowns[:, 3:]
+        half = np.exp(0.5j * start) * self.half
+
+        def closes(x: Floats, y: Floats) -> NDArray[np.bool_] | Literal[True]:
+            return self._closes(shape, start[:, 0], x, y)
+
+        return _angles(shape, start + self.crank, half, branch[:, None], derivatives, closes)
 
     def _closes(self, shape: FourBarShape, start: Floats, x: Floats, y: Floats) -> NDArray[np.bool_] | Literal[True]:
         """Which candidates are of the sheet and close at every sample, and at theta1 = 0 and pi where the interval holds them.
@@ -197,21 +184,74 @@ class CouplerAngles:
             answer = answer & between & np.all((x > 0) & (y > 0), axis=1)
         return answer
 
-    def _slope(self, shape: FourBarShape, turned: Complexes, phasor: Complexes, root: Floats, side: Floats) -> Floats:
-        """d theta2 by the chart's unknowns and theta1', (n, 4, N)."""
-        lengths = shape.lengths[:, :, None]
-        l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
-        rocker = np.conj(l1 * turned + l2 * phasor - l4) / l3
-        cross = turned * rocker
-        by_length = np.empty((len(root), 4, root.shape[1]))
-        by_length[:, 0] = cross.real
-        by_length[:, 1] = (phasor * rocker).real
-        by_length[:, 2] = -1.0
-        np.negative(rocker.real, out=by_length[:, 3])
-        slope = np.empty_like(by_length)
-        np.matmul(shape.jacobian.transpose(0, 2, 1), by_length, out=slope[:, :3])
-        np.multiply(-l1, cross.imag, out=slope[:, 3])
-        # one over L2 sin(theta2 - theta3); bounded, so that a dead position stops a step and not the program
-        lever = -2 * side * l3 / np.maximum(root, 1e-8)
-        slope *= lever[:, None, :]
-        return slope
+
+def angles_at(
+    chart: FullCrankChart | AnyChart, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool
+) -> BodyAngles:
+    """theta2 at crank angles (n, N) of each candidate's own; the slope's last row is that by theta1. See `mechanism.Chart`."""
+    shape = chart.shape(unknowns)
+
+    def closes(x: Floats, y: Floats) -> NDArray[np.bool_] | Literal[True]:
+        answer: NDArray[np.bool_] | Literal[True] = True
+        if chart.sheet:
+            answer = (shape.lengths[:, 0] - shape.lengths[:, 3]) * chart.sheet > 0
+        return answer if chart.always_closes else answer & np.all((x > 0) & (y > 0), axis=1)
+
+    return _angles(shape, theta1, np.exp(0.5j * theta1), branch[:, None], derivatives, closes)
+
+
+def _angles(
+    shape: FourBarShape,
+    theta1: Floats,
+    half: Complexes,
+    side: Floats,
+    derivatives: bool,
+    closes: Callable[[Floats, Floats], NDArray[np.bool_] | Literal[True]],
+) -> BodyAngles:
+    """theta2 of shapes at theta1 (n, N), with half = e^{i theta1 / 2}; ``closes`` says from X and Y who closes."""
+    lengths = shape.lengths[:, :, None]
+    l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
+    sine, cosine = half.imag, half.real
+    product = 4 * l1 * l4
+    reach = product * (sine * sine)
+    x = shape.x0[:, None] + product * (cosine * cosine)
+    y = shape.y0[:, None] + reach
+    gap = l4 - l1
+    r2 = gap * gap + reach
+    possible = closes(x, y)
+    if possible is not True:
+        x, y, r2 = (np.where(possible[:, None], value, 1.0) for value in (x, y, r2))
+    # theta2 as in `kinematics`, where the two forms of arg(B - D) are explained. 2 L2 r cos(mu) = r^2 + L2^2 - L3^2 and
+    # 2 L2 r sin(mu) = sqrt(X Y): not the last digit of that form, but X and Y are as good as there.
+    small = np.minimum(l1, l4)
+    lag = np.arctan2(np.copysign(2 * small, -gap) * (sine * cosine), np.abs(gap) + 2 * small * (sine * sine))
+    root = np.sqrt(x * y)
+    angle = lag + side * np.arctan2(root, r2 + (l2 - l3) * (l2 + l3))
+    ahead = np.flatnonzero(gap[:, 0] < 0)
+    if ahead.size:
+        angle[ahead] += theta1[ahead] - np.pi
+    phasor = np.empty(angle.shape, dtype=complex)
+    np.cos(angle, out=phasor.real)
+    np.sin(angle, out=phasor.imag)
+    slope = _slope(shape, half * half, phasor, root, side) if derivatives else None
+    return BodyAngles(angle, phasor, slope, possible)
+
+
+def _slope(shape: FourBarShape, turned: Complexes, phasor: Complexes, root: Floats, side: Floats) -> Floats:
+    """d theta2 by the chart's unknowns and theta1', (n, 4, N)."""
+    lengths = shape.lengths[:, :, None]
+    l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
+    rocker = np.conj(l1 * turned + l2 * phasor - l4) / l3
+    cross = turned * rocker
+    by_length = np.empty((len(root), 4, root.shape[1]))
+    by_length[:, 0] = cross.real
+    by_length[:, 1] = (phasor * rocker).real
+    by_length[:, 2] = -1.0
+    np.negative(rocker.real, out=by_length[:, 3])
+    slope = np.empty_like(by_length)
+    np.matmul(shape.jacobian.transpose(0, 2, 1), by_length, out=slope[:, :3])
+    np.multiply(-l1, cross.imag, out=slope[:, 3])
+    # one over L2 sin(theta2 - theta3); bounded, so that a dead position stops a step and not the program
+    lever = -2 * side * l3 / np.maximum(root, 1e-8)
+    slope *= lever[:, None, :]
+    return slope

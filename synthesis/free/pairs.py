@@ -1,0 +1,83 @@
+"""Four-bars from pairs of dyads: crank and rocker guide the body by one dyad each, and the crank angles follow."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.free.dyads import Body, Dyads
+from synthesis.target import TURN
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Flags = NDArray[np.bool_]
+
+_SHORTEST = 1e-9
+"""A link below this part of the length scale is none."""
+
+
+class Pairs(NamedTuple):
+    """Four-bars whose first dyad is the crank's; lengths over the length scale."""
+
+    lengths: Floats
+    """(n, 4): crank, coupler, rocker, ground."""
+    branch: Floats
+    """(n,): that of most samples."""
+    one_branch: Flags
+    """(n,): whether all samples lie on it."""
+    angles: Floats
+    """(n, N): theta1 at the samples, in (-pi, pi]."""
+    pose: Complexes
+    """(n, 3): A, z1, z2."""
+    offset: Floats
+    """(n,): of the rotation."""
+
+    def take(self, places: NDArray[np.intp]) -> Pairs:
+        """Some of them."""
+        return Pairs(*(column[places] for column in self))
+
+
+def pairs_of(body: Body, dyads: Dyads) -> Pairs:
+    """All ordered pairs of dyads as four-bars."""
+    count = dyads.radius.size
+    crank, rocker = (index.ravel() for index in np.indices((count, count)))
+    crank, rocker = crank[crank != rocker], rocker[crank != rocker]
+    coupler = dyads.body[rocker] - dyads.body[crank]
+    ground = dyads.fixed[rocker] - dyads.fixed[crank]
+    lengths = np.stack([dyads.radius[crank], np.abs(coupler), dyads.radius[rocker], np.abs(ground)], axis=1)
+    some = np.min(lengths, axis=1) > _SHORTEST
+    crank, rocker, coupler, ground, lengths = (part[some] for part in (crank, rocker, coupler, ground, lengths))
+    pins = body.places(dyads.body)
+    arms = pins - dyads.fixed[:, None]
+    turn = np.angle(ground)
+    angles = np.angle(arms[crank] * np.exp(-1j * turn)[:, None])
+    diagonal = dyads.fixed[rocker, None] - pins[crank]
+    side = (np.conj(diagonal) * (pins[rocker] - pins[crank])).imag
+    branch = np.where(np.sum(side > 0, axis=1) * 2 >= side.shape[1], 1.0, -1.0)
+    offset = turn - np.angle(coupler)
+    pose = np.stack(
+        [dyads.fixed[crank], lengths[:, 0] * np.exp(1j * turn), -dyads.body[crank] * np.exp(1j * offset)], axis=1
+    )
+    return Pairs(lengths, branch, np.all(side * branch[:, None] > 0, axis=1), angles, pose, offset)
+
+
+def in_order(angles: Floats, span_max: float = TURN) -> tuple[Floats, Flags]:
+    """Crank angles (n, N) made continuous in the direction that passes the samples in their order, and which do so.
+
+    Returns
+    -------
+    angles : ndarray, shape (n, N)
+        Rising or falling strictly where the order holds.
+    holds : ndarray of bool, shape (n,)
+        Whether the crank passes the samples one way within ``span_max``.
+    """
+    steps = np.diff(angles, axis=1)
+    ahead = steps % TURN
+    back = -((-steps) % TURN)
+    rising = ahead.sum(axis=1) <= -back.sum(axis=1)
+    way = np.where(rising[:, None], ahead, back)
+    total = np.abs(way.sum(axis=1))
+    straight = np.concatenate([angles[:, :1], angles[:, :1] + np.cumsum(way, axis=1)], axis=1)
+    return straight, np.all(way != 0, axis=1) & (total < min(span_max, TURN) * (1 + 1e-12))
