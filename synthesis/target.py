@@ -132,20 +132,27 @@ class Target(Samples):
     Attributes
     ----------
     crank : ndarray, shape (N,)
-        Crank angle from the first sample on; ``crank[0] == 0``, strictly rising or strictly falling (clockwise).
+        Crank angle from the first sample on; ``crank[0] == 0``, strictly rising or strictly falling (clockwise). Where they
+        were found and not given, the samples may be passed in another order.
+    found : bool
+        Whether the crank angles were found together with a linkage; then crank and rotation may have leading axes, one
+        linkage each.
     """
 
     crank: Floats
+    found: bool = False
 
     @property
     def samples(self) -> int:
         """How many samples there are."""
-        return self.crank.size
+        return self.crank.shape[-1]
 
     @property
     def interval(self) -> Interval:
         """The crank angles that the motion uses, from the first sample."""
-        return Interval(0.0, float(self.crank[-1]))
+        if not self.found:
+            return Interval(0.0, float(self.crank[-1]))
+        return Interval(self.crank.min(axis=-1), self.crank.max(axis=-1))
 
     @property
     def clockwise(self) -> bool:
@@ -212,7 +219,23 @@ def make_target(
     FieldError
         Naming the field and the sample.
     """
-    named = {"rotation": rotation, "position": position, "crank_angle": crank_angle}
+    part, given = read_samples(
+        rotation, position, length_scale, rotation_weights, position_weights, crank_angle=crank_angle
+    )
+    return Target(**part, crank=_crank(crank_span, given.get("crank_angle"), next(iter(given.values())).size))
+
+
+def read_samples(
+    rotation: Floats | None,
+    position: NDArray[np.complex128] | None,
+    length_scale: float | None,
+    rotation_weights: Floats | None,
+    position_weights: Floats | None,
+    least: int = MIN_SAMPLES,
+    **more: Floats | None,
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """The checked fields of `Samples`, and all columns that were given, ``more`` ones included; see `make_target`."""
+    named = {"rotation": rotation, "position": position, **more}
     if position is not None:
         named["position"] = np.asarray(position, dtype=complex)
     given: dict[str, NDArray[Any]] = {
@@ -221,8 +244,8 @@ def make_target(
     if rotation is None and position is None:
         raise FieldError("", "give `rotation`, `position` or both")
     for name, values in given.items():
-        if values.ndim != 1 or not MIN_SAMPLES <= values.size <= MAX_SAMPLES:
-            raise FieldError(f"/{name}", f"wanted {MIN_SAMPLES} to {MAX_SAMPLES} samples, found {values.size}")
+        if values.ndim != 1 or not least <= values.size <= MAX_SAMPLES:
+            raise FieldError(f"/{name}", f"wanted {least} to {MAX_SAMPLES} samples, found {values.size}")
         if not np.all(np.isfinite(values)):
             raise FieldError(f"/{name}/{int(np.argmin(np.isfinite(values)))}", "wanted a finite number")
     if len(sizes := {name: values.size for name, values in given.items()}) > 1 and len(set(sizes.values())) > 1:
@@ -230,24 +253,23 @@ def make_target(
         raise FieldError(f"/{list(sizes)[-1]}", f"wanted the same number of samples everywhere, but {counted}")
     if rotation is not None and np.any(large := np.abs(given["rotation"]) > MAX_ROTATION):
         raise FieldError(f"/rotation/{int(np.argmax(large))}", f"wanted at most {MAX_ROTATION:g} radians either way")
-    samples = next(iter(given.values())).size
-    crank = _crank(crank_span, given.get("crank_angle"), samples)
-    weights = [
-        _weights("rotation", given, rotation_weights),
-        _weights("position", given, position_weights),
-    ]
+    weights = {
+        f"{name}_weights": _weights(name, given, values)
+        for name, values in (("rotation", rotation_weights), ("position", position_weights))
+    }
     scale = 1.0
     if position is not None:
-        scale = _length_scale(given["position"], Mean(samples, weights[1]), length_scale)
+        mean = Mean(given["position"].size, weights["position_weights"])
+        scale = _length_scale(given["position"], mean, length_scale)
     elif length_scale is not None:
         raise FieldError("/length_scale", "weighs positions, but there are none")
-    return Target(
-        given["rotation"].astype(float) if rotation is not None else None,
-        given["position"].astype(complex) if position is not None else None,
-        scale,
-        *weights,
-        crank=crank,
-    )
+    part = {
+        "rotation": given["rotation"].astype(float) if rotation is not None else None,
+        "position": given["position"].astype(complex) if position is not None else None,
+        "length_scale": scale,
+        **weights,
+    }
+    return part, given
 
 
 def _weights(name: str, given: dict[str, Any], weights: Floats | None) -> Floats | None:

@@ -18,6 +18,19 @@ Floats = NDArray[np.float64]
 FAMILIES = ("full_crank", "crank_rocker", "double_crank", "any")
 
 
+def in_family(family: str, lengths: Floats) -> NDArray[np.bool_]:
+    """Which linkages (n, 4) are of one of `FAMILIES`, whatever their interval, shape (n,)."""
+    a, b, c = grashof_excesses(lengths)
+    crank_rocker = (a > 0) & (b > 0) & (c > 0)
+    double_crank = (a < 0) & (b < 0) & (c > 0)
+    return {
+        "full_crank": crank_rocker | double_crank,
+        "crank_rocker": crank_rocker,
+        "double_crank": double_crank,
+        "any": np.ones(len(lengths), dtype=bool),
+    }[family]
+
+
 @dataclass(frozen=True)
 class Limits:
     """Limits of a request; angles in radians, lengths in the user's unit (without positions: the ground is 1).
@@ -113,14 +126,7 @@ class Limits:
         """Whether linkages are of the family that is asked for, and close over the whole used interval, shape (n,)."""
         if self.family == "any":
             return transmission_angle_over(lengths, target.interval.after(start)) > 0
-        a, b, c = grashof_excesses(lengths)
-        crank_rocker = (a > 0) & (b > 0) & (c > 0)
-        double_crank = (a < 0) & (b < 0) & (c > 0)
-        return {
-            "full_crank": crank_rocker | double_crank,
-            "crank_rocker": crank_rocker,
-            "double_crank": double_crank,
-        }[self.family]
+        return in_family(self.family, lengths)
 
     def kept_by(
         self, target: Target, lengths: Floats, start: Floats, pivots: Sequence[NDArray[np.complex128]]

@@ -250,6 +250,7 @@ def refine(
     work: Work | None = None,
     damping: float = 1e-3,
     stall: float = 1e-9,
+    all_of_them: bool = False,
 ) -> Refined:
     """Levenberg-Marquardt over shape, pose and all crank angles of many candidates.
 
@@ -267,6 +268,8 @@ def refine(
         Of the first step, relative to the squares of the derivatives.
     stall : float
         A step that lowers the cost by a smaller part than this is a candidate's last one.
+    all_of_them : bool
+        Stop only when J of every candidate is below the tolerance.
 
     Returns
     -------
@@ -279,9 +282,10 @@ def refine(
     rows = problem.evaluate(timed, body)
     cost, stack, turn = rows
     damped, growth = np.full(len(cost), damping), np.full(len(cost), 2.0)
-    active = np.flatnonzero(np.isfinite(cost))
+    done = max(1e-30, tolerance**2 if all_of_them else 0.0)
+    active = np.flatnonzero(np.isfinite(cost) & (cost >= done))
     for _ in range(iterations):
-        if not active.size or cost.min() <= tolerance**2 or work.expired():
+        if not active.size or work.expired() or (not all_of_them and cost.min() <= tolerance**2):
             break
         here = timed.take(active)
         system = _damped(stack[active], turn[active], damped[active], problem.size)
@@ -305,7 +309,7 @@ def refine(
         growth[took] = 2.0
         damped[refused] *= growth[refused]
         growth[refused] *= 2
-        finished = (better & (decrease < stall * before)) | (damped[active] > 1e10) | (cost[active] < 1e-30)
+        finished = (better & (decrease < stall * before)) | (damped[active] > 1e10) | (cost[active] < done)
         active = active[~finished]
     return Refined(timed, cost)
 

@@ -81,3 +81,20 @@ def in_order(angles: Floats, span_max: float = TURN) -> tuple[Floats, Flags]:
     total = np.abs(way.sum(axis=1))
     straight = np.concatenate([angles[:, :1], angles[:, :1] + np.cumsum(way, axis=1)], axis=1)
     return straight, np.all(way != 0, axis=1) & (total < min(span_max, TURN) * (1 + 1e-12))
+
+
+def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
+    """Crank angles (n, N) near the given ones that rise or fall strictly within the span: starting points for noisy samples.
+
+    Neighbours are taken to be less than half a turn apart, and an angle that steps back is put just after its neighbour.
+    """
+    steps = np.diff(angles, axis=1)
+    steps -= TURN * np.round(steps / TURN)
+    way = np.where(steps.sum(axis=1, keepdims=True) >= 0, 1.0, -1.0)
+    along = np.concatenate([np.zeros((len(angles), 1)), np.cumsum(way * steps, axis=1)], axis=1)
+    total = np.maximum(along[:, -1:], 1e-3)
+    least = 0.05 * total / steps.shape[1]
+    rank = np.arange(angles.shape[1])
+    along = np.maximum.accumulate(along - least * rank, axis=1) + least * rank
+    along *= np.minimum(1.0, 0.98 * min(span_max, TURN) / (along[:, -1:] - along[:, :1]))
+    return angles[:, :1] + way * along
