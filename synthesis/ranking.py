@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol, TypeVar
@@ -108,11 +108,15 @@ def _rms_and_max(values: NDArray[Any], mean: Mean) -> list[Any]:
     return list(zip(rms.tolist(), largest.tolist()))
 
 
-def distinct(answers: Sequence[A], top: int, apart: float = SAME) -> list[A]:
+def _objective(answer: Answer) -> Any:
+    return answer.errors.objective
+
+
+def distinct(answers: Sequence[A], top: int, apart: float = SAME, order: Callable[[A], Any] = _objective) -> list[A]:
     """The best ``top`` that differ from one another by more than ``apart``, by objective; ties keep their order."""
     kept: list[A] = []
     identities = np.empty((0, 0))
-    for answer in sorted(answers, key=lambda one: one.errors.objective):
+    for answer in sorted(answers, key=order):
         if len(kept) == top:
             break
         mine = answer.identity

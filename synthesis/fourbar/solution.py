@@ -41,6 +41,8 @@ class Solution:
         Over the whole turn; None where the crank does not turn fully.
     row : int or None
         Atlas row, for solutions that are a row as it is.
+    crank : ndarray, shape (N,), or None
+        Crank angles at the samples from the first one, where they were found with the linkage; None where they were given.
     """
 
     linkage: Linkage
@@ -49,6 +51,7 @@ class Solution:
     transmission_angle_min: float
     transmission_angle_min_turn: float | None
     row: int | None = None
+    crank: Floats | None = None
 
     @property
     def identity(self) -> Floats:
@@ -66,7 +69,7 @@ class Solution:
 
     def mirrored(self) -> Solution:
         """The linkage in a mirror, for the mirrored target; its errors are the same."""
-        return replace(self, linkage=self.linkage.mirrored())
+        return replace(self, linkage=self.linkage.mirrored(), crank=None if self.crank is None else -self.crank)
 
 
 def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayLike) -> list[Linkage]:

@@ -87,7 +87,8 @@ def linear_dyads(body: Body) -> Dyads:
     rows *= np.minimum(body.position_root, body.rotation_root)[:, None]
     scale = np.sqrt(np.sum(rows**2, axis=0))
     scale = np.where(scale > 0, scale, 1.0)
-    span = np.linalg.svd(rows / scale)[2][-3:].T @ _ROTATION / scale[:, None]
+    square: Any = np.linalg.qr(np.concatenate([rows / scale, np.zeros((8, 8))]), mode="r")
+    span = np.linalg.svd(square)[2][-3:].T @ _ROTATION / scale[:, None]
     span /= np.linalg.norm(span)
     found = span @ _common_points(np.einsum("ai,qab,bj->qij", span, _QUADRICS, span)).T
     q0, m, c = found[0], found[2] + 1j * found[3], found[4] + 1j * found[5]

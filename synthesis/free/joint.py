@@ -146,7 +146,8 @@ class JointProblem:
 
     def _turned(self, timed: Timed, body: BodyAngles) -> Floats:
         """gamma - offset - theta2 within half a turn, (n, N)."""
-        gap = self.rotation - timed.offset[:, None] - body.angle
+        assert self.rotation is not None
+        gap: Floats = self.rotation - timed.offset[:, None] - body.angle
         return gap - TURN * np.round(gap / TURN)
 
     # -- rows -------------------------------------------------------------------------------------------------------
@@ -347,7 +348,8 @@ def _step(system: _System) -> tuple[Floats, Floats]:
 def _back(system: _System, step: Floats, residual: Floats) -> Floats:
     """The angles' part of a step, from the common unknowns' part."""
     left = residual + np.einsum("nkrc,nc->nkr", system.stack[..., :-1], step)
-    return -np.einsum("nkr,nkr->nk", system.turn, left) / system.inner
+    along: Floats = np.einsum("nkr,nkr->nk", system.turn, left)
+    return -along / system.inner
 
 
 def _upper_solve(upper: Floats, right: Floats) -> Floats:

@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 FEW = 4
 """Up to so many poses infinitely many dyads fit exactly."""
-_FEW_DYADS, _FEW_BATCHES = 90, 12
+_FEW_DYADS, _FEW_BATCHES = 60, 20
 _ENOUGH = 60
 """Exact candidates that are enough of a choice."""
 
@@ -46,7 +46,8 @@ class Round(NamedTuple):
 ROUNDS = (
     Round(150, 15, "pairs of dyads that each fit alone: most fall into few valleys"),
     Round(40, 40, "the best valleys"),
-    Round(12, 150, "narrow ones, to their end"),
+    Round(12, 150, "narrow ones"),
+    Round(4, 1000, "what still falls, to its end"),
 )
 _SETTLED, _EXACT_BELOW = 1e-3, 1e-4
 """Two rounds whose best J agree to the first part end the search; not below the second, where an exact answer may lie at the

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +34,10 @@ class Pairs(NamedTuple):
     offset: Floats
     """(n,): of the rotation."""
 
-    def take(self, places: NDArray[np.intp]) -> Pairs:
+    def take(self, places: Any) -> Pairs:
         """Some of them."""
-        return Pairs(*(column[places] for column in self))
+        columns: Any = (column[places] for column in self)
+        return Pairs(*columns)
 
 
 def pairs_of(body: Body, dyads: Dyads) -> Pairs:

@@ -1,0 +1,123 @@
+"""From candidates with crank angles to four-bars with actual lengths: within the limits, different from one another, ranked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.fourbar.charts import FullCrankChart
+from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.solution import Solution, assess
+from synthesis.free.pool import Pool
+from synthesis.free.poses import Poses
+from synthesis.ranking import APART, distinct
+from synthesis.target import TURN, Target
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+_TRANSMISSION_STEP = np.deg2rad(5.0)
+"""Exact answers whose transmission angles differ by less are ranked by how compact they are."""
+
+
+class _Mounted:
+    """Candidates in the user's unit of length."""
+
+    def __init__(self, poses: Poses, pool: Pool) -> None:
+        timed = pool.timed
+        self.poses, self.branch, self.cost = poses, timed.branch, pool.cost
+        a, z1, z2 = timed.pose.T
+        lengths = FullCrankChart().shape(timed.shape).lengths
+        scale = poses.length_scale
+        self.links = lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None]
+        self.pivot, self.turn, self.coupler = poses.middle + scale * a, np.angle(z1), scale * z2
+        self.start = timed.angles[:, 0]
+        self.crank = timed.angles - self.start[:, None]
+        self.offset = timed.offset
+
+    def take(self, places: Any) -> _Mounted:
+        """Some of them."""
+        part = object.__new__(_Mounted)
+        part.poses = self.poses
+        for name in ("branch", "cost", "links", "pivot", "turn", "coupler", "start", "crank", "offset"):
+            setattr(part, name, getattr(self, name)[places])
+        return part
+
+    @property
+    def pivots(self) -> list[Complexes]:
+        """Pivots A and B."""
+        return FOURBAR.pivots(self.links, self.pivot, self.turn)
+
+    @property
+    def target(self) -> Target:
+        """The request with the crank angles of each."""
+        rotation = None
+        if self.poses.rotation is not None:
+            rotation = coupler_angle(self.links, self.branch, self.start[:, None] + self.crank) + self.offset[:, None]
+        return self.poses.timed(self.crank, rotation)
+
+    def order(self, tolerance: float) -> NDArray[np.intp]:
+        """Places, best first: by J; of exact ones by transmission angle, and then the most compact first."""
+        objective = np.sqrt(self.cost)
+        rest = np.where(objective < tolerance, 0.0, objective)
+        used = self.poses.timed(self.crank, self.poses.rotation).interval.after(self.start)
+        transmission = np.nan_to_num(transmission_angle_over(self.links, used))
+        middle, scale = self.poses.middle, self.poses.length_scale
+        far = np.max(np.abs(np.array(self.pivots) - middle), axis=0) / scale
+        size = np.maximum(self.links.max(axis=1) / self.links.min(axis=1), far)
+        return np.lexsort((size, -np.floor(transmission / _TRANSMISSION_STEP), rest))
+
+    def solutions(self) -> list[Solution]:
+        """Them with errors, recomputed from their own numbers."""
+        linkages = FOURBAR.posed(self.links, self.branch, self.start, (self.pivot, self.turn, self.coupler))
+        found = assess(self.target, linkages)
+        return [
+            replace(one, crank=crank.copy(), linkage=_offset_wrapped(one)) for one, crank in zip(found, self.crank)
+        ]
+
+
+def _offset_wrapped(solution: Solution) -> Any:
+    offset = solution.linkage.body_offset
+    return solution.linkage if offset is None else replace(solution.linkage, body_offset=wrap(offset))
+
+
+def solutions_of(poses: Poses, pool: Pool, limits: Limits, top: int, tolerance: float) -> list[Solution]:
+    """The best four-bars of a pool.
+
+    Parameters
+    ----------
+    poses : Poses
+    pool : Pool
+        Of full-crank four-bars.
+    limits : Limits
+    top : int
+        At most so many.
+    tolerance : float
+        Below it J tells nothing: such answers are ranked by transmission angle and size.
+
+    Returns
+    -------
+    list of Solution
+        Within the limits, with their crank angles; no two within 1 % of each other in all their numbers.
+    """
+    if not pool.cost.size:
+        return []
+    every = _Mounted(poses, pool.take(np.isfinite(pool.cost)))
+    target = every.target
+    kept = limits.kept_by(target, every.links, every.start, every.pivots)
+    kept &= np.all(np.isfinite(every.links) & (every.links > 0), axis=1)
+    every = every.take(np.flatnonzero(kept))
+    ranked = every.take(every.order(tolerance)[: 8 * top + 20])
+    found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
+    place = {id(one): rank for rank, one in enumerate(found)}
+    return distinct(found, top, APART, order=lambda one: place[id(one)])
+
+
+def in_turn(crank: Floats, ordered: bool) -> Floats:
+    """Crank angles as a reply gives them: one way where the order counts, otherwise in [0, a turn)."""
+    return crank if ordered else crank % TURN
