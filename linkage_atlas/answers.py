@@ -78,7 +78,13 @@ class Solution:
     sensitivity : Sensitivity or None
         Change of the motion per unit of each length, if asked for.
     rounded : Rounded or None
-        With links on a grid, if asked for and if that closes.
+        With links on a grid, if asked for and if that closes; crank angles that were found are held.
+    crank_angle : ndarray, shape (N,), or None
+        Crank angles at the samples from the first one, where they were free.
+    within_tolerance : bool or None
+        Whether every sample keeps the tolerances; None where there are none.
+    worst_sample : int or None
+        The sample (from 0) whose error is largest beside its tolerance.
     """
 
     rank: int
@@ -92,6 +98,9 @@ class Solution:
     type: AtlasType | None
     sensitivity: Sensitivity | None
     rounded: Rounded | None
+    crank_angle: Floats | None = None
+    within_tolerance: bool | None = None
+    worst_sample: int | None = None
     asked_to_round: bool = field(default=False, repr=False)
 
     @property
@@ -109,6 +118,7 @@ class Solution:
             "source": self.source,
             "type": None if self.type is None else asdict(self.type),
             **self.linkage.to_dict(),
+            "crank_angle": _listed(self.crank_angle),
             "errors": asdict(self.errors),
             "family": self.family,
             "transmission_angle_min": self.transmission_angle_min,

@@ -3,37 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import cache
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import (
-    Features,
-    Match,
-    Matches,
-    MatchReport,
-    Report,
-    Result,
-    Rounded,
-    Solution,
-)
+from linkage_atlas.answers import Features, Match, Matches, MatchReport, Report, Result
 from linkage_atlas.atlases import Atlas
+from linkage_atlas.finish import finished, read_tolerances, status_of
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, number, read_limits
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
+from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as answers
-from synthesis.fourbar.determination import Sensitivity, determinations, sensitivities
 from synthesis.fourbar.kinematics import principal
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.fourbar.rounding import round_solution
-from synthesis.ranking import Errors, Status
+from synthesis.free.poses import Poses
+from synthesis.free.search import search_free
+from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
@@ -56,6 +48,12 @@ def synthesize(
     crank_span: float | None = None,
     *,
     crank_angle: ArrayLike | None = None,
+    timing: Literal["free"] | None = None,
+    order: Literal["given", "any"] = "given",
+    closed: bool = False,
+    crank_span_max: float | None = None,
+    weights: Mapping[str, ArrayLike] | None = None,
+    tolerances: Mapping[str, ArrayLike] | None = None,
     degrees: bool = True,
     limits: Mapping[str, Any] | None = None,
     top: int = 10,
@@ -73,13 +71,28 @@ def synthesize(
     Parameters
     ----------
     rotation : array_like, shape (N,), optional
-        Rotation of the body at the samples, continuous: no jumps by whole turns.
+        Rotation of the body at the samples, continuous: no jumps by whole turns (where the crank angles are free, whole
+        turns do not count). None or NaN: missing there.
     position : array_like, shape (N, 2), or complex, shape (N,), optional
-        A point of the body at the samples, in any unit. At least one of the two is needed; 3 to 1,024 samples.
+        A point of the body at the samples, in any unit. At least one of the two is needed; 3 to 1,024 samples (2 with free
+        crank angles). None or NaN: missing there.
     crank_span : float, optional
         Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
     crank_angle : array_like, shape (N,), optional
         Crank angles in place of ``crank_span``; what counts is the increment from the first.
+    timing : {"free"}, optional
+        In place of both: the crank angles are unknown, and each solution has its own.
+    order : {"given", "any"}
+        With free crank angles: whether the crank must pass the samples in the order given, turning one way, either way.
+    closed : bool
+        With free crank angles: whether the way leads from the last sample on to the first.
+    crank_span_max : float, optional
+        With free crank angles: the crank turns by no more than this from the first sample to the last.
+    weights : mapping, optional
+        ``rotation`` and ``position``, (N,) each, at least 0: what each sample counts. Default: all alike.
+    tolerances : mapping, optional
+        ``rotation`` and ``position``, a number or (N,) each: the largest errors allowed. The status is then "reached" when
+        every sample is inside, and solutions that keep them come first.
     degrees : bool
         Unit of every angle in and out; False: radians.
     limits : mapping, optional
@@ -122,6 +135,8 @@ def synthesize(
     """
     if effort not in ("refine", "atlas"):
         raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
+    if effort == "atlas" and timing is not None:
+        raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     if effort == "atlas" and atlas is None:
         raise FieldError("/atlas", "effort 'atlas' needs one: linkage_atlas.load_atlas(path)")
     _check_top(top)
@@ -130,46 +145,80 @@ def synthesize(
     # made once, by whoever asks first: no part of this request's time
     prepared = atlas.scan if effort == "atlas" and atlas is not None else seed_tables()
     watch = work(budget)
-    motion = Motion.of(rotation, position, crank_span, crank_angle, length_scale, degrees)
-    target, notes = motion.target, motion.notes()
-    kept = read_limits(limits, motion)
-    if round_to is not None and target.position is None:
+    motion = Motion.of(
+        rotation,
+        position,
+        crank_span,
+        crank_angle,
+        length_scale,
+        degrees,
+        timing=timing,
+        order=order,
+        closed=closed,
+        weights=weights,
+        crank_span_max=crank_span_max,
+    )
+    notes, kept = motion.notes(), read_limits(limits, motion)
+    allowed = read_tolerances(tolerances, motion)
+    if round_to is not None and motion.samples.position is None:
         raise FieldError("/round_to", "needs `position`: without it no length is actual")
-    if isinstance(prepared, SeedTables):
-        found, went = search(prepared, target, kept, top, tolerance, watch)
-        searched, trace, stopped_by = watch.elapsed, went.trace, went.stopped_by.value
-        stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
-        counts: dict[str, Any] = {"seeds": went.seeds, "windows": None, "exhaustive": None}
-    else:
-        found, scanned = best_rows(prepared, target, kept, top, watch)
-        searched = watch.elapsed
-        trace = [(searched, found[0].errors.objective)] if found else []
-        reached = Status.of(found, tolerance) is Status.REACHED
-        stopped_by = "tolerance" if reached else ("converged" if scanned.exhaustive else "budget")
-        stages = {"screen": searched}
-        counts = {"seeds": None, "windows": scanned.windows, "exhaustive": scanned.exhaustive}
-    solutions = _finished(found, motion, tolerance, round_to, sensitivity, atlas)
+    found, went = _searched(motion, kept, top, tolerance, watch, prepared)
+    searched = watch.elapsed
+    solutions = finished(found, motion, tolerance, allowed, round_to, sensitivity, atlas)
     if solutions and solutions[0].determination.ill_posed:
         notes.append(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
             "see `determination` of each solution"
         )
-    if not solutions and stopped_by == "budget":
+    if not solutions and went.stopped_by == "budget":
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     total = watch.elapsed
-    stages |= {"report": total - searched, "total": total}
     return Result(
-        Status.of(found, tolerance).value,
+        status_of(solutions, tolerance, allowed),
         solutions,
         Report(
-            elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
-            trace=[(1000 * seconds, objective) for seconds, objective in trace],
-            stopped_by=stopped_by,
-            length_scale=None if target.position is None else target.length_scale,
+            elapsed_ms={
+                name: 1000 * seconds
+                for name, seconds in (went.stages | {"report": total - searched, "total": total}).items()
+            },
+            trace=[(1000 * seconds, objective) for seconds, objective in went.trace],
+            stopped_by=went.stopped_by,
+            length_scale=None if motion.samples.position is None else motion.samples.length_scale,
             notes=notes,
-            **counts,
+            **went.counts,
         ),
     )
+
+
+class _Went(NamedTuple):
+    """How a search went, whichever it was."""
+
+    stages: dict[str, float]
+    """Seconds."""
+    trace: list[tuple[float, float]]
+    stopped_by: str
+    counts: dict[str, Any]
+
+
+def _searched(
+    motion: Motion, limits: Limits, top: int, tolerance: float, work: Work, prepared: SeedTables | Scan
+) -> tuple[list[answers.Solution], _Went]:
+    """The best linkages: by the search with free crank angles, by the search with given ones, or from the atlas."""
+    counts: dict[str, Any] = {"seeds": None, "windows": None, "exhaustive": None}
+    if isinstance(prepared, SeedTables):
+        if isinstance(motion.samples, Poses):
+            found, went = search_free(motion.samples, limits, top, tolerance, work)
+        else:
+            found, went = search(prepared, motion.target, limits, top, tolerance, work)
+        stages = {"screen": went.screen_seconds, "refine": work.elapsed - went.screen_seconds}
+        return found, _Went(stages, went.trace, went.stopped_by.value, counts | {"seeds": went.seeds})
+    found, scanned = best_rows(prepared, motion.target, limits, top, work)
+    searched = work.elapsed
+    trace = [(searched, found[0].errors.objective)] if found else []
+    reached = Status.of(found, tolerance) is Status.REACHED
+    stopped_by = "tolerance" if reached else ("converged" if scanned.exhaustive else "budget")
+    counts |= {"windows": scanned.windows, "exhaustive": scanned.exhaustive}
+    return found, _Went({"screen": searched}, trace, stopped_by, counts)
 
 
 def _check_top(top: int) -> None:
@@ -181,63 +230,6 @@ def _check_above_zero(**values: float | None) -> None:
     for name, value in values.items():
         if value is not None and not number(name, value) > 0:
             raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
-
-
-def _finished(
-    found: list[answers.Solution],
-    motion: Motion,
-    tolerance: float,
-    round_to: float | None,
-    sensitivity: bool,
-    atlas: Atlas | None,
-) -> list[Solution]:
-    """Solutions in the user's unit, with how well they are determined and what else was asked for."""
-    target, radian = motion.target, motion.radian
-    linkages: list[Linkage] = [one.linkage for one in found]
-    fixed = determinations(target, linkages, [max(one.errors.objective, tolerance) for one in found])
-    changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
-    solutions = []
-    for rank, (one, determined, change) in enumerate(zip(found, fixed, changes), 1):
-        turn = one.transmission_angle_min_turn
-        rounded = None if round_to is None else round_solution(target, one, round_to)
-        if change is not None and change.rotation is not None:
-            change = Sensitivity(change.rotation / radian, change.position)
-        solutions.append(
-            Solution(
-                rank=rank,
-                linkage=FourBar.of(one.linkage, motion),
-                errors=_in_unit(one.errors, radian),
-                family=one.family.value,
-                transmission_angle_min=one.transmission_angle_min / radian,
-                transmission_angle_min_turn=None if turn is None else turn / radian,
-                condition=determined.condition,
-                determination=determined,
-                type=None if one.row is None or atlas is None else atlas.type_of(one.row),
-                sensitivity=change,
-                rounded=None if rounded is None else _rounded(rounded, motion),
-                asked_to_round=round_to is not None,
-            )
-        )
-    return solutions
-
-
-def _in_unit(errors: Errors, radian: float) -> Errors:
-    """Errors with their rotations in a user's unit of angle."""
-    rms, largest = errors.rotation_rms, errors.rotation_max
-    return replace(
-        errors,
-        rotation_rms=None if rms is None else rms / radian,
-        rotation_max=None if largest is None else largest / radian,
-    )
-
-
-def _rounded(solution: answers.Solution, motion: Motion) -> Rounded:
-    """A rounded solution in the motion's unit."""
-    return Rounded(
-        FourBar.of(solution.linkage, motion),
-        _in_unit(solution.errors, motion.radian),
-        solution.transmission_angle_min / motion.radian,
-    )
 
 
 def match(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.linkage import Linkage
+from synthesis.free.poses import Poses, make_poses
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
 __all__ = [
@@ -40,12 +42,12 @@ class Motion:
 
     Attributes
     ----------
-    target : Target
-        The same in radians.
+    samples : Target or Poses
+        The same in radians: with its crank angles, or with free ones.
     degrees : bool
     """
 
-    target: Target
+    samples: Target | Poses
     degrees: bool = True
 
     @classmethod
@@ -57,6 +59,12 @@ class Motion:
         crank_angle: ArrayLike | None = None,
         length_scale: float | None = None,
         degrees: bool = True,
+        *,
+        timing: str | None = None,
+        order: str = "given",
+        closed: bool = False,
+        weights: Mapping[str, ArrayLike] | None = None,
+        crank_span_max: float | None = None,
     ) -> Motion:
         """The motion of a request; see `linkage_atlas.synthesize` for what the arguments mean.
 
@@ -66,17 +74,65 @@ class Motion:
             Naming the argument and the sample.
         """
         radian = radians_in(degrees)
+        weights = dict(weights or {})
+        if unknown := weights.keys() - {"rotation", "position"}:
+            raise FieldError(f"/weights/{min(unknown)}", "there are weights of rotation and position only")
         with np.errstate(over="ignore"):
-            return cls(
-                make_target(
-                    None if rotation is None else _numbers("rotation", rotation) * radian,
-                    None if position is None else _points(position),
-                    None if crank_span is None else number("crank_span", crank_span) * radian,
-                    None if crank_angle is None else _numbers("crank_angle", crank_angle) * radian,
-                    None if length_scale is None else number("length_scale", length_scale),
-                ),
-                degrees,
+            turns, turn_weights = _present(
+                "rotation", None if rotation is None else column("rotation", rotation), weights
             )
+            points, point_weights = _present("position", None if position is None else _points(position), weights)
+            part: dict[str, Any] = {
+                "rotation": None if turns is None else turns * radian,
+                "position": points,
+                "length_scale": None if length_scale is None else number("length_scale", length_scale),
+                "rotation_weights": turn_weights,
+                "position_weights": point_weights,
+            }
+            span = None if crank_span is None else number("crank_span", crank_span) * radian
+            angles = None if crank_angle is None else column("crank_angle", crank_angle) * radian
+            if timing is None:
+                _check_timed(order, closed, crank_span_max)
+                return cls(make_target(**part, crank_span=span, crank_angle=angles), degrees)
+            if timing != "free":
+                raise FieldError("/timing", f"wanted 'free' or nothing, found {timing!r}")
+            if span is not None or angles is not None:
+                given = "crank_span" if angles is None else "crank_angle"
+                raise FieldError(f"/{given}", "the crank angles are free: give either this or `timing`")
+            if order not in ("given", "any"):
+                raise FieldError("/order", f"wanted 'given' or 'any', found {order!r}")
+            most = None if crank_span_max is None else number("crank_span_max", crank_span_max) * radian
+            return cls(make_poses(**part, ordered=order == "given", closed=closed, span_max=most), degrees)
+
+    @property
+    def free(self) -> bool:
+        """Whether the crank angles are unknown."""
+        return isinstance(self.samples, Poses)
+
+    @property
+    def target(self) -> Target:
+        """The motion with its crank angles; an error where they are free."""
+        if isinstance(self.samples, Target):
+            return self.samples
+        raise FieldError("/timing", "the crank angles are free: only a solution has them")
+
+    def with_angles(self, linkages: Sequence[Linkage], cranks: Sequence[Any]) -> Target:
+        """The motion with crank angles (N,) that were found, one set a linkage; as it is where they were given."""
+        if isinstance(self.samples, Target):
+            return self.samples
+        crank = np.stack(list(cranks))
+        turns = None
+        if self.samples.rotation is not None:
+            turns = np.stack([one.joints(angles).rotation for one, angles in zip(linkages, crank)])
+        return self.samples.timed(crank, turns)
+
+    def of_solution(self, linkage: Linkage, crank: Any) -> Motion:
+        """The motion with the crank angles that one solution found."""
+        if isinstance(self.samples, Target):
+            return self
+        whole = self.with_angles([linkage], [crank])
+        rotation = None if whole.rotation is None else whole.rotation[0]
+        return Motion(replace(whole, crank=whole.crank[0], rotation=rotation), self.degrees)
 
     @property
     def radian(self) -> float:
@@ -85,9 +141,9 @@ class Motion:
 
     def notes(self) -> list[str]:
         """What a user should know about a rotation that looks wrapped."""
-        if self.target.rotation is None:
+        if self.free or self.samples.rotation is None:
             return []
-        jump = np.abs(np.diff(self.target.rotation))
+        jump = np.abs(np.diff(self.samples.rotation))
         if jump.max() <= np.pi:
             return []
         place = int(np.argmax(jump))
@@ -109,17 +165,48 @@ def number(field: str, value: Any, least: float = -np.inf) -> float:
     return found
 
 
-def _numbers(name: str, values: ArrayLike) -> Any:
+def column(name: str, values: ArrayLike) -> Any:
+    """Values as an array of numbers, or a FieldError that names the argument."""
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise FieldError(f"/{name}", "wanted numbers") from None
 
 
+def _present(name: str, values: Any, weights: Mapping[str, ArrayLike]) -> tuple[Any, Any]:
+    """A column and its weights: a missing entry (NaN) has weight 0, and a value between its neighbours that nobody reads."""
+    own = weights.get(name)
+    given = None if own is None else column(f"weights/{name}", own)
+    if values is None or values.ndim != 1 or not np.isnan(values).any():
+        return values, given
+    present = ~np.isnan(values)
+    if not present.any():
+        raise FieldError(f"/{name}", "wanted at least one entry that is not null")
+    if given is None:
+        given = np.ones(values.size)
+    if given.shape == values.shape:
+        given = np.where(present, given, 0.0)
+    place = np.arange(values.size)
+    return np.interp(place, place[present], values[present]), given
+
+
+def _check_timed(order: str, closed: bool, crank_span_max: float | None) -> None:
+    """FieldError for what only free crank angles can have."""
+    for name, asked in (
+        ("order", order != "given"),
+        ("closed", closed),
+        ("crank_span_max", crank_span_max is not None),
+    ):
+        if asked:
+            raise FieldError(f"/{name}", "needs `timing` 'free': here the crank angles are given")
+
+
 def _points(position: ArrayLike) -> Any:
+    if isinstance(position, (list, tuple)) and any(point is None for point in position):
+        position = [(np.nan, np.nan) if point is None else point for point in position]
     points = np.asarray(position)
     if not np.iscomplexobj(points):
-        points = _numbers("position", position)
+        points = column("position", position)
         if points.ndim != 2 or points.shape[1] != 2:
             raise FieldError("/position", f"wanted shape (N, 2), found {points.shape}")
         # not x + 1j y: with an infinite y that would make x a NaN
@@ -140,10 +227,10 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
     if "transmission_angle_min" in given:
         given["transmission_angle_min"] *= motion.radian
     if "pivot_box" in given:
-        box = _numbers("limits/pivot_box", given["pivot_box"])
+        box = column("limits/pivot_box", given["pivot_box"])
         if box.shape != (4,):
             raise FieldError("/limits/pivot_box", f"wanted [xmin, ymin, xmax, ymax], found {box.size} numbers")
         given["pivot_box"] = tuple(box.tolist())
     checked = Limits(**given)
-    checked.check_against(motion.target)
+    checked.check_against(motion.samples)
     return checked

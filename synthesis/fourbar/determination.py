@@ -149,9 +149,24 @@ def _derivative_matrix(target: Target, linkages: list[Linkage]) -> tuple[Floats,
     else:
         assert turn is not None
         matrix = turn
+    if target.found:
+        matrix = _angles_eliminated(matrix, samples, free)
     if (missing := matrix.shape[2] - matrix.shape[1]) > 0:
         matrix = np.concatenate([matrix, np.zeros((count, missing, matrix.shape[2]))], axis=1)
     return np.nan_to_num(matrix, posinf=0.0, neginf=0.0), free
+
+
+def _angles_eliminated(matrix: Floats, samples: int, start: int) -> Floats:
+    """The matrix where each sample has a crank angle of its own: what that angle can make up is projected out, sample by sample.
+
+    The column ``start`` holds each sample's derivative by its own crank angle; it goes.
+    """
+    rows = matrix.reshape(len(matrix), -1, samples, matrix.shape[2])
+    turn = rows[..., start]
+    square = np.einsum("nrk,nrk->nk", turn, turn)
+    along = np.einsum("nrk,nrkc->nkc", turn, rows) / np.where(square > 0, square, 1.0)[..., None]
+    rest = rows - turn[..., None] * along[:, None]
+    return np.delete(rest, start, axis=3).reshape(len(matrix), -1, matrix.shape[2] - 1)
 
 
 def _rooted(mean: Mean) -> NDArray[Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_over
 from synthesis.fourbar.solution import Solution
-from synthesis.target import Target
+from synthesis.target import Samples, Target
 
 Floats = NDArray[np.float64]
 
@@ -70,9 +70,9 @@ class Limits:
         if self.link_min is not None and self.link_max is not None and self.link_min > self.link_max:
             raise FieldError("/limits/link_min", "is above link_max")
 
-    def check_against(self, target: Target) -> None:
-        """FieldError for limits that have no meaning for this target."""
-        if target.position is None and self.pivot_box is not None:
+    def check_against(self, samples: Samples) -> None:
+        """FieldError for limits that have no meaning for these samples."""
+        if samples.position is None and self.pivot_box is not None:
             raise FieldError("/limits/pivot_box", "needs `position`: without it nothing is mounted")
 
     def mirrored(self) -> Limits:

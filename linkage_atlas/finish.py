@@ -1,0 +1,155 @@
+"""What the search found, as a user reads it: solutions in the user's unit, with errors, verdicts, and what was asked for beside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from linkage_atlas.answers import Rounded, Solution
+from linkage_atlas.atlases import Atlas
+from linkage_atlas.linkages import FourBar
+from linkage_atlas.motions import Motion, column
+from synthesis.errors import FieldError
+from synthesis.fourbar import solution as answers
+from synthesis.fourbar.determination import Sensitivity, determinations, sensitivities
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.rounding import round_solution
+from synthesis.free.answers import in_turn
+from synthesis.free.poses import Poses
+from synthesis.ranking import Errors, Status
+from synthesis.target import Target
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Largest errors allowed at the samples, (N,) each: radians, and the user's unit of length; None: not limited."""
+
+    rotation: Floats | None
+    position: Floats | None
+
+    def shares(self, target: Target, linkage: Linkage) -> Floats:
+        """Each sample's largest error over what is allowed, (N,); a missing part counts as kept."""
+        joints = linkage.joints(target.crank)
+        share = np.zeros(target.samples)
+        if self.rotation is not None and target.rotation is not None:
+            gap = target.rotation_mean.given(np.abs(target.rotation - joints.rotation))
+            share = np.maximum(share, gap / self.rotation)
+        if self.position is not None and target.position is not None:
+            assert joints.body_point is not None
+            gap = target.position_mean.given(np.abs(target.position - joints.body_point))
+            share = np.maximum(share, gap / self.position)
+        return share
+
+
+def read_tolerances(tolerances: Mapping[str, ArrayLike] | None, motion: Motion) -> Tolerances | None:
+    """The tolerances of a request, checked against its motion."""
+    given = {name: value for name, value in (tolerances or {}).items() if value is not None}
+    samples, found = motion.samples, {}
+    for name, value in given.items():
+        if name not in ("rotation", "position"):
+            raise FieldError(f"/tolerances/{name}", "there are tolerances of rotation and position only")
+        if getattr(samples, name) is None:
+            raise FieldError(f"/tolerances/{name}", f"limits errors of `{name}`, but there is none")
+        numbers = column(f"tolerances/{name}", value)
+        if numbers.ndim and numbers.shape != (samples.samples,):
+            raise FieldError(f"/tolerances/{name}", f"wanted one or {samples.samples} numbers, found {numbers.size}")
+        if np.any(bad := ~(np.isfinite(numbers) & (numbers > 0))):
+            place = f"/{int(np.argmax(bad))}" if numbers.ndim else ""
+            raise FieldError(f"/tolerances/{name}{place}", "wanted a number above 0")
+        found[name] = np.broadcast_to(numbers, samples.samples) * (motion.radian if name == "rotation" else 1.0)
+    return Tolerances(found.get("rotation"), found.get("position")) if found else None
+
+
+def status_of(solutions: Sequence[Solution], tolerance: float, allowed: Tolerances | None) -> str:
+    """What was found: reached where the best solution keeps the tolerances, or without any, where its objective is small."""
+    if solutions and allowed is not None:
+        return (Status.REACHED if solutions[0].within_tolerance else Status.CLOSEST).value
+    return Status.of(solutions, tolerance).value
+
+
+def finished(
+    found: list[answers.Solution],
+    motion: Motion,
+    tolerance: float,
+    allowed: Tolerances | None,
+    round_to: float | None,
+    sensitivity: bool,
+    atlas: Atlas | None,
+) -> list[Solution]:
+    """Solutions in the user's unit, with how well they are determined and what else was asked for."""
+    if not found:
+        return []
+    linkages: list[Linkage] = [one.linkage for one in found]
+    target = motion.with_angles(linkages, [one.crank for one in found])
+    resolutions = [max(one.errors.objective, tolerance) for one in found]
+    fixed = determinations(target, linkages, resolutions)
+    changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
+    solutions = [
+        _solution(one, motion, determined, change, allowed, round_to, atlas)
+        for one, determined, change in zip(found, fixed, changes)
+    ]
+    if allowed is not None:
+        solutions.sort(key=lambda one: not one.within_tolerance)
+    return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+
+
+def _solution(
+    one: answers.Solution,
+    motion: Motion,
+    determined: Any,
+    change: Any,
+    allowed: Tolerances | None,
+    round_to: float | None,
+    atlas: Atlas | None,
+) -> Solution:
+    radian, turn = motion.radian, one.transmission_angle_min_turn
+    own = motion.of_solution(one.linkage, one.crank)
+    rounded = None if round_to is None else round_solution(own.target, one, round_to)
+    if change is not None and change.rotation is not None:
+        change = Sensitivity(change.rotation / radian, change.position)
+    crank = None
+    if isinstance(motion.samples, Poses):
+        crank = in_turn(own.target.crank, motion.samples.ordered) / radian
+    shares = None if allowed is None else allowed.shares(own.target, one.linkage)
+    return Solution(
+        rank=0,
+        linkage=FourBar.of(one.linkage, own),
+        errors=_in_unit(one.errors, radian),
+        family=one.family.value,
+        transmission_angle_min=one.transmission_angle_min / radian,
+        transmission_angle_min_turn=None if turn is None else turn / radian,
+        condition=determined.condition,
+        determination=determined,
+        type=None if one.row is None or atlas is None else atlas.type_of(one.row),
+        sensitivity=change,
+        rounded=None if rounded is None else _rounded(rounded, own),
+        crank_angle=crank,
+        within_tolerance=None if shares is None else bool(np.all(shares <= 1)),
+        worst_sample=None if shares is None else int(np.argmax(shares)),
+        asked_to_round=round_to is not None,
+    )
+
+
+def _in_unit(errors: Errors, radian: float) -> Errors:
+    """Errors with their rotations in a user's unit of angle."""
+    rms, largest = errors.rotation_rms, errors.rotation_max
+    return replace(
+        errors,
+        rotation_rms=None if rms is None else rms / radian,
+        rotation_max=None if largest is None else largest / radian,
+    )
+
+
+def _rounded(solution: answers.Solution, motion: Motion) -> Rounded:
+    """A rounded solution in the motion's unit."""
+    return Rounded(
+        FourBar.of(solution.linkage, motion),
+        _in_unit(solution.errors, motion.radian),
+        solution.transmission_angle_min / motion.radian,
+    )
