@@ -120,6 +120,8 @@ class Solution:
             **self.linkage.to_dict(),
             "crank_angle": _listed(self.crank_angle),
             "errors": asdict(self.errors),
+            "within_tolerance": self.within_tolerance,
+            "worst_sample": self.worst_sample,
             "family": self.family,
             "transmission_angle_min": self.transmission_angle_min,
             "transmission_angle_min_turn": self.transmission_angle_min_turn,

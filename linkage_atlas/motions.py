@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.free.poses import Poses, make_poses
+from synthesis.free.poses import MIN_POSES, Poses, make_poses
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "MAX_LENGTH",
     "MAX_SAMPLES",
     "MIN_LENGTH",
+    "MIN_POSES",
     "MIN_SAMPLES",
     "Motion",
     "number",

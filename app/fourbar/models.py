@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel
-from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES
+from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES
 
 MAX_TOP = 1000
 
@@ -16,6 +16,10 @@ Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Path = Annotated[list[Point], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)]
+SampledCurve = Annotated[list[Number | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
 
 
@@ -100,11 +104,44 @@ class LimitsRequest(RequestModel):
     )
 
 
+class WeightsRequest(RequestModel):
+    """Weights of the samples, at least 0."""
+
+    rotation: Weights | None = None
+    position: Weights | None = None
+
+
+class TolerancesRequest(RequestModel):
+    """Largest errors allowed, for all samples or for each."""
+
+    rotation: PositiveNumber | Tolerances | None = None
+    position: PositiveNumber | Tolerances | None = None
+
+
 class SynthesizeRequest(CrankMotion):
     """Which linkage moves a body like this: its dimensions and where it is mounted?"""
 
-    rotation: Curve | None = Field(None, description="Rotation of the body at the samples, continuous.")
-    position: Path | None = Field(None, description="Positions [x, y] of a point of the body, in any unit of length.")
+    rotation: SampledCurve | None = Field(
+        None, description="Rotation of the body at the samples, continuous; null: missing at that sample."
+    )
+    position: SampledPath | None = Field(
+        None,
+        description="Positions [x, y] of a point of the body, in any unit of length; null: missing at that sample.",
+    )
+    timing: Literal["free"] | None = Field(
+        None, description="In place of `crank_span` and `crank_angle`: the crank angles are unknown; 2 samples will do."
+    )
+    order: Literal["given", "any"] = Field(
+        "given", description="With free timing: whether the crank passes the samples in the order given, turning one way."
+    )
+    closed: Flag = Field(False, description="With free timing: the way leads from the last sample on to the first.")
+    crank_span_max: PositiveNumber | None = Field(
+        None, description="With free timing: the crank turns by no more than this from the first sample to the last."
+    )
+    weights: WeightsRequest | None = Field(None, description="What each sample counts; default: all alike.")
+    tolerances: TolerancesRequest | None = Field(
+        None, description="Largest errors allowed; then status `reached` means that every sample keeps them."
+    )
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
     effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
     limits: LimitsRequest = Field(default_factory=LimitsRequest)
@@ -198,7 +235,14 @@ class SolutionReply(ReplyModel):
         description="rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."
     )
     mount: MountReply | None
+    crank_angle: list[float] | None = Field(
+        None,
+        description="With free timing: crank angle at each sample from the first; one way for order `given`, "
+        "in [0, 360) degrees for `any`.",
+    )
     errors: ErrorsReply
+    within_tolerance: bool | None = Field(None, description="Whether every sample keeps the tolerances.")
+    worst_sample: int | None = Field(None, description="Sample, from 0, with the largest error beside its tolerance.")
     family: str
     transmission_angle_min: float = Field(description="Over the used interval.")
     transmission_angle_min_turn: float | None = Field(

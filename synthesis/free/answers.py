@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution, assess
 from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
+from synthesis.mechanism import Chart
 from synthesis.ranking import APART, distinct
 from synthesis.target import TURN, Target
 
@@ -28,11 +28,11 @@ _TRANSMISSION_STEP = np.deg2rad(5.0)
 class _Mounted:
     """Candidates in the user's unit of length."""
 
-    def __init__(self, poses: Poses, pool: Pool) -> None:
+    def __init__(self, poses: Poses, pool: Pool, chart: Chart) -> None:
         timed = pool.timed
         self.poses, self.branch, self.cost = poses, timed.branch, pool.cost
         a, z1, z2 = timed.pose.T
-        lengths = FullCrankChart().shape(timed.shape).lengths
+        lengths = chart.shape(timed.shape).lengths
         scale = poses.length_scale
         self.links = lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None]
         self.pivot, self.turn, self.coupler = poses.middle + scale * a, np.angle(z1), scale * z2
@@ -86,14 +86,17 @@ def _offset_wrapped(solution: Solution) -> Any:
     return solution.linkage if offset is None else replace(solution.linkage, body_offset=wrap(offset))
 
 
-def solutions_of(poses: Poses, pool: Pool, limits: Limits, top: int, tolerance: float) -> list[Solution]:
+def solutions_of(
+    poses: Poses, pool: Pool, chart: Chart, limits: Limits, top: int, tolerance: float
+) -> list[Solution]:
     """The best four-bars of a pool.
 
     Parameters
     ----------
     poses : Poses
     pool : Pool
-        Of full-crank four-bars.
+    chart : Chart
+        That of the pool.
     limits : Limits
     top : int
         At most so many.
@@ -107,7 +110,7 @@ def solutions_of(poses: Poses, pool: Pool, limits: Limits, top: int, tolerance: 
     """
     if not pool.cost.size:
         return []
-    every = _Mounted(poses, pool.take(np.isfinite(pool.cost)))
+    every = _Mounted(poses, pool.take(np.isfinite(pool.cost)), chart)
     target = every.target
     kept = limits.kept_by(target, every.links, every.start, every.pivots)
     kept &= np.all(np.isfinite(every.links) & (every.links > 0), axis=1)

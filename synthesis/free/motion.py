@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.charts import FullCrankChart
+from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.limits import in_family
+from synthesis.free.align import aligned
 from synthesis.free.dyads import Body, Dyads, landscape, linear_dyads, polished
 from synthesis.free.few import sampled_dyads
 from synthesis.free.joint import JointProblem, Timed, refine
@@ -31,6 +32,7 @@ Floats = NDArray[np.float64]
 FEW = 4
 """Up to so many poses infinitely many dyads fit exactly."""
 _FEW_DYADS, _FEW_BATCHES = 60, 20
+_SAMPLED_DYADS, _SAMPLED_BATCHES = 110, 8
 _ENOUGH = 60
 """Exact candidates that are enough of a choice."""
 
@@ -54,6 +56,11 @@ _SETTLED, _EXACT_BELOW = 1e-3, 1e-4
 end of a narrow valley."""
 
 
+def chart_of(family: str) -> FullCrankChart | AnyChart:
+    """The chart in which four-bars of one of `limits.FAMILIES` are refined."""
+    return AnyChart() if family == "any" else FullCrankChart()
+
+
 def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, repair: bool = False) -> Timed:
     """The pairs of dyads that are of the family, lie on one branch and pass the poses in the order asked for.
 
@@ -68,7 +75,7 @@ def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, repair: bool 
         angles, holds = in_any_order(pairs.angles, poses.span_max)
     keep = np.flatnonzero((holds & pairs.one_branch | repair) & in_family(family, pairs.lengths))
     pairs = pairs.take(keep)
-    shape = FullCrankChart().unknowns(pairs.lengths)
+    shape = chart_of(family).unknowns(pairs.lengths)
     return Timed(shape, pairs.pose, pairs.offset, angles[keep], pairs.branch)
 
 
@@ -86,14 +93,14 @@ def in_any_order(angles: Floats, span_max: float) -> tuple[Floats, NDArray[np.bo
 def search_motion(
     poses: Poses, family: str, tolerance: float, work: Work, note: Callable[[float], None]
 ) -> tuple[Pool, bool]:
-    """Four-bars that guide a body through poses with rotation and position.
+    """Four-bars that guide a body through poses, some of which may lack their rotation or their position.
 
     Parameters
     ----------
     poses : Poses
-        With at least two samples that have both; the others are left out.
+        With at least three samples that have both, or two and no others.
     family : str
-        One of `limits.FAMILIES` whose crank turns fully.
+        One of `limits.FAMILIES`.
     tolerance : float
         The search ends once J is below it.
     work : Work
@@ -107,43 +114,86 @@ def search_motion(
     settled : bool
         Whether the search ran to its end: the tolerance, or the last round.
     """
-    body = Body(poses)
-    problem = JointProblem(poses, FullCrankChart())
-    if body.position.size <= FEW:
-        pool = _few(problem, body, family, work)
+    search = _Motion(poses, family)
+    exact = 0.3 * tolerance
+    if search.full <= FEW and not search.mixed:
+        pool = _few(search, work)
         note(pool.least)
         return pool, True
-    exact, exact_dyads = 0.3 * tolerance, body.position.size == FEW + 1
-    dyads = linear_dyads(body)
-    if dyads.radius.size:
-        dyads, _ = polished(body, dyads)
-    pool = Pool.of(refine(problem, four_bars(poses, body, dyads, family), 25, exact, work, all_of_them=exact_dyads))
+    if search.full <= FEW:
+        return _sampled(search, tolerance, work, note)
+    dyads = linear_dyads(search.body)
+    dyads, _ = polished(search.body, dyads) if dyads.radius.size else (dyads, None)
+    five = search.full == FEW + 1 and not search.mixed
+    pool = Pool.of(refine(search.problem, search.four_bars(dyads), 25, exact, work, all_of_them=five))
     note(pool.least)
     if pool.least < tolerance or work.expired():
         return pool.best(pool.cost.size), True
-    everywhere, _ = landscape(body)
-    found = Pool.measured(problem, four_bars(poses, body, everywhere.joined(dyads), family, repair=True)).joined(pool)
+    everywhere, _ = landscape(search.body)
+    found = _rounds(
+        search, search.measured(everywhere.joined(dyads), repair=True).joined(pool), tolerance, work, note
+    )
+    return found, not work.expired()
+
+
+def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work, note: Callable[[float], None]) -> Pool:
+    """The best of a pool, refined in rounds; best first."""
     before = np.inf
     for one in ROUNDS:
         found = found.best(one.most)
-        found = Pool.of(refine(problem, found.timed, one.iterations, exact, work))
+        found = Pool.of(refine(search.problem, found.timed, one.iterations, 0.3 * tolerance, work))
         note(found.least)
         if found.least < tolerance or work.expired() or _settled(found.least, before):
             break
         before = found.least
-    return found.best(found.cost.size), not work.expired()
+    return found.best(found.cost.size)
 
 
-def _few(problem: JointProblem, body: Body, family: str, work: Work) -> Pool:
-    """Exact four-bars through up to four poses, from dyads at random; more of them where few are usable."""
+def _sampled(search: _Motion, tolerance: float, work: Work, note: Callable[[float], None]) -> tuple[Pool, bool]:
+    """Three or four full samples among others: dyads at random that fit those exactly, until one pair fits the rest too."""
     random = np.random.default_rng(20)
-    poses = problem.poses
-    pool = Pool.measured(problem, four_bars(poses, body, sampled_dyads(body, _FEW_DYADS, random), family))
+    best: Pool | None = None
+    for _ in range(_SAMPLED_BATCHES):
+        found = search.measured(sampled_dyads(search.body, _SAMPLED_DYADS, random))
+        found = _rounds(search, found, tolerance, work, note)
+        best = found if best is None else best.joined(found)
+        if best.least < tolerance or work.expired():
+            break
+    assert best is not None
+    return best.best(best.cost.size), not work.expired()
+
+
+class _Motion:
+    """A request's full samples, which give the dyads, and all of its samples, which the four-bars must fit."""
+
+    def __init__(self, poses: Poses, family: str) -> None:
+        self.poses, self.family = poses, family
+        self.body = Body(poses)
+        self.full = self.body.position.size
+        self.mixed = self.full < poses.samples
+        self.problem = JointProblem(poses, chart_of(family))
+
+    def four_bars(self, dyads: Dyads, repair: bool = False, most: int = 150) -> Timed:
+        """The four-bars of pairs of dyads, with an angle at every sample; of many, those that fit the rest best."""
+        timed = four_bars(self.poses, self.body, dyads, self.family, repair)
+        if not self.mixed or not timed.branch.size:
+            return timed
+        found = aligned(self.problem, timed, self.poses.full)
+        return found.timed.take(np.argsort(found.cost, kind="stable")[:most])
+
+    def measured(self, dyads: Dyads, repair: bool = False) -> Pool:
+        """The same with their J."""
+        return Pool.measured(self.problem, self.four_bars(dyads, repair))
+
+
+def _few(search: _Motion, work: Work) -> Pool:
+    """Four-bars that fit up to four full samples exactly, from dyads at random; more of them where few are usable."""
+    random = np.random.default_rng(20)
+    pool = search.measured(sampled_dyads(search.body, _FEW_DYADS, random))
     for _ in range(_FEW_BATCHES - 1):
         if pool.cost.size >= _ENOUGH or work.expired():
             break
-        dyads = sampled_dyads(body, _FEW_DYADS, random)
-        pool = pool.joined(Pool.measured(problem, four_bars(poses, body, dyads, family)))
+        pool = pool.joined(search.measured(sampled_dyads(search.body, _FEW_DYADS, random)))
     return pool
 
 

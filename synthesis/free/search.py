@@ -7,7 +7,7 @@ import numpy as np
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import Solution
 from synthesis.free.answers import solutions_of
-from synthesis.free.motion import search_motion
+from synthesis.free.motion import chart_of, search_motion
 from synthesis.free.poses import Poses
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, StoppedBy
@@ -44,7 +44,7 @@ def search_free(
             trace.append((work.elapsed, objective))
 
     pool, ended = search_motion(poses, limits.family, tolerance, work, note)
-    solutions = solutions_of(poses, pool, limits, top, tolerance)
+    solutions = solutions_of(poses, pool, chart_of(limits.family), limits, top, tolerance)
     if Status.of(solutions, tolerance) is Status.REACHED:
         stopped = StoppedBy.TOLERANCE
     else:
