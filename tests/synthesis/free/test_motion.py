@@ -1,0 +1,182 @@
+"""Motion without crank angles: exact motions are recovered, all of them for five poses, many for fewer; laws of the request."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from synthesis.free.dyads import Body, linear_dyads, polished
+from synthesis.free.poses import Poses, make_poses
+from tests.oracles.free_classes import burmester_dyads, free_case, recompute_free
+
+EXACT = 1e-9
+
+
+def asked(case, **more):
+    """The front door's answer in degrees."""
+    return la.synthesize(np.rad2deg(case.rotation), case.position, timing="free", **more)
+
+
+def checked(case, found, rotation=None):
+    """Objectives of all solutions, recomputed by circles; the order holds in each."""
+    told = [one.to_dict() for one in found.solutions]
+    done = [recompute_free(case.position, case.rotation if rotation is None else rotation, one) for one in told]
+    assert all(one.one_way for one in done)
+    for one, own in zip(told, done):
+        assert own.objective == pytest.approx(one["errors"]["objective"], rel=1e-6, abs=1e-11)
+    return np.array([one.objective for one in done])
+
+
+@pytest.mark.parametrize("samples", [5, 6, 8, 15, 100])
+def test_exact_motions_are_recovered(samples) -> None:
+    for seed in range(12):
+        case = free_case(seed, samples)
+        found = asked(case, top=20)
+        assert checked(case, found).min() < EXACT, seed
+        assert found.status == "reached"
+        links = np.sort([one.linkage.links for one in found.solutions], axis=1)
+        truth = np.sort(case.lengths * case.scale)
+        near = np.abs(links - truth).max(axis=1) < 1e-4 * truth.max()
+        assert near.any() or found.best.determination.ill_posed, seed
+
+
+@pytest.mark.parametrize("samples", [2, 3, 4])
+def test_few_poses_have_many_linkages(samples) -> None:
+    for seed in range(8):
+        case = free_case(seed, samples)
+        found = asked(case)
+        assert np.all(checked(case, found) < EXACT) and len(found.solutions) == 10
+        shapes = np.array([np.append(one.linkage.links, one.linkage.pivot_a) for one in found.solutions])
+        apart = np.abs(shapes[:, None] - shapes).max(axis=2) / np.abs(shapes).max()
+        assert apart[np.triu_indices(10, 1)].min() > 1e-4
+        transmission = [one.transmission_angle_min for one in found.solutions]
+        assert np.all(np.diff(transmission) < 5.0), "exact ones are ranked by transmission angle, in steps of 5 degrees"
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_five_poses_have_the_dyads_that_brute_force_finds(seed) -> None:
+    case = free_case(seed, 5)
+    body = Body(make_poses(case.rotation, case.position))
+    dyads, error = polished(body, linear_dyads(body))
+    mine = dyads.take((error < 1e-9) & (np.abs(dyads.body) < 1e3) & (np.abs(dyads.fixed) < 1e3))
+    others = burmester_dyads(case.position, case.rotation)
+    for point, centre in others:
+        near = np.abs(mine.body - point) + np.abs(mine.fixed - centre)
+        assert near.min() < 1e-4 * (1 + abs(point) + abs(centre))
+    assert len(others) <= mine.radius.size
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_swinging_cranks_are_found_where_any_family_will_do(seed) -> None:
+    case = free_case(seed, 8, swinging=True)
+    found = asked(case, limits={"family": "any"})
+    assert checked(case, found).min() < EXACT
+
+
+@pytest.mark.parametrize("samples", [5, 8, 10, 30])
+def test_half_of_the_rotations_may_be_missing(samples) -> None:
+    for seed in range(3):
+        case = free_case(seed, samples)
+        rotation = case.rotation.copy()
+        rotation[np.random.default_rng(seed).permutation(samples)[: samples // 2]] = np.nan
+        found = la.synthesize(np.rad2deg(rotation), case.position, timing="free", top=3)
+        assert checked(case, found, rotation).min() < EXACT, seed
+
+
+def same_linkages(one: la.Result, other: la.Result, scale: float = 1.0) -> None:
+    """The exact linkages of both answers are the same, whatever their rank."""
+    first, second = ([s.linkage.links for s in r.solutions if s.errors.objective < EXACT] for r in (one, other))
+    assert len(first) == len(second) > 0
+    for links in first:
+        assert min(np.abs(links * scale - theirs).max() for theirs in second) < 1e-6 * scale * links.max()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_moved_scaled_mirrored_and_reversed_requests_give_the_same_linkages(seed) -> None:
+    case = free_case(seed, 7)
+    turns, points = np.rad2deg(case.rotation), case.position
+    found = la.synthesize(turns, points, timing="free")
+    turned = np.exp(1j * np.deg2rad(33.0))
+    same_linkages(found, la.synthesize(turns + 33, points * turned + (70 - 20j), timing="free"))
+    same_linkages(found, la.synthesize(turns, 1e-3 * points, timing="free"), 1e-3)
+    mirrored = la.synthesize(-turns, points.conj(), timing="free")
+    same_linkages(found, mirrored)
+    assert {s.linkage.branch for s in mirrored.solutions[:1]} == {-found.best.linkage.branch}
+    backward = la.synthesize(turns[::-1], points[::-1], timing="free")
+    same_linkages(found, backward)
+    assert np.sign(backward.best.crank_angle[-1]) == -np.sign(found.best.crank_angle[-1])
+
+
+def test_in_any_order_a_shuffled_request_gives_the_same_linkage() -> None:
+    for seed in range(6):
+        case = free_case(seed, 9)
+        shuffle = np.random.default_rng(seed).permutation(9)
+        found = la.synthesize(np.rad2deg(case.rotation[shuffle]), case.position[shuffle], timing="free", order="any")
+        own = asked(case)
+        best = found.best.to_dict()
+        again = recompute_free(case.position[shuffle], case.rotation[shuffle], best)
+        assert again.objective < EXACT
+        assert found.best.crank_angle[0] == 0 and np.all((found.best.crank_angle >= 0) & (found.best.crank_angle < 360))
+        same_linkages(own, found)
+
+
+def test_whole_turns_of_a_rotation_do_not_count() -> None:
+    case = free_case(3, 8)
+    more = case.rotation + 2 * np.pi * np.random.default_rng(0).integers(-3, 4, 8)
+    same_linkages(asked(case), la.synthesize(np.rad2deg(more), case.position, timing="free"))
+
+
+def test_a_sixth_pose_on_a_solution_gives_that_solution() -> None:
+    case = free_case(4, 5)
+    found = asked(case, top=20)
+    for one in found.solutions[:3]:
+        if one.errors.objective > EXACT:
+            continue
+        between = (one.crank_angle[1] + one.crank_angle[2]) / 2
+        joints = one.linkage.joints([between])
+        turns = np.insert(np.rad2deg(case.rotation), 2, joints.rotation[0])
+        points = np.insert(case.position, 2, complex(*joints.body_point[0]))
+        again = la.synthesize(turns, points, timing="free")
+        assert min(np.abs(s.linkage.links - one.linkage.links).max() for s in again.solutions) < 1e-5 * max(
+            one.linkage.links
+        )
+
+
+def test_the_crank_keeps_within_its_span() -> None:
+    case = free_case(0, 6)
+    span = np.rad2deg(abs(case.theta1[-1] - case.theta1[0]))
+    wide, narrow = (asked(case, crank_span_max=value) for value in (min(360.0, span * 1.01), span * 0.9))
+    assert wide.best.errors.objective < EXACT
+    assert all(abs(s.crank_angle[-1]) <= span * 0.9 * (1 + 1e-9) for s in narrow.solutions)
+
+
+def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
+    from synthesis.fourbar.charts import FullCrankChart
+    from synthesis.free.joint import JointProblem, Timed, refine
+
+    random = np.random.default_rng(5)
+    for seed in range(6):
+        case = free_case(seed, 20)
+        poses = make_poses(case.rotation, case.position)
+        noise = 1e-3 * poses.length_scale * (random.standard_normal(20) + 1j * random.standard_normal(20)) / np.sqrt(2)
+        noisy = Poses(
+            rotation=case.rotation + 1e-3 * random.standard_normal(20),
+            position=case.position + noise,
+            length_scale=poses.length_scale,
+        )
+        problem = JointProblem(noisy, FullCrankChart())
+        truth = Timed(
+            problem.chart.unknowns(case.lengths[None]),
+            np.zeros((1, 3), dtype=complex),
+            np.zeros(1),
+            case.theta1[None],
+            np.array([float(case.branch)]),
+        )
+        body = problem.body(truth)
+        offset = np.angle(np.exp(1j * (case.rotation - body.angle)).mean(axis=1))
+        polished_truth = refine(problem, truth._replace(offset=offset), 200)
+        found = la.synthesize(
+            noisy.rotation, noisy.position, timing="free", degrees=False, length_scale=poses.length_scale
+        )
+        assert found.best.errors.objective <= 1.01 * np.sqrt(polished_truth.cost[0]), seed
