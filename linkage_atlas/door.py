@@ -72,10 +72,10 @@ def synthesize(
     ----------
     rotation : array_like, shape (N,), optional
         Rotation of the body at the samples, continuous: no jumps by whole turns (where the crank angles are free, whole
-        turns do not count). None or NaN: missing there.
+        turns do not count). None: missing there.
     position : array_like, shape (N, 2), or complex, shape (N,), optional
         A point of the body at the samples, in any unit. At least one of the two is needed; 3 to 1,024 samples (2 with free
-        crank angles). None or NaN: missing there.
+        crank angles). None: missing there.
     crank_span : float, optional
         Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
     crank_angle : array_like, shape (N,), optional

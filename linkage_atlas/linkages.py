@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from linkage_atlas.motions import Motion, number, radians_in
+from linkage_atlas.motions import Motion, column, number, radians_in
 from synthesis.errors import FieldError
 from synthesis.fourbar import drawing, files
 from synthesis.fourbar.linkage import Linkage
@@ -281,7 +281,13 @@ class FourBar:
             degrees=degrees,
         )
 
-    def render(self, kind: str, motion: Motion | None = None, length_unit: str = "mm") -> str:
+    def render(
+        self,
+        kind: str,
+        motion: Motion | None = None,
+        length_unit: str = "mm",
+        crank_angle: ArrayLike | None = None,
+    ) -> str:
         """The linkage as the text of a file.
 
         Parameters
@@ -291,7 +297,13 @@ class FourBar:
             What was asked for; default: the motion that the linkage answers, or else a whole turn.
         length_unit : {"mm", "cm", "m", "in"}
             The unit of its lengths, for DXF and MJCF.
+        crank_angle : array_like, shape (N,), optional
+            Of a motion whose crank angles are free: those of this solution.
         """
+        if motion is not None and motion.free:
+            if crank_angle is None:
+                raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
+            motion = motion.of_solution(self._linkage, column("crank_angle", crank_angle) * self._radian)
         target = motion.target if motion is not None else self._default_motion()
         if kind == "csv":
             return files.to_csv(self._linkage, target, self._radian)

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
+from synthesis.free.pairs import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
-from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, Target, make_target
+from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, TURN, Target, make_target
 
 __all__ = [
     "LIMITS",
@@ -79,10 +80,8 @@ class Motion:
         if unknown := weights.keys() - {"rotation", "position"}:
             raise FieldError(f"/weights/{min(unknown)}", "there are weights of rotation and position only")
         with np.errstate(over="ignore"):
-            turns, turn_weights = _present(
-                "rotation", None if rotation is None else column("rotation", rotation), weights
-            )
-            points, point_weights = _present("position", None if position is None else _points(position), weights)
+            turns, turn_weights = _present("rotation", rotation, weights)
+            points, point_weights = _present("position", position, weights)
             part: dict[str, Any] = {
                 "rotation": None if turns is None else turns * radian,
                 "position": points,
@@ -131,6 +130,9 @@ class Motion:
         """The motion with the crank angles that one solution found."""
         if isinstance(self.samples, Target):
             return self
+        if not self.samples.ordered:
+            crank = in_any_order(np.asarray(crank)[None], TURN)[0][0]
+            crank = crank - crank[0]
         whole = self.with_angles([linkage], [crank])
         rotation = None if whole.rotation is None else whole.rotation[0]
         return Motion(replace(whole, crank=whole.crank[0], rotation=rotation), self.degrees)
@@ -175,20 +177,26 @@ def column(name: str, values: ArrayLike) -> Any:
 
 
 def _present(name: str, values: Any, weights: Mapping[str, ArrayLike]) -> tuple[Any, Any]:
-    """A column and its weights: a missing entry (NaN) has weight 0, and a value between its neighbours that nobody reads."""
+    """A column as numbers and its weights: an entry None has weight 0, and a value between its neighbours that nobody reads."""
     own = weights.get(name)
     given = None if own is None else column(f"weights/{name}", own)
-    if values is None or values.ndim != 1 or not np.isnan(values).any():
+    if values is None:
+        return None, given
+    missing = np.zeros(0, dtype=bool)
+    if isinstance(values, (list, tuple)) or (isinstance(values, np.ndarray) and values.dtype == object):
+        missing = np.array([entry is None for entry in values])
+    blank: Any = 0.0 if name == "rotation" else (0.0, 0.0)
+    if missing.any():
+        values = [blank if gone else entry for entry, gone in zip(values, missing)]
+    values = column(name, values) if name == "rotation" else _points(values)
+    if not missing.any():
         return values, given
-    present = ~np.isnan(values)
-    if not present.any():
+    if missing.all():
         raise FieldError(f"/{name}", "wanted at least one entry that is not null")
-    if given is None:
-        given = np.ones(values.size)
-    if given.shape == values.shape:
-        given = np.where(present, given, 0.0)
+    if given is None or given.shape == values.shape:
+        given = np.where(missing, 0.0, 1.0 if given is None else given)
     place = np.arange(values.size)
-    return np.interp(place, place[present], values[present]), given
+    return np.interp(place, place[~missing], values[~missing]), given
 
 
 def _check_timed(order: str, closed: bool, crank_span_max: float | None) -> None:
@@ -203,8 +211,6 @@ def _check_timed(order: str, closed: bool, crank_span_max: float | None) -> None
 
 
 def _points(position: ArrayLike) -> Any:
-    if isinstance(position, (list, tuple)) and any(point is None for point in position):
-        position = [(np.nan, np.nan) if point is None else point for point in position]
     points = np.asarray(position)
     if not np.iscomplexobj(points):
         points = column("position", position)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import linkage_atlas as la
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
 from app.query import Resources
@@ -31,25 +33,23 @@ def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """The front door's answer to a request."""
     budget_ms = min(request.budget_ms or resources.max_budget_ms, resources.max_budget_ms)
     return la.synthesize(
-        request.rotation,
-        request.position,
-        request.crank_span,
-        crank_angle=request.crank_angle,
-        timing=request.timing,
-        order=request.order,
-        closed=request.closed,
-        crank_span_max=request.crank_span_max,
-        weights=None if request.weights is None else request.weights.model_dump(exclude_none=True),
+        **motion_of(request),
         tolerances=None if request.tolerances is None else request.tolerances.model_dump(exclude_none=True),
-        degrees=request.degrees,
         limits=request.limits.model_dump(),
         top=request.top,
         effort=request.effort,
         tolerance=request.tolerance,
         budget=budget_ms / 1000,
-        length_scale=request.length_scale,
         round_to=request.round_to,
         sensitivity=request.sensitivity,
         atlas=resources.atlas if request.effort == "atlas" else None,
         work=resources.work,
     )
+
+
+def motion_of(request: SynthesizeRequest) -> dict[str, Any]:
+    """What a request says of the motion: arguments of the front door and of its `Motion`."""
+    names = ("rotation", "position", "crank_span", "crank_angle", "length_scale", "degrees")
+    names += ("timing", "order", "closed", "crank_span_max")
+    weights = None if request.weights is None else request.weights.model_dump(exclude_none=True)
+    return {name: getattr(request, name) for name in names} | {"weights": weights}

@@ -11,9 +11,10 @@ from fastapi import FastAPI, Request, Response
 from pydantic import ConfigDict, Field, Strict
 
 import linkage_atlas as la
-from app.fourbar.answers import solve
+from app.fourbar.answers import motion_of, solve
 from app.fourbar.models import SynthesizeRequest
 from app.query import Export, Number, RequestModel, Resources
+from linkage_atlas.motions import MAX_SAMPLES, MIN_POSES
 
 LengthUnit = Literal["mm", "cm", "m", "in"]
 Length = Annotated[Number, Field(ge=1e-100, le=1e100)]
@@ -53,6 +54,7 @@ class ExportSolution(_ReplyPart):
     start_angle: Angle
     body_offset: Angle | None = None
     mount: ExportMount | None = None
+    crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
 
 
 class ExportRequest(RequestModel):
@@ -74,17 +76,6 @@ def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.S
             "/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits"
         )
     return found[rank - 1]
-
-
-def _motion(request: SynthesizeRequest) -> la.Motion:
-    return la.Motion.of(
-        request.rotation,
-        request.position,
-        request.crank_span,
-        request.crank_angle,
-        request.length_scale,
-        request.degrees,
-    )
 
 
 MEDIA_TYPES = {
@@ -121,14 +112,17 @@ def answer_export(body: ExportRequest, resources: Resources) -> tuple[bytes, str
     """Content and media type of a file."""
     request = body.request
     with _pointing(lambda field: field if field == "/rank" else "/request" + field):
-        motion = _motion(request)
+        motion = la.Motion.of(**motion_of(request))
         found = None if body.solution else _ranked(request, body.rank, resources)
     if body.format == "json":
         solution = found.to_dict() if found else body.solution.model_dump(mode="json")
         content = {"request": request.model_dump(mode="json", exclude_defaults=True), "solution": solution}
         return json.dumps(content, indent=1, allow_nan=False).encode(), "application/json"
     linkage = found.linkage if found else la.FourBar.from_dict(body.solution.model_dump(), request.degrees)
-    return linkage.render(body.format, motion, body.length_unit).encode(), MEDIA_TYPES[body.format]
+    crank = found.crank_angle if found else body.solution.crank_angle
+    with _pointing(lambda field: "/solution" + field if field == "/crank_angle" else field):
+        text = linkage.render(body.format, motion, body.length_unit, crank)
+    return text.encode(), MEDIA_TYPES[body.format]
 
 
 def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[str, Any]], example: Any) -> None:

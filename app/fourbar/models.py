@@ -129,10 +129,12 @@ class SynthesizeRequest(CrankMotion):
         description="Positions [x, y] of a point of the body, in any unit of length; null: missing at that sample.",
     )
     timing: Literal["free"] | None = Field(
-        None, description="In place of `crank_span` and `crank_angle`: the crank angles are unknown; 2 samples will do."
+        None,
+        description="In place of `crank_span` and `crank_angle`: the crank angles are unknown; 2 samples will do.",
     )
     order: Literal["given", "any"] = Field(
-        "given", description="With free timing: whether the crank passes the samples in the order given, turning one way."
+        "given",
+        description="With free timing: whether the crank passes the samples in the order given, turning one way.",
     )
     closed: Flag = Field(False, description="With free timing: the way leads from the last sample on to the first.")
     crank_span_max: PositiveNumber | None = Field(

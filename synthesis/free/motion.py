@@ -21,10 +21,9 @@ from synthesis.free.align import aligned
 from synthesis.free.dyads import Body, Dyads, landscape, linear_dyads, polished
 from synthesis.free.few import sampled_dyads
 from synthesis.free.joint import JointProblem, Timed, refine
-from synthesis.free.pairs import in_order, pairs_of, put_in_order
+from synthesis.free.pairs import in_any_order, in_order, pairs_of, put_in_order
 from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
-from synthesis.target import TURN
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
@@ -77,17 +76,6 @@ def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, repair: bool 
     pairs = pairs.take(keep)
     shape = chart_of(family).unknowns(pairs.lengths)
     return Timed(shape, pairs.pose, pairs.offset, angles[keep], pairs.branch)
-
-
-def in_any_order(angles: Floats, span_max: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Crank angles (n, N) on the shortest arc that holds all, and for which that is short enough."""
-    within = np.sort(angles % TURN, axis=1)
-    gaps = np.diff(np.concatenate([within, within[:, :1] + TURN], axis=1), axis=1)
-    largest = gaps.argmax(axis=1)
-    begin = np.take_along_axis(within, ((largest + 1) % within.shape[1])[:, None], 1)
-    along = begin + (angles - begin) % TURN
-    along -= TURN * np.round(along[:, :1] / TURN)
-    return along, TURN - gaps.max(axis=1) <= span_max * (1 + 1e-12)
 
 
 def search_motion(

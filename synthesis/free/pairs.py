@@ -84,6 +84,17 @@ def in_order(angles: Floats, span_max: float = TURN) -> tuple[Floats, Flags]:
     return straight, np.all(way != 0, axis=1) & (total < min(span_max, TURN) * (1 + 1e-12))
 
 
+def in_any_order(angles: Floats, span_max: float) -> tuple[Floats, Flags]:
+    """Crank angles (n, N) on the shortest arc that holds all, and for which that is short enough."""
+    within = np.sort(angles % TURN, axis=1)
+    gaps = np.diff(np.concatenate([within, within[:, :1] + TURN], axis=1), axis=1)
+    largest = gaps.argmax(axis=1)
+    begin = np.take_along_axis(within, ((largest + 1) % within.shape[1])[:, None], 1)
+    along = begin + (angles - begin) % TURN
+    along -= TURN * np.round(along[:, :1] / TURN)
+    return along, TURN - gaps.max(axis=1) <= span_max * (1 + 1e-12)
+
+
 def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
     """Crank angles (n, N) near the given ones that rise or fall strictly within the span: starting points for noisy samples.
 

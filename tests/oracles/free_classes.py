@@ -61,7 +61,9 @@ def free_case(seed: int, samples: int, swinging: bool = False) -> FreeCase:
         turn = close(lengths, branch, np.linspace(0, 2 * np.pi, 721))[1]
         pin, coupler_pin = close(lengths, branch, dense)
         if np.isnan(turn).any() and not np.isnan(coupler_pin).any():
-            sine = np.abs(np.imag(np.conj(coupler_pin - pin) * (coupler_pin - lengths[3]))) / (lengths[1] * lengths[2])
+            sine = np.abs(np.imag(np.conj(coupler_pin - pin) * (coupler_pin - lengths[3]))) / (
+                lengths[1] * lengths[2]
+            )
             if sine.min() > 0.05:
                 break
     pin, coupler_pin = close(lengths, branch, theta1)
@@ -109,7 +111,9 @@ def recompute_free(position: Any, rotation: Any, solution: dict[str, Any], scale
     return Recomputed(float(np.sqrt(square)), one_way)
 
 
-def burmester_dyads(position: np.ndarray, rotation: np.ndarray, farthest: float = 1e3) -> list[tuple[complex, complex]]:
+def burmester_dyads(
+    position: np.ndarray, rotation: np.ndarray, farthest: float = 1e3
+) -> list[tuple[complex, complex]]:
     """All points of the body, in its frame over the motion's size, whose five places lie on a circle, and the centres.
 
     By brute force: Newton's method on two determinants from a dense net of starts; no algebra is shared with the search.
