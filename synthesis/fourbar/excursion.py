@@ -22,7 +22,13 @@ SHORTEST_CHORD = 0.05
 """Of the length scale: shorter chords count as this long."""
 PANEL = np.deg2rad(15.0)
 """Longest panel of the rule for arc lengths, in the coordinate round the circuit."""
+HALVINGS = 14
+"""A panel is halved so often at most; a cusp of the curve needs it."""
+ACCURACY = 1e-8
+"""Estimated error of a panel, of the whole way between two samples, above which it is halved."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+# of values at the nodes, the last two coefficients of their Legendre series
+TAIL = (np.polynomial.legendre.legvander(NODES, 7) * WEIGHTS[:, None] * (np.arange(8) + 0.5))[:, 6:]
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,7 @@ def excursions(
     over their distance; a distance below `SHORTEST_CHORD` of the length scale counts as that. Above `LEAVES_SAMPLES` the curve
     goes somewhere between two samples that nobody asked for. Where order is not required, the widest gap is left out.
 
-    Lengths are Gauss-Legendre sums of |dP/dt| with eight nodes to a panel of 15 degrees at most, t of `RoundCircuit`.
+    Accurate to 1e-6 of its value, or to rounding of the positions near a change point.
 
     Parameters
     ----------
@@ -137,19 +143,46 @@ def excursions(
     point = (radius * np.exp(1j * direction))[:, None]
     circuit, place = RoundCircuit.through(lengths, angle, side)
     first, step = _ways(place, circuit.turns, ordered, closed, timed)
-    panels = np.maximum(np.ceil(np.abs(step) / PANEL), 1).astype(int)
-    row, way = np.divmod(np.repeat(np.arange(panels.size), panels.ravel()), step.shape[1])
-    panel = np.arange(row.size) - np.repeat(np.cumsum(panels) - panels.ravel(), panels.ravel())
-    width = (step / panels)[row, way]
-    nodes = (first[row, way] + panel * width)[:, None] + width[:, None] * (NODES + 1) / 2
-    speed = circuit.of_rows(row).speed(nodes, point[row])
-    arc = np.bincount(row * step.shape[1] + way, np.abs(width) / 2 * (speed @ WEIGHTS), minlength=step.size)
+    arc = _arcs(circuit, point, first, step)
     ends = circuit.body_point(np.concatenate([first, first + step], axis=-1), point)
     chord = np.abs(np.subtract(*np.split(ends, 2, axis=-1)))
-    ratio = np.max(arc.reshape(step.shape) / np.maximum(chord, SHORTEST_CHORD * length_scale), axis=-1)
+    ratio = np.max(arc / np.maximum(chord, SHORTEST_CHORD * length_scale), axis=-1)
     for k, value in zip(rows, ratio):
         found[k] = float(value)
     return found
+
+
+def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) -> Floats:
+    """Lengths of the curve between places ``first`` and ``first + step``, shape (n, m).
+
+    Gauss-Legendre sums of |dP/dt| with eight nodes to a panel of 15 degrees at most, halved where needed. With values that are
+    analytic the coefficients of their Legendre series fall geometrically, those of degree 6 and 7 by a factor q and the
+    error of the sum, of degree 16, by about q^(16/7); Trefethen, Approximation Theory and Approximation Practice, chapter 19.
+    """
+    panels = np.maximum(np.ceil(np.abs(step) / PANEL), 1).astype(int).ravel()
+    gap = np.repeat(np.arange(panels.size), panels)
+    width = (step.ravel() / panels)[gap]
+    begin = first.ravel()[gap] + (np.arange(gap.size) - (np.cumsum(panels) - panels)[gap]) * width
+    arc = np.zeros(step.size)
+    allowed = arc
+    for halved in range(HALVINGS + 1):
+        row = gap // step.shape[1]
+        nodes = begin[:, None] + width[:, None] * ((NODES + 1) / 2)
+        speed = circuit.of_rows(row).speed(nodes, point[row])
+        mean = speed @ WEIGHTS / 2
+        part = np.abs(width) * mean
+        if not halved:
+            allowed = ACCURACY * np.bincount(gap, part, minlength=arc.size)
+        tail = np.max(np.abs(speed @ TAIL), axis=-1) / np.where(mean > 0, mean, 1.0)
+        rough = part * tail ** (16 / 7) > allowed[gap]
+        if halved == HALVINGS:
+            rough[:] = False
+        arc += np.bincount(gap[~rough], part[~rough], minlength=arc.size)
+        gap, begin, width = gap[rough].repeat(2), begin[rough].repeat(2), width[rough].repeat(2) / 2
+        begin[1::2] += width[1::2]
+        if not gap.size:
+            break
+    return arc.reshape(step.shape)
 
 
 def _ways(place: Floats, turns: NDArray[np.bool_], ordered: bool, closed: bool, timed: bool) -> tuple[Floats, Floats]:

@@ -41,8 +41,8 @@ DEAD = 1e-7
 """Below this transmission angle, in radians, both sides are the same place to within the rounding of theta1."""
 NEAR_CHANGE_POINT = 1e-6
 """Of the perimeter: where |s + l - p - q| is smaller, circuits all but meet and manufacture decides which of them it is on."""
-PAIRS_NAMED = 3
-"""A reason names as many pairs of samples."""
+NAMED = 3
+"""A reason names as many samples, or pairs of neighbours, and counts the rest."""
 
 
 @dataclass(frozen=True)
@@ -150,9 +150,14 @@ class Passage:
 
 
 def one_way(steps: Floats) -> tuple[Floats, Floats]:
-    """Steps modulo a turn, all taken the way round that is shorter in total, and that way (n, 1); ties may lie just behind."""
+    """Steps (n, m) modulo a turn, all taken the same way round, and that way, +1 or -1, shape (n, 1).
+
+    It is the way of fewer turns in total; where they are equal, that of most steps. Ties may lie just behind, not a turn ahead.
+    """
     ahead, back = ((way * steps + TIE) % TURN - TIE for way in (1.0, -1.0))
-    forward = np.sum(ahead, axis=-1, keepdims=True) <= np.sum(back, axis=-1, keepdims=True)
+    fewer = [np.ceil(np.sum(one, axis=-1, keepdims=True) / TURN - TIE) for one in (ahead, back)]
+    most = np.sum(np.sign(back - ahead), axis=-1, keepdims=True) >= 0
+    forward = (fewer[0] < fewer[1]) | ((fewer[0] == fewer[1]) & most)
     return np.where(forward, ahead, back), np.where(forward, 1.0, -1.0)
 
 
@@ -258,7 +263,7 @@ def verdicts(
     crank = passage(lengths, angle, side, ordered=ordered, closed=closed, timed=timed)
     excess = np.min(np.abs(grashof_excesses(lengths)), axis=0)
     uncertain = excess < NEAR_CHANGE_POINT * lengths.sum(axis=-1)
-    rest = np.flatnonzero(~crank.driven & np.all(crank.closes, axis=-1))
+    rest = np.flatnonzero(crank.circuit & ~crank.driven)
     by_rocker = np.zeros(len(lengths), dtype=bool)
     if rest.size:
         other = from_the_rocker(lengths[rest], angle[rest], side[rest])
@@ -275,9 +280,8 @@ def _reasons(crank: Passage, k: int, driver: str | None, uncertain: bool) -> tup
     """A sentence for each defect of linkage ``k``."""
     reasons = []
     if not np.all(crank.closes[k]):
-        open_at = np.flatnonzero(~crank.closes[k]) + 1
-        more = f" and at {open_at.size - 1} other samples" if open_at.size > 1 else ""
-        reasons.append(f"the linkage does not close at sample {open_at[0]}{more}")
+        numbers = [str(place + 1) for place in np.flatnonzero(~crank.closes[k])]
+        reasons.append(f"the linkage does not close at {_listed(numbers)}")
     if np.any(flags := crank.open_between[k]):
         reasons.append(f"the linkage does not close everywhere between {_named(flags)}")
     if np.any(flags := crank.other_branch[k]):
@@ -301,7 +305,15 @@ def _reasons(crank: Passage, k: int, driver: str | None, uncertain: bool) -> tup
 
 
 def _named(flags: Flags) -> str:
-    """The pairs of neighbours (N - 1,) that are flagged."""
-    pairs = [f"{k} and {k + 1}" for k in np.flatnonzero(flags) + 1]
-    more = f" and {len(pairs) - PAIRS_NAMED} other pairs" if len(pairs) > PAIRS_NAMED else ""
-    return f"samples {', '.join(pairs[:PAIRS_NAMED])}{more}"
+    """The pairs of neighbours (N - 1,) that are flagged: "samples 2 and 3", "samples 2/3, 7/8"."""
+    first = np.flatnonzero(flags) + 1
+    return _listed(f"{first[0]} {first[0] + 1}".split() if first.size == 1 else [f"{k}/{k + 1}" for k in first])
+
+
+def _listed(names: list[str]) -> str:
+    """Samples by name, the first few: "sample 2", "samples 2 and 3", "samples 2, 3, 4 and 5 more"."""
+    if len(names) == 1:
+        return f"sample {names[0]}"
+    rest = len(names) - NAMED
+    named, last = (names[:NAMED], f"{rest} more") if rest > 0 else (names[:-1], names[-1])
+    return f"samples {', '.join(named)} and {last}"

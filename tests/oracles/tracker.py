@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 TURN = 2 * math.pi
 STEP = 0.04
@@ -22,9 +23,9 @@ def configuration(lengths, theta1, side):
     l1, l2, l3, l4 = lengths
     x, y = l1 * math.cos(theta1), l1 * math.sin(theta1)
     along, across = l4 - x, -y
-    r = math.hypot(along, across)
+    r = math.hypot(along, across) or math.inf
     foot = (r * r + l2 * l2 - l3 * l3) / (2 * r)
-    if foot * foot > l2 * l2:
+    if not foot * foot <= l2 * l2:
         return None
     height = side * math.sqrt(l2 * l2 - foot * foot)
     return math.atan2(foot * across + height * along, foot * along - height * across), x, y
@@ -114,6 +115,12 @@ class Circuit:
     tangents: list
     way: list
     length: float
+    found: dict = field(default_factory=dict)
+
+    @cached_property
+    def seen(self):
+        """Of each configuration what `_drives` asks for."""
+        return [_seen(self.lengths, state) for state in self.states]
 
     def at(self, way):
         """The configuration at a way from the first."""
@@ -127,10 +134,16 @@ class Circuit:
 
     def place(self, state):
         """The way to a configuration, or None where it is not on this circuit."""
-        near = sorted(range(len(self.states)), key=lambda k: sum(d * d for d in apart(self.states[k], state)))[:6]
-        for k in near:
+        if state not in self.found:
+            self.found[state] = self._place(state)
+        return self.found[state]
+
+    def _place(self, state):
+        # in a hairpin the nodes of the other leg are as near: all within a step are tried
+        far = [sum(d * d for d in apart(one, state)) for one in self.states]
+        for k in sorted((k for k in range(len(far)) if far[k] < (1.2 * STEP) ** 2), key=far.__getitem__):
             there, t, way = self.states[k], self.tangents[k], self.way[k]
-            for _ in range(8):
+            for _ in range(200):
                 rest = dot(apart(state, there), t)
                 if not 1e-13 < rest < 2 * STEP:
                     break
@@ -142,7 +155,7 @@ class Circuit:
 
     def reach(self):
         """Smallest and largest theta1, from that of the first configuration; None for one that turns fully."""
-        return _reach([angles(self.lengths, s)[0] for s in [*self.states, self.states[0]]])
+        return _reach([crank[0] for crank, _ in [*self.seen, self.seen[0]]])
 
 
 def _reach(values):
@@ -225,17 +238,23 @@ def _drives(circuit, first, way, which, closed):
     way = math.copysign(circuit.length, way) if closed else way
     low, high = sorted((first, first + way))
     inside = [
-        state
-        for lap in range(-2, 3)
-        for state, at in zip(circuit.states, circuit.way)
+        seen
+        for lap in range(math.floor(low / circuit.length), math.ceil(high / circuit.length))
+        for seen, at in zip(circuit.seen, circuit.way)
         if low + 1e-9 < at + lap * circuit.length < high - 1e-9
     ]
-    states = [circuit.at(low), *inside, circuit.at(high)]
-    if len({sides(circuit.lengths, state)[which] > 0 for state in states}) > 1:
+    ends = [_seen(circuit.lengths, circuit.at(one)) for one in (low, high)]
+    way_of_link = [one[which] for one in (ends[0], *inside, ends[1])]
+    if len({sign for _, sign in way_of_link}) > 1:
         return False
-    turned = [angles(circuit.lengths, state)[2 * which] for state in states]
-    steps = [(b - a + math.pi) % TURN - math.pi for a, b in zip(turned, turned[1:])]
+    steps = [(b - a + math.pi) % TURN - math.pi for (a, _), (b, _) in zip(way_of_link, way_of_link[1:])]
     return all(step > 0 for step in steps) or all(step < 0 for step in steps)
+
+
+def _seen(lengths, state):
+    """Of crank and rocker, the angle and which side of its dead positions the configuration is on."""
+    theta1, theta2, theta3 = angles(lengths, state)
+    return (theta1, math.sin(theta3 - theta2) > 0), (theta3, math.sin(theta1 - theta2) > 0)
 
 
 def _crank_order(circuit, crank, places, ordered, closed):
