@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from synthesis.fourbar.kinematics import Closure, close_loop, grashof_excesses
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.verdict import Circuits, one_way, passage
+from synthesis.fourbar.passage import Circuits, one_way, passage
 from synthesis.target import TURN
 
 Floats = NDArray[np.float64]
@@ -117,7 +117,7 @@ def excursions(
     linkages : sequence of Linkage
         Mounted ones.
     crank_angle, side, ordered, closed, timed
-        As of `verdict.passage`, one row a linkage.
+        As of `passage.passage`, one row a linkage.
     length_scale : float
         l of the objective, in the linkages' unit.
 
@@ -163,8 +163,8 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
     gap = np.repeat(np.arange(panels.size), panels)
     width = (step.ravel() / panels)[gap]
     begin = first.ravel()[gap] + (np.arange(gap.size) - (np.cumsum(panels) - panels)[gap]) * width
-    arc = np.zeros(step.size)
-    allowed = arc
+    arc: Floats = np.zeros(step.size)
+    allowed: Floats = arc
     for halved in range(HALVINGS + 1):
         row = gap // step.shape[1]
         nodes = begin[:, None] + width[:, None] * ((NODES + 1) / 2)
@@ -172,7 +172,7 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
         mean = speed @ WEIGHTS / 2
         part = np.abs(width) * mean
         if not halved:
-            allowed = ACCURACY * np.bincount(gap, part, minlength=arc.size)
+            allowed = np.bincount(gap, ACCURACY * part, minlength=arc.size)
         tail = np.max(np.abs(speed @ TAIL), axis=-1) / np.where(mean > 0, mean, 1.0)
         rough = part * tail ** (16 / 7) > allowed[gap]
         if halved == HALVINGS:

@@ -1,9 +1,10 @@
-"""A four-bar followed round its circuit in small steps, and what a sequence of samples is judged by on that way; imports no product.
+"""A four-bar followed round its circuit in small steps, and what a sequence of samples is judged by on that way.
 
 A configuration is (gamma, x, y): the angle of the coupler and the place of the crank pin D, the crank's pivot at the origin, the
 rocker's at (L4, 0). Two distances are kept, |AD| and |BC|, so the configurations are curves in three dimensions. The cross
 product of the two gradients is tangent to them and keeps its sense along a curve; where two curves come near each other it
 points against the sense on the other one, so that a step which lands on the wrong curve is seen and taken again, shorter.
+Nothing of the product is imported.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 TURN = 2 * math.pi
 STEP = 0.04
@@ -160,7 +162,7 @@ class Circuit:
 
 def _reach(values):
     total = low = high = 0.0
-    for one, other in zip(values, values[1:]):
+    for one, other in pairwise(values):
         total += (other - one + math.pi) % TURN - math.pi
         low, high = min(low, total), max(high, total)
     return None if abs(total) > 1 else (low, high)
@@ -227,7 +229,7 @@ def _ways(places, length, ordered):
     found = []
     for order in orders:
         for sense in (1, -1):
-            steps = [(sense * (places[b] - places[a])) % length for a, b in zip(order, order[1:])]
+            steps = [(sense * (places[b] - places[a])) % length for a, b in pairwise(order)]
             if sum(steps) < length:
                 found.append((order, sense * sum(steps)))
     return found
@@ -247,7 +249,7 @@ def _drives(circuit, first, way, which, closed):
     way_of_link = [one[which] for one in (ends[0], *inside, ends[1])]
     if len({sign for _, sign in way_of_link}) > 1:
         return False
-    steps = [(b - a + math.pi) % TURN - math.pi for (a, _), (b, _) in zip(way_of_link, way_of_link[1:])]
+    steps = [(b - a + math.pi) % TURN - math.pi for (a, _), (b, _) in pairwise(way_of_link)]
     return all(step > 0 for step in steps) or all(step < 0 for step in steps)
 
 
@@ -261,7 +263,7 @@ def _crank_order(circuit, crank, places, ordered, closed):
     """Whether the crank angles alone are passed one way, by a crank that reaches them all on this circuit."""
     reach = circuit.reach()
     if reach is None:
-        sums = [sum((sense * (b - a)) % TURN for a, b in zip(crank, crank[1:])) for sense in (1, -1)]
+        sums = [sum((sense * (b - a)) % TURN for a, b in pairwise(crank)) for sense in (1, -1)]
         return not ordered or min(sums) < TURN
     if closed:
         return False
@@ -272,5 +274,5 @@ def _crank_order(circuit, crank, places, ordered, closed):
     # the ends of the swing are known to a step's square only
     if any(place is None and not 0 <= one <= span for one, place in zip(swung, places)):
         return False
-    steps = [b - a for a, b in zip(swung, swung[1:])]
+    steps = [b - a for a, b in pairwise(swung)]
     return not ordered or all(step > 0 for step in steps) or all(step < 0 for step in steps)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.verdict import from_the_rocker, passage, verdicts
+from synthesis.fourbar.passage import from_the_rocker, passage
+from synthesis.fourbar.verdict import verdicts
 from synthesis.target import TURN
 from tests.oracles import tracker
 
@@ -233,7 +234,9 @@ def test_a_sample_that_is_not_reached() -> None:
 
 
 def test_a_dead_position_is_on_both_branches() -> None:
-    hi = np.rad2deg(2 * np.arccos(np.sqrt(85 / 96)))  # the coupler and the rocker of 3 in a line: 6^2 = 3^2 + 8^2 - 48 cos
+    hi = np.rad2deg(
+        2 * np.arccos(np.sqrt(85 / 96))
+    )  # the coupler and the rocker of 3 in a line: 6^2 = 3^2 + 8^2 - 48 cos
     assert said(judged(NOT_GRASHOF, [0, 10, hi * (1 - 1e-15)], [1, 1, -1])) == GOOD
 
 
