@@ -164,7 +164,7 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
     width = (step.ravel() / panels)[gap]
     begin = first.ravel()[gap] + (np.arange(gap.size) - (np.cumsum(panels) - panels)[gap]) * width
     arc: Floats = np.zeros(step.size)
-    allowed: Floats = arc
+    allowed: Floats = np.zeros(step.size)
     for halved in range(HALVINGS + 1):
         row = gap // step.shape[1]
         nodes = begin[:, None] + width[:, None] * ((NODES + 1) / 2)
@@ -172,7 +172,7 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
         mean = speed @ WEIGHTS / 2
         part = np.abs(width) * mean
         if not halved:
-            allowed = np.bincount(gap, ACCURACY * part, minlength=arc.size)
+            allowed[:] = ACCURACY * np.bincount(gap, part, minlength=arc.size)
         tail = np.max(np.abs(speed @ TAIL), axis=-1) / np.where(mean > 0, mean, 1.0)
         rough = part * tail ** (16 / 7) > allowed[gap]
         if halved == HALVINGS:

@@ -95,7 +95,7 @@ def _reasons(crank: Passage, k: int, driver: str | None) -> tuple[str, ...]:
         reasons.append(
             f"{_named(flags)} lie on different circuits: the linkage would have to be taken apart between them"
         )
-    if np.any(flags := crank.out_of_order[k] & ~crank.other_circuit[k]):
+    if np.all(crank.closes[k]) and np.any(flags := crank.out_of_order[k] & ~crank.other_circuit[k]):
         first = int(np.argmax(flags)) + 1
         reasons.append(f"a crank that turns one way does not pass samples {first} and {first + 1} in this order")
     if crank.no_return[k]:

@@ -202,6 +202,7 @@ def test_prescribed_crank_angles_are_taken_as_they_are() -> None:
     # about theta1 = 0 the crank swings by 39.6 degrees either way: the long way round it does not close
     assert said(judged(NOT_GRASHOF, [-10, 5, 10], timed=True)) == GOOD
     long_way = judged(NOT_GRASHOF, [-10, 5, 370], timed=True)
+    assert said(judged(NOT_GRASHOF, [-10, 5, 10], [1, 1, -1], timed=True)) == (True, False, True, None)
     assert said(long_way) == (False, True, False, None)
     assert long_way.reasons[0] == "the linkage does not close everywhere between samples 2 and 3"
     assert said(judged(NOT_GRASHOF, [-10, 5, 370])) == GOOD
@@ -230,7 +231,13 @@ def test_a_crank_that_swings() -> None:
 def test_a_sample_that_is_not_reached() -> None:
     found = judged(NOT_GRASHOF, [0, 5, 90, 180])
     assert said(found) == (False, True, False, None)
-    assert found.reasons[0] == "the linkage does not close at samples 3 and 4"
+    assert found.reasons == (
+        "the linkage does not close at samples 3 and 4",
+        "neither crank nor rocker can drive the linkage through the samples, turning one way",
+    )
+    assert judged(NOT_GRASHOF, [0, 90]).reasons[0] == "the linkage does not close at sample 2"
+    many = judged(NOT_GRASHOF, [0, *range(90, 150, 10)])
+    assert many.reasons[0] == "the linkage does not close at samples 2, 3, 4 and 3 more"
 
 
 def test_a_dead_position_is_on_both_branches() -> None:
