@@ -1,0 +1,130 @@
+"""Excursions against fine polylines, laws, and a curve with a loop between two samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.fourbar.excursion import LEAVES_SAMPLES, excursions
+from synthesis.fourbar.linkage import Linkage
+from synthesis.target import TURN
+from tests.oracles import tracker
+from tests.synthesis.fourbar.test_verdict import KINDS, lengths_of, samples_on, start_of
+
+laws = settings(derandomize=True, max_examples=60, deadline=None)
+ACCURACY = 1e-6
+CRANK_ROCKER = Linkage((2, 7, 6, 8), coupler_point=(5.0, 0.7))
+DEGREES = np.deg2rad([[0, 40, 80, 130, 200, 250]])
+SIDE = np.ones((1, 6))
+
+
+class Polyline:
+    """The body point's curve over a whole circuit, 200,000 corners and the samples; all by circles that meet."""
+
+    def __init__(self, lengths, point, samples) -> None:
+        self.lengths, self.point = lengths, point
+        l1, l2, l3, l4 = lengths
+        cosines = [(l1**2 + l4**2 - reach**2) / (2 * l1 * l4) for reach in (l2 - l3, l2 + l3)]
+        low, high = (float(np.arccos(np.clip(cosine, -1, 1))) for cosine in cosines)
+        self.side = samples[0][1]
+        self.turns = cosines[0] >= 1 and cosines[1] <= -1
+        if cosines[1] <= -1:
+            low, high = low, TURN - low
+        elif cosines[0] >= 1:
+            low, high = -high, high
+        elif np.sin(samples[0][0]) < 0:
+            low, high = -high, -low
+        self.low, self.width = low, high - low
+        self.at_samples = np.array([self.place(*one) for one in samples])
+        self.corners = np.unique(np.concatenate([self.at_samples, np.linspace(0, TURN, 200_001)]))
+        points = self.points(self.corners)
+        self.way = np.concatenate([[0], np.cumsum(np.abs(np.diff(points)))])
+
+    def place(self, theta1, side):
+        if self.turns:
+            return theta1 % TURN
+        half = np.arccos(1 - 2 * ((theta1 - self.low) % TURN) / self.width)
+        return half if side > 0 else TURN - half
+
+    def points(self, place):
+        l1, l2, l3, l4 = self.lengths
+        angle = place if self.turns else self.low + self.width * (1 - np.cos(place)) / 2
+        side = self.side if self.turns else np.where(place < np.pi, 1, -1)
+        pin = l1 * np.exp(1j * angle)
+        r = np.abs(l4 - pin)
+        foot = (r**2 + l2**2 - l3**2) / (2 * r)
+        coupler = (foot + 1j * side * np.sqrt(np.maximum(l2**2 - foot**2, 0))) * (l4 - pin) / r / l2
+        return pin + self.point * coupler
+
+    def ratios(self, one, others, sense):
+        """Curve over chord from samples to others, forwards or backwards round the circuit."""
+        first, last = (np.searchsorted(self.corners, self.at_samples[k]) for k in (one, others))
+        arc = (sense * (self.way[last] - self.way[first])) % self.way[-1]
+        chord = np.abs(np.subtract(*(self.points(self.corners[k]) for k in (first, last))))
+        return arc / np.maximum(chord, 0.05)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_as_a_fine_polyline(kind, closed: bool) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        lengths = 4 * lengths_of(rng, *kind)
+        circuit = tracker.track(lengths, *start_of(rng, lengths))
+        samples = samples_on(rng, circuit)
+        point = complex(*rng.normal(size=2))
+        angle, side = np.array(samples).T
+        linkage = Linkage(tuple(lengths), coupler_point=(abs(point), np.angle(point)))
+        (found,) = excursions([linkage], [angle], [side], 1.0, closed=closed)
+        naive = Polyline(lengths, point, samples)
+        steps = np.diff(naive.at_samples)
+        sense = min((1, -1), key=lambda way: np.sum((way * steps) % TURN))
+        one = np.arange(len(samples) - (not closed))
+        assert found == pytest.approx(max(naive.ratios(one, (one + 1) % len(samples), sense)), rel=ACCURACY)
+
+
+def found(linkage=CRANK_ROCKER, angle=DEGREES, side=SIDE, scale=10.0, **asked) -> float | None:
+    return excursions([linkage], angle, side, scale, **asked)[0]
+
+
+@laws
+@given(st.floats(0.0, 8.0), st.floats(-3.0, 3.0), st.booleans(), st.integers(-2, 2))
+def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(radius, direction, closed, turns) -> None:
+    one = Linkage((2, 7, 6, 8), coupler_point=(radius, direction))
+    large = Linkage((20, 70, 60, 80), coupler_point=(10 * radius, direction))
+    truth = pytest.approx(found(one, closed=closed), rel=1e-7)
+    assert found(one, DEGREES[:, ::-1], closed=closed) == truth
+    assert found(large, scale=100.0, closed=closed) == truth
+    assert found(one, DEGREES + TURN * turns, closed=closed) == truth
+    mirror = Linkage((2, 7, 6, 8), coupler_point=(radius, -direction))
+    assert found(mirror, -DEGREES, -SIDE, closed=closed) == truth
+
+
+def test_the_arc_of_a_crank_pin_is_a_circle() -> None:
+    pin = Linkage((2, 7, 6, 8), coupler_point=(0.0, 0.0))
+    third = np.deg2rad([[0, 90, 210]])
+    side = np.ones((1, 3))
+    # 120 degrees: arc 2 pi / 3 over chord 2 sin(60 degrees); back to the first 150 degrees; over two turns as prescribed
+    assert found(pin, third, side, 1.0) == pytest.approx(np.pi / 3 / np.sin(np.pi / 3))
+    assert found(pin, third, side, 1.0, closed=True) == pytest.approx(np.pi * 5 / 12 / np.sin(np.pi * 5 / 12))
+    assert found(pin, third[:, [0, 2, 1]], side, 1.0, ordered=False) == pytest.approx(np.pi / 3 / np.sin(np.pi / 3))
+    twice = np.deg2rad([[0, 120, 600]])
+    assert found(pin, twice, side, 1.0, timed=True) == pytest.approx(4 * np.pi / 3 / np.sin(np.pi / 3))
+    assert found(pin, np.deg2rad([[0, 1, 2]]), side, 4.0) == pytest.approx(np.deg2rad(2) / 0.2), "a chord below 5 %"
+
+
+def test_a_loop_between_two_samples_shows() -> None:
+    whole = Linkage((2, 7, 6, 8), coupler_point=(7.0, 0.0))
+    close = np.deg2rad([[0, 10, 20, 30]])
+    assert found(whole, close, np.ones((1, 4)), 1.0) < 1.1
+    assert found(whole, np.deg2rad([[0, 10, 20, -20]]), np.ones((1, 4)), 1.0) > LEAVES_SAMPLES
+
+
+def test_no_excursion() -> None:
+    assert found(Linkage((2, 7, 6, 8))) is None, "no body point"
+    assert found(side=np.array([[1, 1, 1, 1, 1, -1]])) is None, "different circuits"
+    assert excursions([], np.empty((0, 3)), np.empty((0, 3)), 1.0) == []
+    both = excursions([Linkage((2, 7, 6, 8)), CRANK_ROCKER], DEGREES.repeat(2, 0), SIDE.repeat(2, 0), 10.0)
+    assert both == [None, found()]
