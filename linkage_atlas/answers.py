@@ -46,6 +46,39 @@ class Rounded:
         }
 
 
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a linkage does as a machine what it does at the samples.
+
+    Attributes
+    ----------
+    order : bool
+        A crank that turns one way passes the samples in the order asked for.
+    branch : bool
+        All samples lie on one branch.
+    circuit : bool
+        All samples, and all between, lie on one circuit: nothing must be taken apart.
+    within_tolerance : bool or None
+        Every sample keeps the tolerances; None where there are none.
+    buildable : bool
+        No practical limit is broken.
+    reasons : tuple of str
+        A sentence for everything that is amiss; samples count from 1.
+    """
+
+    order: bool
+    branch: bool
+    circuit: bool
+    within_tolerance: bool | None
+    buildable: bool
+    reasons: tuple[str, ...]
+
+    @property
+    def works(self) -> bool:
+        """Whether the crank drives the linkage through the samples."""
+        return self.order and self.branch and self.circuit
+
+
 _NOT_CLOSING = {
     "closes": False,
     **dict.fromkeys(("links", "start_angle", "body_offset", "mount", "errors", "transmission_angle_min")),
@@ -79,12 +112,11 @@ class Solution:
         Change of the motion per unit of each length, if asked for.
     rounded : Rounded or None
         With links on a grid, if asked for and if that closes; crank angles that were found are held.
+    verdict : Verdict
     crank_angle : ndarray, shape (N,), or None
         Crank angles at the samples from the first one, where they were free.
-    within_tolerance : bool or None
-        Whether every sample keeps the tolerances; None where there are none.
-    worst_sample : int or None
-        The sample (from 0) whose error is largest beside its tolerance.
+    excursion : float or None
+        With free crank angles: the largest way of the body point between two neighbouring samples over their distance.
     """
 
     rank: int
@@ -98,9 +130,9 @@ class Solution:
     type: AtlasType | None
     sensitivity: Sensitivity | None
     rounded: Rounded | None
+    verdict: Verdict
     crank_angle: Floats | None = None
-    within_tolerance: bool | None = None
-    worst_sample: int | None = None
+    excursion: float | None = None
     asked_to_round: bool = field(default=False, repr=False)
 
     @property
@@ -120,8 +152,8 @@ class Solution:
             **self.linkage.to_dict(),
             "crank_angle": _listed(self.crank_angle),
             "errors": asdict(self.errors),
-            "within_tolerance": self.within_tolerance,
-            "worst_sample": self.worst_sample,
+            "verdict": asdict(self.verdict) | {"reasons": list(self.verdict.reasons)},
+            "excursion": self.excursion,
             "family": self.family,
             "transmission_angle_min": self.transmission_angle_min,
             "transmission_angle_min_turn": self.transmission_angle_min_turn,

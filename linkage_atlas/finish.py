@@ -9,15 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from linkage_atlas.answers import Rounded, Solution
+from linkage_atlas.answers import Rounded, Solution, Verdict
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, column
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as answers
 from synthesis.fourbar.determination import Sensitivity, determinations, sensitivities
+from synthesis.fourbar.excursion import excursions
 from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.practical import practical_faults
 from synthesis.fourbar.rounding import round_solution
+from synthesis.fourbar.verdict import Verdict as Passing
+from synthesis.fourbar.verdict import verdicts
 from synthesis.free.answers import in_turn
 from synthesis.free.poses import Poses
 from synthesis.ranking import Errors, Status
@@ -69,8 +73,10 @@ def read_tolerances(tolerances: Mapping[str, ArrayLike] | None, motion: Motion) 
 def status_of(solutions: Sequence[Solution], tolerance: float, allowed: Tolerances | None) -> str:
     """What was found: reached where the best solution keeps the tolerances, or without any, where its objective is small."""
     if solutions and allowed is not None:
-        return (Status.REACHED if solutions[0].within_tolerance else Status.CLOSEST).value
-    return Status.of(solutions, tolerance).value
+        return (Status.REACHED if solutions[0].verdict.within_tolerance else Status.CLOSEST).value
+    if not solutions:
+        return Status.INFEASIBLE.value
+    return (Status.REACHED if solutions[0].errors.objective < tolerance else Status.CLOSEST).value
 
 
 def finished(
@@ -90,13 +96,26 @@ def finished(
     resolutions = [max(one.errors.objective, tolerance) for one in found]
     fixed = determinations(target, linkages, resolutions)
     changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
+    passed, excursions = _passed(found, motion, target)
     solutions = [
-        _solution(one, motion, determined, change, allowed, round_to, atlas)
-        for one, determined, change in zip(found, fixed, changes)
+        _solution(one, motion, determined, change, verdict, excursion, allowed, round_to, atlas)
+        for one, determined, change, verdict, excursion in zip(found, fixed, changes, passed, excursions)
     ]
-    if allowed is not None:
-        solutions.sort(key=lambda one: not one.within_tolerance)
+    # a linkage that does not work as a machine never comes before one that does
+    solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
     return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+
+
+def _passed(found: list[answers.Solution], motion: Motion, target: Target) -> tuple[list[Passing], list[Any]]:
+    """How each solution passes the samples, and how far it leaves them in between where the crank angles were free."""
+    linkages = [one.linkage for one in found]
+    crank = np.array([one.start for one in linkages])[:, None] + target.crank
+    side = np.broadcast_to(np.array([one.branch for one in linkages])[:, None], crank.shape)
+    if not isinstance(motion.samples, Poses):
+        return verdicts(linkages, crank, side, timed=True), [None] * len(found)
+    way = {"ordered": motion.samples.ordered, "closed": motion.samples.closed}
+    excursion = excursions(linkages, crank, side, motion.samples.extent, **way)
+    return verdicts(linkages, crank, side, **way), excursion
 
 
 def _solution(
@@ -104,6 +123,8 @@ def _solution(
     motion: Motion,
     determined: Any,
     change: Any,
+    passing: Passing,
+    excursion: float | None,
     allowed: Tolerances | None,
     round_to: float | None,
     atlas: Atlas | None,
@@ -116,7 +137,6 @@ def _solution(
     crank = None
     if isinstance(motion.samples, Poses):
         crank = in_turn(own.target.crank, motion.samples.ordered) / radian
-    shares = None if allowed is None else allowed.shares(own.target, one.linkage)
     return Solution(
         rank=0,
         linkage=FourBar.of(one.linkage, own),
@@ -129,11 +149,24 @@ def _solution(
         type=None if one.row is None or atlas is None else atlas.type_of(one.row),
         sensitivity=change,
         rounded=None if rounded is None else _rounded(rounded, own),
+        verdict=_verdict(one, own.target, passing, excursion, allowed),
         crank_angle=crank,
-        within_tolerance=None if shares is None else bool(np.all(shares <= 1)),
-        worst_sample=None if shares is None else int(np.argmax(shares)),
+        excursion=excursion,
         asked_to_round=round_to is not None,
     )
+
+
+def _verdict(
+    one: answers.Solution, target: Target, passing: Passing, excursion: float | None, allowed: Tolerances | None
+) -> Verdict:
+    reasons, within = list(passing.reasons), None
+    if allowed is not None:
+        shares = allowed.shares(target, one.linkage)
+        within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
+        if not within:
+            reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
+    faults = practical_faults(one, target, excursion)
+    return Verdict(passing.order, passing.branch, passing.circuit, within, not faults, (*reasons, *faults))
 
 
 def _in_unit(errors: Errors, radian: float) -> Errors:

@@ -226,6 +226,15 @@ class RoundedReply(ReplyModel):
     transmission_angle_min: float | None = Field(description="Over the used interval; limits are not applied again.")
 
 
+class VerdictReply(ReplyModel):
+    order: bool = Field(description="A crank that turns one way passes the samples in the order asked for.")
+    branch: bool = Field(description="All samples lie on one branch.")
+    circuit: bool = Field(description="All samples, and all between, lie on one circuit.")
+    within_tolerance: bool | None = Field(description="Every sample keeps the tolerances; null without any.")
+    buildable: bool = Field(description="No practical limit is broken, whatever was asked for.")
+    reasons: list[str] = Field(description="A sentence for everything that is amiss; samples count from 1.")
+
+
 class SolutionReply(ReplyModel):
     rank: int
     source: Literal["atlas", "refined"]
@@ -243,8 +252,12 @@ class SolutionReply(ReplyModel):
         "in [0, 360) degrees for `any`.",
     )
     errors: ErrorsReply
-    within_tolerance: bool | None = Field(None, description="Whether every sample keeps the tolerances.")
-    worst_sample: int | None = Field(None, description="Sample, from 0, with the largest error beside its tolerance.")
+    verdict: VerdictReply
+    excursion: float | None = Field(
+        None,
+        description="With free timing: the largest way of the body point between two neighbouring samples over their "
+        "distance, which counts as at least 5 % of the motion's extent.",
+    )
     family: str
     transmission_angle_min: float = Field(description="Over the used interval.")
     transmission_angle_min_turn: float | None = Field(

@@ -1,0 +1,57 @@
+"""Whether one would build a linkage: the practical limits, and which of them a solution breaks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from synthesis.fourbar.excursion import LEAVES_SAMPLES
+from synthesis.fourbar.solution import Solution
+from synthesis.target import Samples
+
+TRANSMISSION_ANGLE = np.deg2rad(35.0)
+"""Least over the used interval: below it friction grows, and play in the pins shows."""
+TRANSMISSION_ANGLE_TURN = np.deg2rad(15.0)
+"""Least over the whole turn, where the crank turns fully."""
+LINK_RATIO = 10.0
+"""Most of the longest link over the shortest."""
+REACH = 10.0
+"""No link, and no distance of a pivot from the motion's middle, is longer than this many extents of the motion."""
+
+
+def practical_faults(solution: Solution, samples: Samples, excursion: float | None = None) -> list[str]:
+    """A sentence for each practical limit that a solution breaks.
+
+    Parameters
+    ----------
+    solution : Solution
+    samples : Samples
+        The motion; without positions lengths are ratios, and only those are judged.
+    excursion : float, optional
+        Of the body point between samples, see `excursion.excursions`.
+    """
+    linkage, faults = solution.linkage, []
+
+    def angle(found: float, wanted: float, where: str) -> None:
+        if found < wanted:
+            degrees = np.rad2deg([found, wanted])
+            faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
+
+    angle(solution.transmission_angle_min, TRANSMISSION_ANGLE, "over the used interval")
+    if solution.transmission_angle_min_turn is not None:
+        angle(solution.transmission_angle_min_turn, TRANSMISSION_ANGLE_TURN, "over the whole turn")
+    ratio = max(linkage.links) / min(linkage.links)
+    if ratio > LINK_RATIO:
+        faults.append(f"longest link {ratio:.3g} times the shortest, above {LINK_RATIO:g}")
+    if samples.position is not None:
+        extent, middle = samples.extent, complex(samples.position_mean(samples.position))
+        longest = max(linkage.links) / extent
+        if longest > REACH:
+            faults.append(f"longest link {longest:.3g} times the motion's extent, above {REACH:g}")
+        far = max(abs(linkage.pivot_a - middle), abs(linkage.pivot_b - middle)) / extent
+        if far > REACH:
+            faults.append(f"a fixed pivot {far:.3g} extents from the motion's middle, above {REACH:g}")
+    if excursion is not None and excursion > LEAVES_SAMPLES:
+        faults.append(
+            f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"
+        )
+    return faults
