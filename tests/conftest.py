@@ -1,13 +1,17 @@
-"""Atlases that many tests share: the default one, built once a session, and a small one."""
+"""What many tests share: the default atlas, built once a session, a small one, and the service without any."""
 
 from __future__ import annotations
 
 import fcntl
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from fastapi.testclient import TestClient
 from hypothesis import HealthCheck, settings
 
+from app.main import create_app
+from app.settings import Settings
 from data_build.batch import build_atlas
 from data_build.executors import local_executor
 from synthesis.atlas.file import encode_atlas, generator_versions
@@ -53,3 +57,10 @@ def small_atlas() -> Atlas:
 def small_bytes(small_atlas: Atlas) -> bytes:
     """The file of `small_atlas`."""
     return encode_atlas(small_atlas)
+
+
+@pytest.fixture(scope="session")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    """The service for requests that need no atlas; names one that is not there, whatever lies in the working folder."""
+    with TestClient(create_app(Settings(atlas=tmp_path_factory.mktemp("service") / "none.h5"))) as client:
+        yield client

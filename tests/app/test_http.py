@@ -650,15 +650,19 @@ def test_health(client) -> None:
     assert client.get("/readyz").json() == {"status": "ready"}
 
 
-@pytest.mark.parametrize("fault", ["missing", "damaged", "too large", "too many types", "folder"])
-def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None:
-    path = tmp_path / "atlas.h5"
+def without_atlas(fault: str, small_bytes: bytes, path: Path) -> TestClient:
+    """The service with an atlas file that it cannot use."""
     settings = {"too large": {"atlas_max_bytes": 1000}, "too many types": {"atlas_max_types": 10}}.get(fault, {})
     if fault == "folder":
         path.mkdir()
     elif fault != "missing":
         path.write_bytes(small_bytes[:-1] if fault == "damaged" else small_bytes)
-    with TestClient(create_app(Settings(atlas=path, **settings))) as client:
+    return TestClient(create_app(Settings(atlas=path, **settings)))
+
+
+@pytest.mark.parametrize("fault", ["missing", "damaged", "too large", "too many types", "folder"])
+def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None:
+    with without_atlas(fault, small_bytes, tmp_path / "atlas.h5") as client:
         assert client.get("/livez").status_code == 200
         for reply in (
             client.get("/readyz"),
@@ -670,10 +674,15 @@ def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None
             problem(reply, range(503, 504))
             assert int(reply.headers["retry-after"]) > 0
         assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["status"] == "reached", "the search needs no atlas"
+        assert refusal(client, "/v1/match", "{}")["status"] == 422
+
+
+@pytest.mark.parametrize("fault", ["missing", "damaged"])
+def test_without_an_atlas_the_scenes_answer(fault, small_bytes, tmp_path) -> None:
+    with without_atlas(fault, small_bytes, tmp_path / "atlas.h5") as client:
         for query in scene_queries():
             body = next(iter(query.examples.values()))
             assert client.post(query.path, json=body).status_code == 200, query.path
-        assert refusal(client, "/v1/match", "{}")["status"] == 422
 
 
 def test_an_atlas_that_appears_later_changes_nothing_until_a_restart(small_bytes, tmp_path) -> None:

@@ -19,10 +19,10 @@ from schemathesis.python.asgi import get_client
 from app.main import create_app
 from app.settings import Settings
 
-EXAMPLES = {GenerationMode.POSITIVE: 25, GenerationMode.NEGATIVE: 40}
+EXAMPLES = {GenerationMode.POSITIVE: 12, GenerationMode.NEGATIVE: 25}
 """Requests of each operation: those that follow the description are searched for, which takes time."""
 
-SHAPED = 150
+SHAPED = 100
 """Requests of the right shape with numbers of any size."""
 CHECKS = [
     "not_a_server_error",

@@ -14,10 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fastapi.testclient import TestClient
 
 from app import page
-from app.main import create_app
 from app.scenes import SCENES
 from tests.vectors.make_kinematics import FILE as VECTORS
 from tests.vectors.make_kinematics import vectors
@@ -27,12 +25,6 @@ STATIC = ROOT / "app/static"
 FILES = sorted(path for path in STATIC.rglob("*") if path.suffix in page.MEDIA_TYPES)
 MAX_WEIGHT = 250_000
 """Bytes of all files of the page together, uncompressed."""
-
-
-@pytest.fixture(scope="module")
-def client():
-    with TestClient(create_app()) as client:
-        yield client
 
 
 def test_root_is_the_page_with_a_strict_policy(client) -> None:

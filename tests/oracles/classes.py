@@ -192,13 +192,13 @@ def make_case(kind: str, seed: int, samples: int = SAMPLES) -> Case:
     return Case(kind, seed, request, truth)
 
 
-def limited_case(seed: int) -> Case:
+def limited_case(seed: int, samples: int = SAMPLES) -> Case:
     """A request with random limits, of which the linkage it was made from keeps some."""
     random = generator("limits", seed)
     kind = str(
         random.choice(["plain", "any order", "double-crank", "clockwise", "position only", "rotation only", "noise"])
     )
-    case = make_case(kind, 100_000 + seed)
+    case = make_case(kind, 100_000 + seed, samples)
     truth, request = case.truth, dict(case.request)
     limits: dict[str, Any] = {"family": str(random.choice(["full_crank", "crank_rocker", "double_crank", "any"]))}
     chosen = random.random(4) < 0.5

@@ -7,18 +7,10 @@ import math
 import xml.etree.ElementTree as ElementTree
 
 import pytest
-from fastapi.testclient import TestClient
 
 from app.cli import main
-from app.main import create_app
 
 PUBLISHED = {"pitch": 131, "links": 16, "upper_radius": 181.78}
-
-
-@pytest.fixture(scope="module")
-def client():
-    with TestClient(create_app(), raise_server_exceptions=False) as client:
-        yield client
 
 
 def numbers(value):

@@ -9,21 +9,13 @@ import re
 from pathlib import Path
 
 import pytest
-from fastapi.testclient import TestClient
 
 from app import cli
-from app.main import create_app
 from app.scenes import knotter_models as models
 from synthesis.knotter.conditions import MAX_PIECES
 
 FIGURES = json.loads((Path(__file__).parents[2] / "reference" / "knotter.json").read_text())
 POINTS = ("S0", "S1", "S3", "S4", "S5", "S7", "S8", "S9", "S10")
-
-
-@pytest.fixture(scope="module")
-def client():
-    with TestClient(create_app()) as client:
-        yield client
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,8 @@ import json
 import math
 
 import pytest
-from fastapi.testclient import TestClient
 
 from app import cli
-from app.main import create_app
 from app.scenes import lift_models as models
 from synthesis.lift import loops as lift_loops
 
@@ -22,12 +20,6 @@ OPTIMIZE = {
     "objective": {"kind": "discrete", "n": 31},
     "upper_bound": 600,
 }
-
-
-@pytest.fixture(scope="module")
-def client():
-    with TestClient(create_app(), raise_server_exceptions=True) as client:
-        yield client
 
 
 def changed(body: dict, path: str, value) -> dict:

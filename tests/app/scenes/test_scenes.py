@@ -5,19 +5,11 @@ from __future__ import annotations
 import json
 
 import pytest
-from fastapi.testclient import TestClient
 
 from app import cli
-from app.main import create_app
 from app.scenes import scene_queries
 
 EXAMPLES = [(query, name) for query in scene_queries() for name in query.examples]
-
-
-@pytest.fixture(scope="module")
-def client():
-    with TestClient(create_app()) as client:
-        yield client
 
 
 @pytest.mark.parametrize(("query", "name"), EXAMPLES, ids=[f"{q.command}-{n}" for q, n in EXAMPLES])

@@ -11,11 +11,9 @@ import xml.etree.ElementTree as ElementTree
 import ezdxf
 import numpy as np
 import pytest
-from fastapi.testclient import TestClient
 
 import linkage_atlas as la
 from app import cli
-from app.main import create_app
 from app.registry import worked_example
 from synthesis.errors import FieldError
 from synthesis.fourbar.drawing import to_svg
@@ -26,12 +24,6 @@ from synthesis.target import Interval, make_target
 DEG = np.pi / 180
 SVG = "{http://www.w3.org/2000/svg}"
 EXACT = {"top": 2}
-
-
-@pytest.fixture(scope="module")
-def client():
-    with TestClient(create_app()) as client:
-        yield client
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -32,17 +34,24 @@ def made(twin: Twin) -> Mechanism:
 WINDOWS = {"wrap": d_knotter.WRAP_WINDOW, "bite": d_knotter.BITE_WINDOW}
 
 
-def scanned(twin: Twin, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@cache
+def scanned(seed: int, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The driver of a fine scan, whether the rope is inside, and where that begins."""
     alpha = np.linspace(*WINDOWS[name], 6001)
-    inside = np.all(twin.shares(name, alpha) > 0, axis=-1)
+    inside = np.all(Twin(seed).shares(name, alpha) > 0, axis=-1)
     return alpha, inside, np.flatnonzero(inside & ~np.append(False, inside[:-1]))
+
+
+@cache
+def evaluated(seed: int, name: str):
+    """What the product finds; once for all tests that ask about it."""
+    return getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1)
 
 
 def case(seed: int, name: str) -> str:
     """What a fine scan sees; the product sees as many windows."""
-    _, _, starts = scanned(Twin(seed), name)
-    assert getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1).windows[0] == len(starts), seed
+    _, _, starts = scanned(seed, name)
+    assert evaluated(seed, name).windows[0] == len(starts), seed
     return "never" if not len(starts) else "starts inside" if starts[0] == 0 else "enters"
 
 
@@ -61,8 +70,8 @@ def test_entry_is_where_the_naive_twin_finds_it(name: str, cases) -> None:
     assert len(cases[name, "enters"]) >= 5
     for seed in cases[name, "enters"]:
         twin, condition = Twin(seed), getattr(d_knotter, name)()
-        found = condition.evaluate(made(twin), 1)
-        alpha, inside, starts = scanned(twin, name)
+        found = evaluated(seed, name)
+        alpha, inside, starts = scanned(seed, name)
         low, high = alpha[starts[0] - 1], alpha[starts[0]]
         # The share that becomes positive last is the one that opens the window.
         roots = {
@@ -91,11 +100,11 @@ def test_entry_is_where_the_naive_twin_finds_it(name: str, cases) -> None:
 def test_rope_that_never_enters_or_is_inside_from_the_start(name: str, cases) -> None:
     assert cases[name, "never"]
     for seed in cases[name, "never"]:
-        found = getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1)
+        found = evaluated(seed, name)
         assert found.found[0] == Found.NEVER and not found.holds[0] and found.margin[0] <= 0
     assert cases[name, "starts inside"]
     for seed in cases[name, "starts inside"]:
-        found = getattr(d_knotter, name)().evaluate(made(Twin(seed)), 1)
+        found = evaluated(seed, name)
         assert found.found[0] == Found.INSIDE_AT_START and found.enter[0] == WINDOWS[name][0]
 
 
@@ -202,7 +211,7 @@ def test_closest_approach_is_the_distance_of_a_dense_scan(cases) -> None:
     assert len(cases["wrap", "never"]) >= 10
     for seed in cases["wrap", "never"][:20]:
         machine = made(Twin(seed))
-        found = condition.evaluate(machine, 1)
+        found = evaluated(seed, "wrap")
         alpha = np.linspace(*condition.window, 20_001)
         dense = segment_triangle_distance(*condition.positions(machine, alpha)).min()
         assert dense - 5e-3 <= -found.margin[0] <= dense + 1e-9

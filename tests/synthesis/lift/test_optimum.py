@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
+from synthesis.lift import optimum as product
 from synthesis.lift.motion import checked_stroke, motion, velocity
 from synthesis.lift.objective import (
     Evaluator,
@@ -23,7 +25,7 @@ from synthesis.lift.objective import (
     equation_residuals,
     project,
 )
-from synthesis.lift.optimum import optimize, optimize_batch
+from synthesis.lift.optimum import Optimum, optimize_batch
 from synthesis.lift.pose import Cylinder, Design, pose_at_height, pose_at_turn
 from synthesis.lift.published import published_for
 from tests.oracles import lift as oracle
@@ -41,6 +43,12 @@ CYLINDER = Cylinder(220.0, 100.0)
 
 def task(kind: str = "discrete", bound: float = 600.0, cylinder: Cylinder = CYLINDER, **changes) -> Task:
     return Task(cylinder, 200.0, 510.0, replace(OBJECTIVES[kind], **changes), bound)
+
+
+@cache
+def optimize(wanted: Task) -> Optimum:
+    """The optimum; several tests ask for that of the same task."""
+    return product.optimize(wanted)
 
 
 def projected() -> Design:

@@ -30,6 +30,8 @@ from tests.oracles.classes import EXACT, UNREACHABLE, Case, limited_case, make_c
 from tests.oracles.recompute import REACHED, broken_limits, compare, recompute
 
 LINKS = ("crank", "coupler", "rocker", "ground")
+FEW = 12
+"""Samples of requests whose search goes through all of its rounds: its time grows with their number, its steps do not."""
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +88,7 @@ def test_an_exact_answer_is_found(kind, seed, resources) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_is_fitted_no_worse_than_by_the_truth(seed, resources) -> None:
-    case = make_case("noise", 5000 + seed)
+    case = make_case("noise", 5000 + seed, FEW)
     best = recompute(case.request, ask(case.request, resources)["solutions"][0])
     assert best.objective <= recompute(case.request, case.truth).objective
 
@@ -219,7 +221,7 @@ def test_degrees_and_radians_mean_the_same(resources) -> None:
 
 @pytest.mark.parametrize("kind", ["plain", "rotation only", "clockwise", UNREACHABLE])
 def test_the_same_request_gives_the_same_reply(kind, resources) -> None:
-    request = make_case(kind, 5600).request | {"sensitivity": True}
+    request = make_case(kind, 5600, FEW).request | {"sensitivity": True}
     if "position" in request:
         request["round_to"] = 0.01
     assert without_times(ask(request, resources)) == without_times(ask(request, resources))
@@ -261,7 +263,7 @@ def test_equal_solutions_are_kept_once(tables) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_no_limit_is_broken(seed, resources) -> None:
-    case = limited_case(5000 + seed)
+    case = limited_case(5000 + seed, FEW)
     reply = ask(case.request | {"budget_ms": 8000}, resources)
     assert [
         broken_limits(case.request, solution)
@@ -282,7 +284,7 @@ def test_limits_that_the_truth_keeps_are_kept_at_no_cost(resources) -> None:
 
 
 def test_limits_that_nothing_keeps_are_infeasible(resources) -> None:
-    request = make_case("plain", 5901).request | {
+    request = make_case("plain", 5901, FEW).request | {
         "limits": {"link_min": 5.0, "link_max": 5.5, "family": "crank_rocker"}
     }
     # all links nearly as long as one another: no crank can turn
@@ -337,7 +339,7 @@ def test_more_time_is_never_worse(tables) -> None:
 
 def test_the_trace_falls_to_what_is_returned(tables) -> None:
     for kind in ("plain", "noise", UNREACHABLE):
-        target = target_of(make_case(kind, 6002).request)
+        target = target_of(make_case(kind, 6002, FEW).request)
         solutions, report = search(tables, target, Limits(), 10)
         times, objectives = zip(*report.trace)
         assert list(times) == sorted(times)
