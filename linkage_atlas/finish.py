@@ -98,8 +98,8 @@ def finished(
     changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
     passed, excursions = _passed(found, motion, target)
     solutions = [
-        _solution(one, motion, determined, change, verdict, excursion, allowed, round_to, atlas)
-        for one, determined, change, verdict, excursion in zip(found, fixed, changes, passed, excursions)
+        _solution(one, motion, motion.one_of(target, k), *told, allowed, round_to, atlas)
+        for k, (one, *told) in enumerate(zip(found, fixed, changes, passed, excursions))
     ]
     # a linkage that does not work as a machine never comes before one that does
     solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
@@ -121,6 +121,7 @@ def _passed(found: list[answers.Solution], motion: Motion, target: Target) -> tu
 def _solution(
     one: answers.Solution,
     motion: Motion,
+    own: Motion,
     determined: Any,
     change: Any,
     passing: Passing,
@@ -130,7 +131,6 @@ def _solution(
     atlas: Atlas | None,
 ) -> Solution:
     radian, turn = motion.radian, one.transmission_angle_min_turn
-    own = motion.of_solution(one.linkage, one.crank)
     rounded = None if round_to is None else round_solution(own.target, one, round_to)
     if change is not None and change.rotation is not None:
         change = Sensitivity(change.rotation / radian, change.position)

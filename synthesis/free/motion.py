@@ -106,6 +106,12 @@ def search_motion(
     exact = 0.3 * tolerance
     if search.full <= FEW and not search.mixed:
         pool = _few(search, work)
+        near = np.flatnonzero(pool.cost > exact**2)
+        if pool.cost.size - near.size < _ENOUGH:
+            # dyads of short links lie where places all but coincide: a few steps give back what rounding took
+            rest = pool.take(near).best(_ENOUGH)
+            rest = Pool.of(refine(search.problem, rest.timed, 60, exact, work, all_of_them=True))
+            pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(rest)
         note(pool.least)
         return pool, True
     if search.full <= FEW:
