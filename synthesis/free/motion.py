@@ -32,6 +32,8 @@ FEW = 4
 """Up to so many poses infinitely many dyads fit exactly."""
 _FEW_DYADS, _FEW_BATCHES = 60, 20
 _SAMPLED_DYADS, _SAMPLED_BATCHES = 110, 8
+_WORTH = 0.01
+"""Two batches in a row that gain less than this part end the search."""
 _ENOUGH = 60
 """Exact candidates that are enough of a choice."""
 
@@ -134,6 +136,8 @@ def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work, note: Ca
     """The best of a pool, refined in rounds; best first."""
     before = np.inf
     for one in ROUNDS:
+        if one is ROUNDS[-1] and found.least > _EXACT_BELOW:
+            break
         found = found.best(one.most)
         found = Pool.of(refine(search.problem, found.timed, one.iterations, 0.3 * tolerance, work))
         note(found.least)
@@ -147,11 +151,14 @@ def _sampled(search: _Motion, tolerance: float, work: Work, note: Callable[[floa
     """Three or four full samples among others: dyads at random that fit those exactly, until one pair fits the rest too."""
     random = np.random.default_rng(20)
     best: Pool | None = None
+    idle = 0
     for _ in range(_SAMPLED_BATCHES):
         found = search.measured(sampled_dyads(search.body, _SAMPLED_DYADS, random))
         found = _rounds(search, found, tolerance, work, note)
+        gained = best is None or found.least < (1 - _WORTH) * best.least
         best = found if best is None else best.joined(found)
-        if best.least < tolerance or work.expired():
+        idle = 0 if gained else idle + 1
+        if best.least < tolerance or work.expired() or (idle == 2 and best.least > _EXACT_BELOW):
             break
     assert best is not None
     return best.best(best.cost.size), not work.expired()
