@@ -54,7 +54,7 @@ class Tolerances:
 def read_tolerances(tolerances: Mapping[str, ArrayLike] | None, motion: Motion) -> Tolerances | None:
     """The tolerances of a request, checked against its motion."""
     given = {name: value for name, value in (tolerances or {}).items() if value is not None}
-    samples, found = motion.samples, {}
+    samples, found = motion.asked, {}
     for name, value in given.items():
         if name not in ("rotation", "position"):
             raise FieldError(f"/tolerances/{name}", "there are tolerances of rotation and position only")
@@ -98,8 +98,19 @@ def finished(
     changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
     passed, excursions = _passed(found, motion, target)
     solutions = [
-        _solution(one, motion, motion.one_of(target, k), *told, allowed, round_to, atlas)
-        for k, (one, *told) in enumerate(zip(found, fixed, changes, passed, excursions))
+        _solution(
+            one,
+            motion,
+            motion.one_of(target, k),
+            fixed[k],
+            changes[k],
+            passed[k],
+            excursions[k],
+            allowed,
+            round_to,
+            atlas,
+        )
+        for k, one in enumerate(found)
     ]
     # a linkage that does not work as a machine never comes before one that does
     solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))

@@ -15,7 +15,7 @@ from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.free.pairs import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
-from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, TURN, Target, make_target
+from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, TURN, Samples, Target, make_target
 
 __all__ = [
     "LIMITS",
@@ -149,6 +149,12 @@ class Motion:
     def radian(self) -> float:
         """Radians in one unit of angle."""
         return radians_in(self.degrees)
+
+    @property
+    def asked(self) -> Samples:
+        """The samples as they were asked for."""
+        samples = self.samples
+        return samples.asked if isinstance(samples, Poses) and samples.asked is not None else samples
 
     def notes(self) -> list[str]:
         """What a user should know about a rotation that looks wrapped."""

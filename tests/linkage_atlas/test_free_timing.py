@@ -134,6 +134,17 @@ def test_a_solution_with_free_angles_becomes_a_file(motion, tmp_path) -> None:
     assert best.linkage._repr_svg_() is not None
 
 
+def test_a_closed_way_may_end_where_it_began() -> None:
+    linkage = la.FourBar(19, 72, 64, 80, start_angle=30, coupler_point=(50, 30))
+    crank = [0, 40, 80, 130, 200, 260, 300, 330, 360]
+    joints = linkage.joints(crank)
+    best = la.synthesize(joints.rotation, joints.body_point, timing="free", closed=True).best
+    assert best.crank_angle == pytest.approx(crank, abs=1e-7) and best.errors.objective < 1e-9
+    assert best.verdict.works and best.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8)
+    less = la.synthesize(joints.rotation[:-1], joints.body_point[:-1], timing="free", closed=True).best
+    assert less.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8) and less.crank_angle.size == 8
+
+
 def test_time_is_kept(motion) -> None:
     random = np.random.default_rng(1)
     turns, points = 40 * random.standard_normal(12), 30 * random.standard_normal((12, 2))
