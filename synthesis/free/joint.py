@@ -38,6 +38,8 @@ _GAP_SHARE = 0.45
 _LINEAR_DAMPING, _ANGLE_DAMPING = 1e-2, 1e-2
 """Damping of the linear unknowns and of the crank angles relative to that of the shape."""
 _LEAST_DAMPING = 1e-22
+_LEAST_NORMAL = 1e-9
+"""Damping from which on a step may come from normal equations: the condition of the damped, scaled matrix is below 1e11."""
 
 
 class Timed(NamedTuple):
@@ -69,9 +71,9 @@ class Rows(NamedTuple):
     cost: Floats
     """(n,): J squared; infinite where a candidate does not close."""
     stack: Floats
-    """(n, N, R, m + 1): derivatives by shape, pose and offset, then the residual; R rows a sample."""
+    """(n, m + 1, R, N): derivatives by shape, pose and offset, then the residual; R rows a sample."""
     turn: Floats
-    """(n, N, R): derivative by the sample's own crank angle."""
+    """(n, R, N): derivative by the sample's own crank angle."""
 
 
 class Refined(NamedTuple):
@@ -79,6 +81,22 @@ class Refined(NamedTuple):
 
     timed: Timed
     cost: Floats
+
+
+class Turned(NamedTuple):
+    """Crank and body of candidates at their angles."""
+
+    crank: Complexes
+    """(n, N): e^{i phi}"""
+    body: BodyAngles
+
+
+def phasor(angle: Floats) -> Complexes:
+    """e^{i angle}; several times faster than the exponential of complex numbers."""
+    out = np.empty(angle.shape, dtype=complex)
+    np.cos(angle, out=out.real)
+    np.sin(angle, out=out.imag)
+    return out
 
 
 class JointProblem:
@@ -98,109 +116,115 @@ class JointProblem:
         samples = poses.samples
         self.rotation_root = np.broadcast_to(poses.rotation_mean.root, samples)
         self.position_root = np.broadcast_to(poses.position_mean.root, samples)
+        self.position_share = self.position_root**2 + 0j
         self.rows = self.has_rotation + 2 * self.has_position
         self.columns = self.size + 6 * self.has_position + self.has_rotation
 
     # -- pose -------------------------------------------------------------------------------------------------------
 
-    def posed(self, timed: Timed, body: BodyAngles) -> Timed:
+    def posed(self, timed: Timed, turned: Turned) -> Timed:
         """The candidates with the best pose and offset for their angles."""
         pose, offset = timed.pose, timed.offset
         if self.has_position:
-            pose = self._best_pose(np.exp(1j * timed.angles), body.phasor)
+            pose = self._best_pose(turned.crank, turned.body.phasor)
         if self.has_rotation:
-            gap = self._turned(timed, body)
+            gap = self._gap(timed, turned.body)
             offset = timed.offset + self.poses.rotation_mean(gap)
         return timed._replace(pose=pose, offset=offset)
 
     def _best_pose(self, e1: Complexes, e2: Complexes) -> Complexes:
         """A, z1, z2 of the least mean square, by Gram and Schmidt twice over {1, e1, e2}: never by normal equations."""
-        weight = self.position_root**2
+        weight = self.position_share
 
         def share(column: Complexes, values: Complexes) -> Complexes:
             return ((np.conj(column) * values) @ weight)[:, None]
 
-        one = np.ones_like(e1)
-        basis, upper = [one], np.zeros((len(e1), 3, 3), dtype=complex)
-        upper[:, 0, 0] = 1.0
-        for place, own in ((1, e1), (2, e2)):
-            for _ in range(2):
-                for k, column in enumerate(basis):
-                    part = share(column, own)
-                    own = own - part * column
-                    upper[:, k, place] += part[:, 0]
-            norm = np.sqrt(share(own, own).real)
+        def unit(own: Complexes) -> tuple[Complexes, Floats]:
+            norm = np.sqrt((own.real**2 + own.imag**2) @ weight.real)[:, None]
             norm = np.where(norm > 1e-15, norm, 1.0)
-            basis.append(own / norm)
-            upper[:, place, place] = norm[:, 0]
-        rest, right = np.broadcast_to(self.position, e1.shape), np.zeros((len(e1), 3), dtype=complex)
-        for _ in range(2):
-            for k, column in enumerate(basis):
-                part = share(column, rest)
-                rest = rest - part * column
-                right[:, k] += part[:, 0]
-        z2 = right[:, 2] / upper[:, 2, 2]
-        z1 = (right[:, 1] - upper[:, 1, 2] * z2) / upper[:, 1, 1]
-        pivot = right[:, 0] - upper[:, 0, 1] * z1 - upper[:, 0, 2] * z2
-        return np.stack([pivot, z1, z2], axis=1)
+            return own / norm, norm
 
-    def _turned(self, timed: Timed, body: BodyAngles) -> Floats:
+        mean1, mean2 = (e1 @ weight)[:, None], (e2 @ weight)[:, None]
+        own = e1 - mean1
+        again = (own @ weight)[:, None]
+        mean1 = mean1 + again
+        first, norm1 = unit(own - again)
+        own = e2 - mean2
+        along = share(first, own)
+        own = own - along * first
+        mean_again, along_again = (own @ weight)[:, None], share(first, own)
+        second, norm2 = unit(own - mean_again - along_again * first)
+        # the positions have no mean; what a second pass over them would add is below the rounding of their residual
+        right1 = share(first, self.position)
+        right2 = share(second, self.position - right1 * first)
+        z2 = right2 / norm2
+        z1 = (right1 - (along + along_again) * z2) / norm1
+        return np.concatenate([-mean1 * z1 - (mean2 + mean_again) * z2, z1, z2], axis=1)
+
+    def _gap(self, timed: Timed, body: BodyAngles) -> Floats:
         """gamma - offset - theta2 within half a turn, (n, N)."""
         gap = self.rotation - timed.offset[:, None] - body.angle
         return gap - TURN * np.round(gap / TURN)
 
     # -- rows -------------------------------------------------------------------------------------------------------
 
-    def body(self, timed: Timed, derivatives: bool = True) -> BodyAngles:
-        """theta2 of candidates at their angles."""
-        return self.chart.at(timed.shape, timed.angles, timed.branch, derivatives)
+    def turned(self, timed: Timed, derivatives: bool = True) -> Turned:
+        """Crank and body of candidates at their angles."""
+        return Turned(phasor(timed.angles), self.chart.at(timed.shape, timed.angles, timed.branch, derivatives))
 
-    def residual(self, timed: Timed, body: BodyAngles) -> Floats:
-        """Residuals (n, N, R)."""
-        out = np.empty((*timed.angles.shape, self.rows))
+    def residual(self, timed: Timed, turned: Turned) -> Floats:
+        """Residuals (n, R, N)."""
+        count, samples = timed.angles.shape
+        out = np.empty((count, self.rows, samples))
         if self.has_rotation:
-            np.multiply(self._turned(timed, body), self.rotation_root, out=out[:, :, 0])
+            np.multiply(self._gap(timed, turned.body), self.rotation_root, out=out[:, 0])
         if self.has_position:
             a, z1, z2 = timed.pose.T[:, :, None]
-            left = (self.position - a - z1 * np.exp(1j * timed.angles) - z2 * body.phasor) * self.position_root
-            out[:, :, -2], out[:, :, -1] = left.real, left.imag
+            left = self.position - a
+            left -= z1 * turned.crank
+            left -= z2 * turned.body.phasor
+            np.multiply(left.real, self.position_root, out=out[:, -2])
+            np.multiply(left.imag, self.position_root, out=out[:, -1])
         return out
 
     def cost(self, residual: Floats, body: BodyAngles) -> Floats:
         """J squared, infinite where a candidate does not close."""
-        cost = np.einsum("nkr,nkr->n", residual, residual)
+        flat = residual.reshape(len(residual), -1)
+        cost = np.einsum("nk,nk->n", flat, flat)
         cost = cost if body.possible is True else np.where(body.possible, cost, np.inf)
         return np.where(np.isfinite(cost), cost, np.inf)
 
-    def evaluate(self, timed: Timed, body: BodyAngles) -> Rows:
+    def evaluate(self, timed: Timed, turned: Turned) -> Rows:
         """Rows and derivatives of candidates whose body angles carry their derivatives."""
         count, samples = timed.angles.shape
-        assert body.slope is not None
-        size, slope = self.size, body.slope.transpose(0, 2, 1)
-        residual = self.residual(timed, body)
-        stack = np.zeros((count, samples, self.rows, self.columns + 1))
-        turn = np.empty((count, samples, self.rows))
-        stack[..., -1] = residual
+        slope = turned.body.slope
+        assert slope is not None
+        size = self.size
+        residual = self.residual(timed, turned)
+        stack = np.zeros((count, self.columns + 1, self.rows, samples))
+        turn = np.empty((count, self.rows, samples))
+        stack[:, -1] = residual
         if self.has_rotation:
             root = self.rotation_root
-            stack[:, :, 0, :size] = -root[:, None] * slope[:, :, :size]
-            stack[:, :, 0, self.columns - 1] = -root
-            turn[:, :, 0] = -root * slope[:, :, size]
+            np.multiply(slope[:, :size], -root, out=stack[:, :size, 0])
+            stack[:, self.columns - 1, 0] = -root
+            np.multiply(slope[:, size], -root, out=turn[:, 0])
         if self.has_position:
             root = self.position_root
             z1, z2 = timed.pose.T[1:, :, None]
-            e1, e2 = root * np.exp(1j * timed.angles), root * body.phasor
-            lever = -1j * z2 * e2
-            by_shape = lever[:, :, None] * slope[:, :, :size]
+            e1, e2 = -root * turned.crank, -root * turned.body.phasor
+            lever = 1j * z2 * e2
             real, imag = stack[:, :, -2], stack[:, :, -1]
-            real[..., :size], imag[..., :size] = by_shape.real, by_shape.imag
-            real[..., size], imag[..., size + 1] = -root, -root
+            np.multiply(slope[:, :size], lever.real[:, None], out=real[:, :size])
+            np.multiply(slope[:, :size], lever.imag[:, None], out=imag[:, :size])
+            real[:, size], imag[:, size + 1] = -root, -root
             for at, column in ((size + 2, e1), (size + 4, e2)):
-                real[..., at], imag[..., at] = -column.real, -column.imag
-                real[..., at + 1], imag[..., at + 1] = column.imag, -column.real
-            by_angle = lever * slope[:, :, size] - 1j * z1 * e1
-            turn[:, :, -2], turn[:, :, -1] = by_angle.real, by_angle.imag
-        return Rows(self.cost(residual, body), stack, turn)
+                real[:, at], imag[:, at] = column.real, column.imag
+                np.negative(column.imag, out=real[:, at + 1])
+                imag[:, at + 1] = column.real
+            by_angle = lever * slope[:, size] + 1j * z1 * e1
+            turn[:, -2], turn[:, -1] = by_angle.real, by_angle.imag
+        return Rows(self.cost(residual, turned.body), stack, turn)
 
     # -- steps ------------------------------------------------------------------------------------------------------
 
@@ -234,12 +258,16 @@ class _System(NamedTuple):
     """The damped system of one step."""
 
     stack: Floats
+    """(n, m + 1, R N)"""
     turn: Floats
-    reduced: Floats
-    shrink: Floats
+    along: Floats
+    """(n, m + 1, N): t_i . G_i, and t_i . r_i last."""
     inner: Floats
-    norms: Floats
-    small: Floats
+    """(n, N): n_i"""
+    upper: Floats
+    """(n, m + 1, m + 1): R of the damped system, without the angles."""
+    ridge: Floats
+    """(n, m): squares of the damping rows."""
 
 
 def refine(
@@ -250,6 +278,7 @@ def refine(
     work: Work | None = None,
     damping: float = 1e-3,
     stall: float = 1e-9,
+    bent: bool = True,
 ) -> Refined:
     """Levenberg-Marquardt over shape, pose and all crank angles of many candidates.
 
@@ -267,6 +296,8 @@ def refine(
         Of the first step, relative to the squares of the derivatives.
     stall : float
         A step that lowers the cost by a smaller part than this is a candidate's last one.
+    bent : bool
+        Whether steps are bent along the residual's curvature.
 
     Returns
     -------
@@ -274,93 +305,141 @@ def refine(
         Law: no candidate is worse than its starting point with its best pose; the order of the angles is kept.
     """
     work = work or Work()
-    body = problem.body(timed)
-    timed = problem.posed(timed, body)
-    rows = problem.evaluate(timed, body)
-    cost, stack, turn = rows
-    damped, growth = np.full(len(cost), damping), np.full(len(cost), 2.0)
-    active = np.flatnonzero(np.isfinite(cost))
+    turned = problem.turned(timed)
+    timed = problem.posed(timed, turned)
+    cost, stack, turn = problem.evaluate(timed, turned)
+    # the candidates still on their way, and where they stand among all
+    place = np.flatnonzero(np.isfinite(cost))
+    here, rows = timed.take(place), Rows(cost[place], stack[place], turn[place])
+    damped, growth = np.full(place.size, damping), np.full(place.size, 2.0)
     for _ in range(iterations):
-        if not active.size or cost.min() <= tolerance**2 or work.expired():
+        if not place.size or rows.cost.min() <= tolerance**2 or work.expired():
             break
-        here = timed.take(active)
-        system = _damped(stack[active], turn[active], damped[active], problem.size)
+        system = _damped(rows, damped, problem.size)
         step, angle_step = _step(system)
-        bend, angle_bend = _bend(problem, here, system, step, angle_step)
-        trial = problem.moved(here, step + bend, angle_step + angle_bend)
-        body = problem.body(trial)
-        trial = problem.posed(trial, body)
-        new = problem.evaluate(trial, body)
-        before = cost[active]
+        q = system.upper[:, :-1, -1]
+        predicted = np.einsum("nc,nc->n", q, q) + np.einsum("nc,nc->n", system.ridge, step**2)
+        if bent:
+            step, angle_step = _bent(problem, here, system, step, angle_step)
+        trial = problem.moved(here, step, angle_step)
+        turned = problem.turned(trial)
+        trial = problem.posed(trial, turned)
+        new = problem.evaluate(trial, turned)
+        before = rows.cost
         decrease = before - new.cost
         better = decrease > 0
-        took, refused = active[better], active[~better]
-        for column, values in zip(timed, trial):
-            column[took] = values[better]
-        cost[took], stack[took], turn[took] = new.cost[better], new.stack[better], new.turn[better]
-        moved = np.einsum("nkrc,nc->nkr", system.reduced[..., :-1], step)
-        predicted = -np.einsum("nkr,nkr->n", moved, moved + 2 * system.reduced[..., -1])
-        gain = np.clip(decrease[better] / np.maximum(predicted[better], 1e-300), 0, 1)
-        damped[took] = np.maximum(damped[took] * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _LEAST_DAMPING)
-        growth[took] = 2.0
-        damped[refused] *= growth[refused]
-        growth[refused] *= 2
-        finished = (better & (decrease < stall * before)) | (damped[active] > 1e10) | (cost[active] < 1e-30)
-        active = active[~finished]
+        refused = ~better
+        finished = (better & (decrease < stall * before)) | (before < 1e-30)
+        gain = np.clip(decrease / np.maximum(predicted, 1e-300), 0, 1)
+        shrunk = np.maximum(damped * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _LEAST_DAMPING)
+        damped, growth = np.where(better, shrunk, damped * growth), np.where(better, 2.0, 2 * growth)
+        for column, values in zip((*trial, *new), (*here, *rows)):
+            column[refused] = values[refused]
+        here, rows = trial, new
+        finished |= damped > 1e10
+        if finished.any():
+            _put(timed, cost, place[finished], here.take(finished), rows.cost[finished])
+            left = ~finished
+            place, here, rows = place[left], here.take(left), Rows(*(column[left] for column in rows))
+            damped, growth = damped[left], growth[left]
+    _put(timed, cost, place, here, rows.cost)
     return Refined(timed, cost)
 
 
-def _damped(stack: Floats, turn: Floats, damping: Floats, size: int) -> _System:
+def _put(timed: Timed, cost: Floats, place: NDArray[np.intp], here: Timed, value: Floats) -> None:
+    """Write some candidates back among all."""
+    for column, values in zip((*timed, cost), (*here, value)):
+        column[place] = values
+
+
+def _damped(rows: Rows, damping: Floats, size: int) -> _System:
     """The system of a step: angles eliminated, and R of the damped rest."""
-    square = np.einsum("nkr,nkr->nk", turn, turn)
+    stack, turn = rows.stack, rows.turn
+    count, columns, samples = len(stack), stack.shape[1] - 1, stack.shape[-1]
+    square = np.einsum("nrk,nrk->nk", turn, turn)
     average = square.mean(axis=1, keepdims=True)
     own = _ANGLE_DAMPING * damping[:, None] * np.maximum(square, 1e-6 * average) + 1e-20 * average
     inner = square + own
     inner = np.where(inner > 0, inner, 1.0)
-    shrink = 1 / (inner * (1 + np.sqrt(own / inner)))
-    reduced = stack - (shrink[:, :, None] * turn)[..., None] * np.einsum("nkr,nkrc->nkc", turn, stack)[:, :, None, :]
-    count, columns = len(stack), stack.shape[-1] - 1
-    flat = reduced.reshape(count, -1, columns + 1)
-    norms = np.sqrt(np.einsum("nmc,nmc->nc", flat[..., :-1], flat[..., :-1]))
-    norms = np.where(norms > 0, norms, 1.0)
+    along = stack[:, :, 0] * turn[:, None, 0]
+    for row in range(1, turn.shape[1]):
+        along += stack[:, :, row] * turn[:, None, row]
+    flat = stack.reshape(count, columns + 1, -1)
+    normal = flat @ flat.transpose(0, 2, 1) - (along / inner[:, None]) @ along.transpose(0, 2, 1)
+    diagonal = np.arange(columns)
+    squares = normal[:, diagonal, diagonal]
+    squares = np.where(squares > 0, squares, 1.0)
     part = np.full(columns, _LINEAR_DAMPING)
     part[:size] = 1.0
-    system = np.zeros((count, flat.shape[1] + columns, columns + 1))
-    system[:, : flat.shape[1]] = flat
+    ridge = damping[:, None] * part * squares
+    upper = np.empty((count, columns + 1, columns + 1))
+    # while the damping is large its squares are well conditioned, and three times as fast
+    coarse = damping > _LEAST_NORMAL
+    if coarse.any():
+        upper[coarse] = _by_cholesky(normal[coarse], ridge[coarse], squares[coarse])
+    fine = np.flatnonzero(~coarse)
+    if fine.size:
+        shrink = 1 / (inner[fine] * (1 + np.sqrt(own[fine] / inner[fine])))
+        reduced = stack[fine] - along[fine][:, :, None] * (shrink[:, None] * turn[fine])[:, None]
+        system = np.zeros((fine.size, turn.shape[1] * samples + columns, columns + 1))
+        system[:, :-columns] = reduced.reshape(fine.size, columns + 1, -1).transpose(0, 2, 1)
+        system[:, -columns + diagonal, diagonal] = np.sqrt(ridge[fine])
+        small: Any = np.linalg.qr(system, mode="r")
+        upper[fine] = small[:, : columns + 1]
+    return _System(flat, turn, along, inner, upper, ridge)
+
+
+def _by_cholesky(normal: Floats, ridge: Floats, squares: Floats) -> Floats:
+    """R of damped systems from their normal matrices; the columns are scaled first."""
+    columns = ridge.shape[1]
     diagonal = np.arange(columns)
-    system[:, flat.shape[1] + diagonal, diagonal] = np.sqrt(damping[:, None] * part) * norms
-    small: Any = np.linalg.qr(system, mode="r")
-    return _System(stack, turn, reduced, shrink, inner, norms, small)
+    last = np.maximum(normal[:, columns, columns], 1e-300)
+    scale = np.sqrt(np.concatenate([squares, last[:, None]], axis=1))
+    scaled = normal / (scale[:, :, None] * scale[:, None, :])
+    scaled[:, diagonal, diagonal] = 1.0 + ridge / squares
+    # only the row before the residual's own is used: keep that one positive
+    scaled[:, columns, columns] = 2.0
+    lower: Any = np.linalg.cholesky(scaled)
+    return lower.transpose(0, 2, 1) * scale[:, None, :]
 
 
 def _step(system: _System) -> tuple[Floats, Floats]:
     """The step of the common unknowns (n, m) and of the angles (n, N)."""
-    columns = system.stack.shape[-1] - 1
-    step = -_upper_solve(system.small[:, :columns, :columns], system.small[:, :columns, columns])
-    return step, _back(system, step, system.stack[..., -1])
+    step = -_upper_solve(system.upper[:, :-1, :-1], system.upper[:, :-1, -1])
+    return step, _back(system, step, system.along[:, -1])
 
 
-def _back(system: _System, step: Floats, residual: Floats) -> Floats:
-    """The angles' part of a step, from the common unknowns' part."""
-    left = residual + np.einsum("nkrc,nc->nkr", system.stack[..., :-1], step)
-    return -np.einsum("nkr,nkr->nk", system.turn, left) / system.inner
+def _back(system: _System, step: Floats, toward: Floats) -> Floats:
+    """The angles' part of a step, from the common unknowns' part and t_i . r_i."""
+    return -(toward + (step[:, None] @ system.along[:, :-1])[:, 0]) / system.inner
 
 
 def _upper_solve(upper: Floats, right: Floats) -> Floats:
-    """Solutions of triangular systems; zero where one is singular."""
-    diagonal = np.abs(np.diagonal(upper, axis1=1, axis2=2))
-    bad = ~np.all(diagonal > 1e-200, axis=1) | ~np.all(np.isfinite(right), axis=1)
-    if bad.any():
-        upper, right = upper.copy(), right.copy()
-        upper[bad], right[bad] = np.eye(upper.shape[1]), 0.0
-    return np.linalg.solve(upper, right[:, :, None])[:, :, 0]
+    """Solutions of upper triangular systems, by substitution over all at once; zero where one is singular."""
+    out = np.empty_like(right)
+    for k in reversed(range(right.shape[1])):
+        rest = right[:, k]
+        if k + 1 < right.shape[1]:
+            rest = rest - np.einsum("nj,nj->n", upper[:, k, k + 1 :], out[:, k + 1 :])
+        out[:, k] = rest / upper[:, k, k]
+    return np.where(np.isfinite(out).all(axis=1, keepdims=True), out, 0.0)
 
 
-def _bend(
+def _lower_solve(upper: Floats, right: Floats) -> Floats:
+    """Solutions of the transposed systems."""
+    out = np.empty_like(right)
+    for k in range(right.shape[1]):
+        rest = right[:, k]
+        if k:
+            rest = rest - np.einsum("nj,nj->n", upper[:, :k, k], out[:, :k])
+        out[:, k] = rest / upper[:, k, k]
+    return out
+
+
+def _bent(
     problem: JointProblem, here: Timed, system: _System, step: Floats, angle_step: Floats
 ) -> tuple[Floats, Floats]:
-    """Second-order correction of a step along itself, from one more residual; zero where it is not small beside the step."""
-    columns = step.shape[1]
+    """Steps with their second-order correction, from one more residual; unchanged where it is not small beside the step."""
     longest = np.sqrt(np.sum(step**2, axis=1) + np.sum(angle_step**2, axis=1))
     ahead = np.minimum(0.1, 0.01 / np.maximum(longest, 1e-300))[:, None]
     size, pose = problem.size, here.pose
@@ -373,16 +452,17 @@ def _bend(
         here.angles + ahead * angle_step,
         here.branch,
     )
-    residual = problem.residual(there, problem.body(there, derivatives=False))
-    straight = np.einsum("nkrc,nc->nkr", system.stack[..., :-1], step) + system.turn * angle_step[:, :, None]
-    bent = (residual - system.stack[..., -1]) / ahead[:, :, None] - straight
-    bent *= (1.0 / ahead)[:, :, None]  # half the second derivative along the step
-    own = np.einsum("nkr,nkr->nk", system.turn, bent)
-    reduced = bent - (system.shrink * own)[:, :, None] * system.turn
-    small = system.small[:, :columns, :columns]
-    right = np.einsum("nkrc,nkr->nc", system.reduced[..., :-1], reduced)
-    bend = -_upper_solve(small, _upper_solve(small.transpose(0, 2, 1), right))
-    angle_bend = _back(system, bend, bent)
+    residual = problem.residual(there, problem.turned(there, derivatives=False))
+    flat, count = system.stack, len(step)
+    straight = (step[:, None] @ flat[:, :-1]).reshape(residual.shape) + system.turn * angle_step[:, None]
+    curve = (residual - flat[:, -1].reshape(residual.shape)) / ahead[:, :, None] - straight
+    curve *= (1.0 / ahead)[:, :, None]  # half the second derivative along the step
+    toward = np.einsum("nrk,nrk->nk", system.turn, curve)
+    right = flat[:, :-1] @ curve.reshape(count, -1, 1) - system.along[:, :-1] @ (toward / system.inner)[:, :, None]
+    upper = system.upper[:, :-1, :-1]
+    with np.errstate(all="ignore"):
+        bend = -_upper_solve(upper, _lower_solve(upper, right[:, :, 0]))
+    angle_bend = _back(system, bend, toward)
     length = np.sqrt(np.sum(bend**2, axis=1) + np.sum(angle_bend**2, axis=1))
     keep = (2 * length < 1.5 * longest)[:, None]
-    return np.where(keep, bend, 0.0), np.where(keep, angle_bend, 0.0)
+    return step + np.where(keep, bend, 0.0), angle_step + np.where(keep, angle_bend, 0.0)
