@@ -248,9 +248,9 @@ def _slope(shape: FourBarShape, turned: Complexes, phasor: Complexes, root: Floa
     by_length[:, 1] = (phasor * rocker).real
     by_length[:, 2] = -1.0
     np.negative(rocker.real, out=by_length[:, 3])
-    slope = np.empty_like(by_length)
-    np.matmul(shape.jacobian.transpose(0, 2, 1), by_length, out=slope[:, :3])
-    np.multiply(-l1, cross.imag, out=slope[:, 3])
+    slope = np.empty((len(root), shape.jacobian.shape[2] + 1, root.shape[1]))
+    np.matmul(shape.jacobian.transpose(0, 2, 1), by_length, out=slope[:, :-1])
+    np.multiply(-l1, cross.imag, out=slope[:, -1])
     # one over L2 sin(theta2 - theta3); bounded, so that a dead position stops a step and not the program
     lever = -2 * side * l3 / np.maximum(root, 1e-8)
     slope *= lever[:, None, :]

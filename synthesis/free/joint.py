@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.free.poses import Poses
-from synthesis.mechanism import BodyAngles, Chart
+from synthesis.mechanism import BodyAngles, BoundedChart, Chart
 from synthesis.target import TURN
 from synthesis.work import Work
 
@@ -110,6 +110,7 @@ class JointProblem:
 
     def __init__(self, poses: Poses, chart: Chart) -> None:
         self.poses, self.chart = poses, chart
+        self.bounded = chart if isinstance(chart, BoundedChart) else None
         self.size = len(chart.cell) - 1
         self.has_rotation, self.has_position = poses.rotation is not None, poses.position is not None
         self.rotation, self.position = poses.rotation, poses.scaled
@@ -224,6 +225,9 @@ class JointProblem:
                 imag[:, at + 1] = column.real
             by_angle = lever * slope[:, size] + 1j * z1 * e1
             turn[:, -2], turn[:, -1] = by_angle.real, by_angle.imag
+        if self.bounded is not None:
+            gradient = stack[:, :size].reshape(count, size, -1) @ residual.reshape(count, -1, 1)
+            stack[:, :size][self.bounded.held(timed.shape, gradient[:, :, 0])] = 0.0
         return Rows(self.cost(residual, turned.body), stack, turn)
 
     # -- steps ------------------------------------------------------------------------------------------------------
@@ -236,7 +240,10 @@ class JointProblem:
             pose = pose + step[:, size : size + 6 : 2] + 1j * step[:, size + 1 : size + 6 : 2]
         if self.has_rotation:
             offset = offset + step[:, -1]
-        shape = timed.shape + np.clip(step[:, :size], -_SHAPE_STEP, _SHAPE_STEP)
+        if self.bounded is None:
+            shape = timed.shape + np.clip(step[:, :size], -_SHAPE_STEP, _SHAPE_STEP)
+        else:
+            shape = self.bounded.stepped(timed.shape, step[:, :size])
         turn = np.clip(turn, -_ANGLE_STEP, _ANGLE_STEP)
         if self.poses.ordered:
             turn = _within_gaps(timed.angles, turn, self.poses.span_max)
@@ -365,42 +372,52 @@ def _damped(rows: Rows, damping: Floats, size: int) -> _System:
     for row in range(1, turn.shape[1]):
         along += stack[:, :, row] * turn[:, None, row]
     flat = stack.reshape(count, columns + 1, -1)
-    normal = flat @ flat.transpose(0, 2, 1) - (along / inner[:, None]) @ along.transpose(0, 2, 1)
-    diagonal = np.arange(columns)
-    squares = normal[:, diagonal, diagonal]
+    shrink = 1 / (inner * (1 + np.sqrt(own / inner)))
+    reduced = (stack - along[:, :, None] * (shrink[:, None] * turn)[:, None]).reshape(flat.shape)
+    squares = np.einsum("ncm,ncm->nc", reduced[:, :-1], reduced[:, :-1])
     squares = np.where(squares > 0, squares, 1.0)
     part = np.full(columns, _LINEAR_DAMPING)
     part[:size] = 1.0
     ridge = damping[:, None] * part * squares
     upper = np.empty((count, columns + 1, columns + 1))
-    # while the damping is large its squares are well conditioned, and three times as fast
+    # while the damping is large the squares are well conditioned, and three times as fast
     coarse = damping > _LEAST_NORMAL
     if coarse.any():
-        upper[coarse] = _by_cholesky(normal[coarse], ridge[coarse], squares[coarse])
+        try:
+            upper[coarse] = _by_cholesky(reduced[coarse], ridge[coarse], squares[coarse])
+        except np.linalg.LinAlgError:
+            coarse = np.zeros_like(coarse)
     fine = np.flatnonzero(~coarse)
     if fine.size:
-        shrink = 1 / (inner[fine] * (1 + np.sqrt(own[fine] / inner[fine])))
-        reduced = stack[fine] - along[fine][:, :, None] * (shrink[:, None] * turn[fine])[:, None]
-        system = np.zeros((fine.size, turn.shape[1] * samples + columns, columns + 1))
-        system[:, :-columns] = reduced.reshape(fine.size, columns + 1, -1).transpose(0, 2, 1)
-        system[:, -columns + diagonal, diagonal] = np.sqrt(ridge[fine])
-        small: Any = np.linalg.qr(system, mode="r")
-        upper[fine] = small[:, : columns + 1]
+        upper[fine] = _by_reflections(reduced[fine], ridge[fine])
     return _System(flat, turn, along, inner, upper, ridge)
 
 
-def _by_cholesky(normal: Floats, ridge: Floats, squares: Floats) -> Floats:
-    """R of damped systems from their normal matrices; the columns are scaled first."""
-    columns = ridge.shape[1]
+def _by_cholesky(reduced: Floats, ridge: Floats, squares: Floats) -> Floats:
+    """R of damped systems from their normal matrices, the columns scaled first."""
+    count, columns = ridge.shape
     diagonal = np.arange(columns)
-    last = np.maximum(normal[:, columns, columns], 1e-300)
-    scale = np.sqrt(np.concatenate([squares, last[:, None]], axis=1))
-    scaled = normal / (scale[:, :, None] * scale[:, None, :])
-    scaled[:, diagonal, diagonal] = 1.0 + ridge / squares
-    # only the row before the residual's own is used: keep that one positive
-    scaled[:, columns, columns] = 2.0
-    lower: Any = np.linalg.cholesky(scaled)
+    scale = np.ones((count, columns + 1))
+    scale[:, :-1] = np.sqrt(squares)
+    last = np.sqrt(np.einsum("nm,nm->n", reduced[:, -1], reduced[:, -1]))
+    scale[:, -1] = np.where(last > 0, last, 1.0)
+    scaled = reduced / scale[:, :, None]
+    normal = scaled @ scaled.transpose(0, 2, 1)
+    normal[:, diagonal, diagonal] += ridge / squares
+    normal[:, columns, columns] = 2.0  # the residual's own norm is not used: far enough from the others
+    lower: Any = np.linalg.cholesky(normal)
     return lower.transpose(0, 2, 1) * scale[:, None, :]
+
+
+def _by_reflections(reduced: Floats, ridge: Floats) -> Floats:
+    """R of damped systems by QR decomposition."""
+    count, columns = ridge.shape
+    diagonal = np.arange(columns)
+    system = np.zeros((count, reduced.shape[2] + columns, columns + 1))
+    system[:, :-columns] = reduced.transpose(0, 2, 1)
+    system[:, diagonal - columns, diagonal] = np.sqrt(ridge)
+    small: Any = np.linalg.qr(system, mode="r")
+    return small[:, : columns + 1]
 
 
 def _step(system: _System) -> tuple[Floats, Floats]:
