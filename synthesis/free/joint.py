@@ -81,6 +81,19 @@ class Refined(NamedTuple):
 
     timed: Timed
     cost: Floats
+    damping: Floats
+    """(n,): with which a later descent may go on."""
+    ended: NDArray[np.bool_]
+    """(n,): whether the descent of a candidate ended by itself, in a minimum or by too small steps."""
+
+    def take(self, places: Any) -> Refined:
+        """Some of them."""
+        return Refined(self.timed.take(places), *(column[places] for column in self[1:]))
+
+    def joined(self, *others: Refined) -> Refined:
+        """These and others after them."""
+        own = (np.concatenate(columns) for columns in zip(self[1:], *(other[1:] for other in others)))
+        return Refined(self.timed.joined(*(other.timed for other in others)), *own)
 
 
 class Turned(NamedTuple):
@@ -283,7 +296,7 @@ def refine(
     iterations: int,
     tolerance: float = 0.0,
     work: Work | None = None,
-    damping: float = 1e-3,
+    damping: float | Floats = 1e-3,
     stall: float = 1e-9,
     bent: bool = True,
 ) -> Refined:
@@ -299,7 +312,7 @@ def refine(
         Stop when the least J is below it.
     work : Work, optional
         Once it has expired the descent stops where it is.
-    damping : float
+    damping : float or ndarray, shape (n,)
         Of the first step, relative to the squares of the derivatives.
     stall : float
         A step that lowers the cost by a smaller part than this is a candidate's last one.
@@ -318,7 +331,9 @@ def refine(
     # the candidates still on their way, and where they stand among all
     place = np.flatnonzero(np.isfinite(cost))
     here, rows = timed.take(place), Rows(cost[place], stack[place], turn[place])
-    damped, growth = np.full(place.size, damping), np.full(place.size, 2.0)
+    last = np.full(len(cost), damping) if np.isscalar(damping) else np.array(damping)
+    damped, growth = last[place], np.full(place.size, 2.0)
+    done = Refined(timed, cost, last, ~np.isfinite(cost))
     for _ in range(iterations):
         if not place.size or rows.cost.min() <= tolerance**2 or work.expired():
             break
@@ -345,17 +360,17 @@ def refine(
         here, rows = trial, new
         finished |= damped > 1e10
         if finished.any():
-            _put(timed, cost, place[finished], here.take(finished), rows.cost[finished])
+            _put(done, place[finished], Refined(here, rows.cost, damped, finished).take(finished))
             left = ~finished
             place, here, rows = place[left], here.take(left), Rows(*(column[left] for column in rows))
             damped, growth = damped[left], growth[left]
-    _put(timed, cost, place, here, rows.cost)
-    return Refined(timed, cost)
+    _put(done, place, Refined(here, rows.cost, damped, np.zeros(place.size, dtype=bool)))
+    return done
 
 
-def _put(timed: Timed, cost: Floats, place: NDArray[np.intp], here: Timed, value: Floats) -> None:
+def _put(all_of_them: Refined, place: NDArray[np.intp], some: Refined) -> None:
     """Write some candidates back among all."""
-    for column, values in zip((*timed, cost), (*here, value)):
+    for column, values in zip((*all_of_them.timed, *all_of_them[1:]), (*some.timed, *some[1:])):
         column[place] = values
 
 

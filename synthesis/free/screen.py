@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from synthesis.free.joint import Timed
 from synthesis.free.poses import Poses
-from synthesis.mechanism import Mechanism
+from synthesis.mechanism import Chart, Mechanism
+from synthesis.fourbar.charts import FullCrankChart
 from synthesis.target import TURN
 
 Floats = NDArray[np.float64]
@@ -91,6 +92,10 @@ class PathScreen:
         return np.maximum(error, 0.0).reshape(count, len(self.lengths), 2, -1)
 
 
+    def seeds(self, poses: Poses, chart: Chart, most: int) -> Timed:
+        return seeds(self, poses, chart, spans_and_powers(poses, np.deg2rad([35, 60, 95, 140, 190, 245, 300, 345.0]), np.array([1, 0.6])), 60, most)
+
+
 def spans_and_powers(poses: Poses, spans: Floats, powers: Floats) -> Floats:
     """Guesses of the crank angles: evenly along the way of the samples, and more so the smaller the power, both directions."""
     steps = np.abs(np.diff(poses.scaled))
@@ -112,7 +117,7 @@ def seeds(screen: PathScreen, poses: Poses, chart, guesses: Floats, each: int, m
     cost = least[g, flat]
     kind, side = np.divmod(flat, 2)
     start = screen.start[best[g, kind, side]]
-    x = chart.unknowns(screen.lengths)[kind]
+    x = FullCrankChart().unknowns(screen.lengths)[kind]
     span = guesses[g, -1]
     rank = np.argsort(cost, kind="stable")
     cells = np.floor(np.column_stack([x[rank] / [0.7, 1, 1], start[rank] / 0.6, span[rank] / 0.6])).astype(np.int64)
@@ -120,6 +125,7 @@ def seeds(screen: PathScreen, poses: Poses, chart, guesses: Floats, each: int, m
     _, first = np.unique(key, return_index=True)
     pick = rank[np.sort(first)[:most]]
     n = pick.size
+    x = chart.unknowns(screen.lengths)[kind]
     return Timed(
         x[pick], np.zeros((n, 3), complex), np.zeros(n), start[pick, None] + guesses[g[pick]], 1.0 - 2.0 * side[pick]
     )
