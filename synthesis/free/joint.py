@@ -274,6 +274,29 @@ def _within_gaps(angles: Floats, turn: Floats, span_max: float) -> Floats:
     return way * np.clip(way * turn, -gaps[:, :-1], gaps[:, 1:])
 
 
+def loose_steps(problem: JointProblem, timed: Timed, random: np.random.Generator, size: float) -> Timed:
+    """Candidates moved mostly where their cost is flat: along valleys, where the next minimum lies.
+
+    Steps are R^{-1} times normal noise, with R of the linearised problem, so that they are longest where the rows change
+    least; each is scaled to change the shape by about ``size`` of itself.
+    """
+    turned = problem.turned(timed)
+    timed = problem.posed(timed, turned)
+    rows = problem.evaluate(timed, turned)
+    count = len(rows.cost)
+    system = _damped(rows, np.full(count, 1e-12), problem.size)
+    columns = problem.columns
+    # homogeneous unknowns have a direction in which nothing changes at all: a row of its own holds it
+    scale = np.zeros((count, 1, columns))
+    scale[:, 0, : problem.size] = np.sign(timed.shape)
+    upper: Any = np.linalg.qr(np.concatenate([system.upper[:, :-1, :-1], scale], axis=1), mode="r")
+    step = _upper_solve(upper, random.standard_normal((count, columns)))
+    relative = np.max(np.abs(step[:, : problem.size]) / (np.abs(timed.shape) + 0.02), axis=1)
+    factor = size * random.standard_t(3, size=count) / np.maximum(relative, 1e-300)
+    step *= factor[:, None]
+    return problem.moved(timed, step, _back(system, step, np.zeros_like(system.inner)))
+
+
 class _System(NamedTuple):
     """The damped system of one step."""
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.free.joint import JointProblem, Refined, Timed, refine
+from synthesis.free.joint import JointProblem, Refined, Timed, loose_steps, refine
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.mechanism import Chart
@@ -20,12 +21,14 @@ Floats = NDArray[np.float64]
 class Fresh(NamedTuple):
     start: int
     stop: int
+    fine: bool = False
 
 
 class Hops(NamedTuple):
     origins: int
     copies: int
     width: float = 1.0
+    loose: int = 0
 
 
 class Best(NamedTuple):
@@ -36,6 +39,7 @@ class Round(NamedTuple):
     source: Any
     stages: tuple
     reason: str = ""
+    log: bool = False
 
 
 SCHEDULE = [
@@ -46,7 +50,10 @@ SCHEDULE = [
 
 SEARCH_SAMPLES = 20
 KEEP = 120
-STALL = 1e-3
+STALL = 1e-2
+LOOSE = 0.5
+TIRED = 2.0
+FINE = None
 SAME = 1e-3
 
 
@@ -81,6 +88,8 @@ class PathSearch:
         thin = poses if self.kept.size == poses.samples else thinned(poses, self.kept)
         self.thin = thin
         self.problem = JointProblem(thin, chart)
+        self.used = Counter()
+        self.fine = None
         self.random = np.random.default_rng(20)
         self.pool = None
         self.trace = []
@@ -90,7 +99,10 @@ class PathSearch:
     def run(self, schedule=SCHEDULE):
         for k, one in enumerate(schedule):
             self.round = k
-            self.descend(self.draw(one.source), one.stages)
+            if one.log:
+                self.other(one.source.most, one.stages[0][1])
+            else:
+                self.descend(self.draw(one.source), one.stages)
             self.trace.append((self.work.elapsed, float(np.sqrt(self.pool.cost[0]))))
             if self.reached or self.work.expired():
                 break
@@ -100,19 +112,46 @@ class PathSearch:
     def reached(self):
         return self.pool.cost[0] <= self.tolerance**2
 
+    def other(self, most, steps):
+        from synthesis.fourbar.charts import FullCrankChart
+        chart = FullCrankChart()
+        best = self.pool.take(slice(0, most))
+        t = best.timed._replace(shape=chart.unknowns(self.chart.shape(best.timed.shape).lengths))
+        problem = JointProblem(self.thin, chart)
+        found = refine(problem, t, steps, self.tolerance * 0.3, self.work, stall=1e-4)
+        found = found._replace(timed=found.timed._replace(shape=self.chart.unknowns(chart.shape(found.timed.shape).lengths)))
+        found = refine(self.problem, found.timed, 1, 0, self.work, damping=found.damping)
+        self.pool = valleys(self.pool.joined(found), KEEP, self.chart.cell)
+
     def draw(self, source):
         match source:
             case Fresh():
                 if self.seeds is None:
                     self.seeds = self.screen.seeds(self.thin, self.chart, 600)
                 t = self.seeds.take(slice(source.start, source.stop))
+                if source.fine:
+                    if self.fine is None:
+                        from synthesis.free.screen import seeds, spans_and_powers
+                        g = spans_and_powers(self.thin, np.deg2rad([28, 45, 75, 115, 160, 210, 270, 320, 352.0]), np.array([1, 0.75, 0.5]))
+                        self.fine = seeds(FINE, self.thin, self.chart, g, 60, 1500)
+                    t = self.fine.take(slice(source.start, source.stop))
                 return Refined(t, np.full(len(t.branch), np.inf), np.full(len(t.branch), 1e-3), np.zeros(len(t.branch), bool))
             case Best():
                 best = self.pool.take(slice(0, source.most))
                 return best._replace(ended=np.zeros(len(best.cost), bool))
             case Hops():
-                best = self.pool.take(slice(0, source.origins)).timed
-                return self.hops(best, source.copies, source.width)
+                tired = np.array([self.used[c] for c in self.pool.cost])
+                order = np.argsort(np.log(self.pool.cost) + TIRED * tired, kind="stable")[: source.origins]
+                self.used.update(self.pool.cost[order])
+                best = self.pool.take(order).timed
+                out = self.hops(best, source.copies, source.width) if source.copies else None
+                if source.loose:
+                    more = best.take(np.repeat(np.arange(len(best.branch)), source.loose))
+                    more = loose_steps(self.problem, more, self.random, LOOSE)
+                    n = len(more.branch)
+                    more = Refined(more, np.full(n, np.inf), np.full(n, 1e-3), np.zeros(n, bool))
+                    out = more if out is None else out.joined(more)
+                return out
 
     def hops(self, best, copies, width):
         rng = self.random
