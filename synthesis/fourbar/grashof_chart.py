@@ -58,7 +58,12 @@ class GrashofChart:
         a, b, c = grashof_excesses(lengths)
         rocker = lengths[..., 0] < lengths[..., 3]
         out = np.stack(
-            [np.where(rocker, lengths[..., 0], -lengths[..., 3]), c, np.where(rocker, a, -b), np.where(rocker, b, -a)],
+            [
+                np.where(rocker, lengths[..., 0], -lengths[..., 3]),
+                c,
+                np.where(rocker, a, -b),
+                np.where(rocker, b, -a),
+            ],
             axis=-1,
         )
         return self.within(out)
@@ -92,8 +97,8 @@ class GrashofChart:
 
     def prepared(self, target: Target) -> CouplerAngles:
         """The evaluation of candidates over a target's samples."""
-        raise NotImplementedError("the timed search does not project")
+        return CouplerAngles(self, target)
 
     def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
         """The evaluation of candidates at crank angles of their own."""
-        return angles_at(self, unknowns, theta1, branch, derivatives)  # type: ignore[arg-type]
+        return angles_at(self, unknowns, theta1, branch, derivatives)

@@ -1,196 +1,269 @@
-"""Paths without crank angles: seeds of guessed timing, descended in stages, and hops from the best of them."""
+"""Paths without crank angles: from guessed timing to linkages, in rounds that hop from valley to valley.
+
+Data flow of a request::
+
+    poses --(thinned)--> windows of a coarse table at guessed crank angles, best first, spread out -> seeds
+      -> descend in stages, one a valley -> pool -> reached? otherwise the next round of the schedule
+      -> crank angles of all samples by the way between those of the few -> polish on all samples -> pool
+
+A valley is a cost: many candidates come to rest in the same minimum, and copies of it would fill every list.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.free.joint import JointProblem, Refined, Timed, loose_steps, refine
 from synthesis.free.poses import Poses
-from synthesis.free.screen import PathScreen
-from synthesis.mechanism import Chart
-from synthesis.target import TURN
+from synthesis.free.schedule import PATH, Best, Fresh, Hops, Round, Source
+from synthesis.free.screen import PathScreen, way_along
+from synthesis.mechanism import BoundedChart, Chart
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
 
-
-class Fresh(NamedTuple):
-    start: int
-    stop: int
-    fine: bool = False
-
-
-class Hops(NamedTuple):
-    origins: int
-    copies: int
-    width: float = 1.0
-    loose: int = 0
-
-
-class Best(NamedTuple):
-    most: int
+SEARCH_SAMPLES = 12
+"""Samples that the rounds look at: enough to fix a linkage, and the fewer they are the fewer minima lie beside it."""
+_POOL = 120
+_CELL = 0.2
+"""Extent of a valley relative to the chart's cells, in which two seeds are alike."""
+_SAME = 1e-3
+"""Part of J by which two candidates in neighbouring cells may differ and still be one minimum."""
+_SPAN_HOP, _LOOSE_HOP = 0.25, 0.5
+_FLIPPED = 0.15
+"""Part of the hops that change the branch."""
+_TIRED = 2.0
+"""A valley stands back by this factor of e in J squared for each time that hops started from it."""
+_POLISHED, _POLISH_STEPS, _NEAREST_STEPS = 8, 100, 6
 
 
-class Round(NamedTuple):
-    source: Any
-    stages: tuple
-    reason: str = ""
-    log: bool = False
+class PathResult(NamedTuple):
+    """What a search for a path found."""
+
+    pool: Refined
+    """Candidates on all samples, best first, distinct; at least one."""
+    trace: list[tuple[float, float]]
+    """Seconds of the work, best J so far."""
 
 
-SCHEDULE = [
-    Round(Fresh(0, 150), ((150, 8), (30, 15), (12, 40))),
-    Round(Fresh(150, 600), ((450, 6), (100, 12), (40, 40))),
-    Round(Hops(16, 12), ((192, 8), (60, 20), (20, 60))),
-] + [Round(Hops(24, 10), ((240, 8), (60, 20), (20, 60)))] * 8 + [Round(Best(12), ((12, 500),))]
+class _PathSearch:
+    """One request's search."""
 
-SEARCH_SAMPLES = 20
-KEEP = 120
-STALL = 1e-2
-LOOSE = 0.5
-TIRED = 2.0
-FINE = None
-SAME = 1e-3
-
-
-def valleys(found: Refined, most: int, cell: Floats) -> Refined:
-    cost, timed = found.cost, found.timed
-    order = np.argsort(cost, kind="stable")
-    order = order[np.isfinite(cost[order])]
-    first = timed.angles[:, 0]
-    place = np.column_stack([timed.shape / cell[:-1], np.cos(first) / cell[-1], np.sin(first) / cell[-1], 9 * timed.branch])
-    keys = np.round(place / 0.2).astype(np.int64)
-    kept, seen, last = [], set(), -1
-    for i in order:
-        key, value = keys[i].tobytes(), cost[i] ** 0.5
-        if key in seen:
-            continue
-        if last >= 0 and abs(value - cost[last] ** 0.5) < SAME * value and np.abs(place[i] - place[last]).max() < 1:
-            continue
-        seen.add(key)
-        kept.append(i)
-        last = i
-        if len(kept) == most:
-            break
-    return found.take(np.array(kept, dtype=int))
-
-
-class PathSearch:
-    def __init__(self, poses: Poses, chart: Chart, screen: PathScreen, tolerance: float, work: Work, search_samples=SEARCH_SAMPLES) -> None:
-        self.poses, self.chart, self.screen, self.tolerance, self.work = poses, chart, screen, tolerance, work
-        self.kept = np.arange(poses.samples)
-        if poses.samples > 1.3 * search_samples:
-            self.kept = np.round(np.linspace(0, poses.samples - 1, search_samples)).astype(int)
-        thin = poses if self.kept.size == poses.samples else thinned(poses, self.kept)
-        self.thin = thin
-        self.problem = JointProblem(thin, chart)
-        self.used = Counter()
-        self.fine = None
+    def __init__(
+        self, poses: Poses, chart: Chart, screens: Sequence[PathScreen], tolerance: float, work: Work
+    ) -> None:
+        self.poses, self.chart, self.screens, self.tolerance, self.work = poses, chart, screens, tolerance, work
+        few = np.round(np.linspace(0, poses.samples - 1, min(SEARCH_SAMPLES, poses.samples)))
+        self.few = few.astype(np.intp)
+        self.thin = _some(poses, self.few)
+        self.problem = JointProblem(self.thin, chart)
         self.random = np.random.default_rng(20)
-        self.pool = None
-        self.trace = []
-        self.seeds = None
-        self.round = -1
+        self.seeds: dict[int, Timed] = {}
+        self.pool: Refined | None = None
+        self.used: Counter[float] = Counter()
+        """How often hops started from a valley, by its cost."""
 
-    def run(self, schedule=SCHEDULE):
-        for k, one in enumerate(schedule):
-            self.round = k
-            if one.log:
-                self.other(one.source.most, one.stages[0][1])
-            else:
-                self.descend(self.draw(one.source), one.stages)
-            self.trace.append((self.work.elapsed, float(np.sqrt(self.pool.cost[0]))))
-            if self.reached or self.work.expired():
+    # -- rounds -----------------------------------------------------------------------------------------------------
+
+    def descend(self, one: Round) -> None:
+        """One round: its seeds' descent, and what it found into the pool."""
+        found = self._draw(one.source)
+        parts = [] if self.pool is None else [self.pool]
+        for stage in one.stages:
+            going = found.take(~found.ended)
+            if stage.most < going.cost.size:
+                going = _valleys(going, stage.most, self.chart.cell)
+            if not going.cost.size or (parts and self.work.expired()):
                 break
-        return self.pool
-
-    @property
-    def reached(self):
-        return self.pool.cost[0] <= self.tolerance**2
-
-    def other(self, most, steps):
-        from synthesis.fourbar.charts import FullCrankChart
-        chart = FullCrankChart()
-        best = self.pool.take(slice(0, most))
-        t = best.timed._replace(shape=chart.unknowns(self.chart.shape(best.timed.shape).lengths))
-        problem = JointProblem(self.thin, chart)
-        found = refine(problem, t, steps, self.tolerance * 0.3, self.work, stall=1e-4)
-        found = found._replace(timed=found.timed._replace(shape=self.chart.unknowns(chart.shape(found.timed.shape).lengths)))
-        found = refine(self.problem, found.timed, 1, 0, self.work, damping=found.damping)
-        self.pool = valleys(self.pool.joined(found), KEEP, self.chart.cell)
-
-    def draw(self, source):
-        match source:
-            case Fresh():
-                if self.seeds is None:
-                    self.seeds = self.screen.seeds(self.thin, self.chart, 600)
-                t = self.seeds.take(slice(source.start, source.stop))
-                if source.fine:
-                    if self.fine is None:
-                        from synthesis.free.screen import seeds, spans_and_powers
-                        g = spans_and_powers(self.thin, np.deg2rad([28, 45, 75, 115, 160, 210, 270, 320, 352.0]), np.array([1, 0.75, 0.5]))
-                        self.fine = seeds(FINE, self.thin, self.chart, g, 60, 1500)
-                    t = self.fine.take(slice(source.start, source.stop))
-                return Refined(t, np.full(len(t.branch), np.inf), np.full(len(t.branch), 1e-3), np.zeros(len(t.branch), bool))
-            case Best():
-                best = self.pool.take(slice(0, source.most))
-                return best._replace(ended=np.zeros(len(best.cost), bool))
-            case Hops():
-                tired = np.array([self.used[c] for c in self.pool.cost])
-                order = np.argsort(np.log(self.pool.cost) + TIRED * tired, kind="stable")[: source.origins]
-                self.used.update(self.pool.cost[order])
-                best = self.pool.take(order).timed
-                out = self.hops(best, source.copies, source.width) if source.copies else None
-                if source.loose:
-                    more = best.take(np.repeat(np.arange(len(best.branch)), source.loose))
-                    more = loose_steps(self.problem, more, self.random, LOOSE)
-                    n = len(more.branch)
-                    more = Refined(more, np.full(n, np.inf), np.full(n, 1e-3), np.zeros(n, bool))
-                    out = more if out is None else out.joined(more)
-                return out
-
-    def hops(self, best, copies, width):
-        rng = self.random
-        n = len(best.branch)
-        t = best.take(np.repeat(np.arange(n), copies))
-        n = len(t.branch)
-        noise = rng.standard_t(3, size=(n, t.shape.shape[1])) * self.chart.hop[:-1] * width
-        shape = self.chart.hopped(t.shape, noise)
-        flip = rng.random(n) < 0.1
-        shape[flip, 0] *= -1
-        angles = t.angles
-        span = angles[:, -1:] - angles[:, :1]
-        factor = np.exp(0.25 * width * rng.standard_t(3, size=(n, 1)))
-        factor = np.minimum(factor, 0.97 * self.poses.span_max / np.maximum(np.abs(span), 1e-9))
-        start = angles[:, :1] + 0.3 * width * rng.standard_t(3, size=(n, 1))
-        angles = start + (angles - angles[:, :1]) * factor
-        branch = np.where(rng.random(n) < 0.15, -t.branch, t.branch)
-        t = Timed(shape, t.pose, t.offset, angles, branch)
-        return Refined(t, np.full(n, np.inf), np.full(n, 1e-3), np.zeros(n, bool))
-
-    def descend(self, found, stages):
-        parts = []
-        for most, steps in stages:
-            go = found.take(~found.ended)
-            if most < len(go.cost):
-                go = valleys(go, most, self.chart.cell)
-            if not len(go.cost) or self.work.expired():
-                break
-            found = refine(self.problem, go.timed, steps, self.tolerance * 0.3, self.work, damping=go.damping, stall=STALL)
+            found = refine(
+                self.problem, going.timed, stage.steps, 0.3 * self.tolerance, self.work, going.damping, one.stall
+            )
             parts.append(found)
             if found.cost.min() <= self.tolerance**2:
                 break
-        parts = parts if self.pool is None else [self.pool, *parts]
-        self.pool = valleys(parts[0].joined(*parts[1:]), KEEP, self.chart.cell)
+        self.pool = _valleys(parts[0].joined(*parts[1:]), _POOL, self.chart.cell)
+
+    @property
+    def reached(self) -> bool:
+        """Whether the pool holds a candidate below the tolerance."""
+        return self.pool is not None and bool(self.pool.cost.size and self.pool.cost[0] <= self.tolerance**2)
+
+    def finished(self, work: Work) -> Refined:
+        """The best of the pool on all samples."""
+        assert self.pool is not None
+        best = self.pool.take(slice(0, _POLISHED))
+        if self.few.size == self.poses.samples:
+            return self.pool
+        problem = JointProblem(self.poses, self.chart)
+        timed = nearest(problem, self._spread(best.timed), _NEAREST_STEPS)
+        done = refine(problem, timed, _POLISH_STEPS, 0.1 * self.tolerance, work, 1e-6)
+        return _valleys(done, _POLISHED, self.chart.cell)
+
+    def _spread(self, timed: Timed) -> Timed:
+        """Crank angles of all samples from those of the few, by the way along the path between them."""
+        way = way_along(self.poses, 1.0)
+        own = way[self.few]
+        return timed._replace(angles=np.stack([np.interp(way, own, angles) for angles in timed.angles]))
+
+    # -- seeds ------------------------------------------------------------------------------------------------------
+
+    def _draw(self, source: Source) -> Refined:
+        match source:
+            case Fresh():
+                if source.screen not in self.seeds:
+                    self.seeds[source.screen] = self.screens[source.screen].seeds(self.thin, self.chart)
+                return _unrefined(self.seeds[source.screen].take(slice(source.start, source.stop)))
+            case Best():
+                assert self.pool is not None
+                best = self.pool.take(slice(0, source.most))
+                return best._replace(ended=np.zeros(best.cost.size, dtype=bool))
+            case Hops():
+                return _unrefined(self._hops(source))
+
+    def _hops(self, source: Hops) -> Timed:
+        assert self.pool is not None
+        cost = self.pool.cost
+        rank = np.log(np.maximum(cost, 1e-300)) + _TIRED * np.array([self.used[value] for value in cost])
+        chosen = np.argsort(rank, kind="stable")[: source.origins]
+        self.used.update(cost[chosen])
+        best = self.pool.timed.take(chosen)
+        wide = self._wide_steps(best.take(np.repeat(np.arange(chosen.size), source.wide)))
+        loose = best.take(np.repeat(np.arange(chosen.size), source.loose))
+        return wide.joined(loose_steps(self.problem, loose, self.random, _LOOSE_HOP))
+
+    def _wide_steps(self, timed: Timed) -> Timed:
+        """Candidates moved in shape, start and span, with heavy tails, some to the other branch."""
+        random, (count, size) = self.random, timed.shape.shape
+        noise = random.standard_t(3, size=(count, size)) * self.chart.hop[:-1]
+        hopped = self.chart.hopped if isinstance(self.chart, BoundedChart) else np.add
+        shape = hopped(timed.shape, noise)
+        along = timed.angles - timed.angles[:, :1]
+        factor = np.exp(_SPAN_HOP * random.standard_t(3, size=(count, 1)))
+        longest = 0.97 * self.poses.span_max / np.maximum(np.abs(along[:, -1:]), 1e-9)
+        start = timed.angles[:, :1] + self.chart.hop[-1] * random.standard_t(3, size=(count, 1))
+        branch = np.where(random.random(count) < _FLIPPED, -timed.branch, timed.branch)
+        return timed._replace(shape=shape, angles=start + along * np.minimum(factor, longest), branch=branch)
 
 
-def thinned(poses: Poses, kept) -> Poses:
-    from dataclasses import replace
-    def some(v):
-        return None if v is None else v[kept]
-    return replace(poses, position=some(poses.position), rotation=some(poses.rotation),
-        position_weights=some(poses.position_weights), rotation_weights=some(poses.rotation_weights))
+def search_path(
+    poses: Poses,
+    chart: Chart,
+    screens: Sequence[PathScreen],
+    tolerance: float,
+    work: Work | None = None,
+    rounds: Sequence[Round] = PATH,
+) -> PathResult:
+    """Linkages whose body point passes positions in their order, the crank turning one way.
+
+    Parameters
+    ----------
+    poses : Poses
+        Positions; their order is kept strictly.
+    chart : Chart
+        Of the shapes that are sought; best with change points at its bounds.
+    screens : sequence of PathScreen
+        As many as the rounds name, coarse and then finer.
+    tolerance : float
+        Stop when J is below it.
+    work : Work, optional
+        Once it has expired the best so far is returned; asked between all steps, after a first round of one step.
+    rounds : sequence of Round
+
+    Returns
+    -------
+    PathResult
+        Law: the same for the same request, where the work did not expire.
+    """
+    work = work or Work()
+    run = _PathSearch(poses, chart, screens, tolerance, work)
+    trace: list[tuple[float, float]] = []
+    pool: Refined | None = None
+
+    def note() -> Refined:
+        # polish on all samples what the few settle, even where the time is up: without it there is no answer
+        done = run.finished(work)
+        merged = done if pool is None else _valleys(pool.joined(done), _POOL, chart.cell)
+        trace.append((work.elapsed, float(np.sqrt(merged.cost[0]))))
+        return merged
+
+    for one in rounds:
+        run.descend(one)
+        if run.reached:
+            pool = note()
+            if pool.cost[0] <= tolerance**2:
+                return PathResult(pool, trace)
+        elif run.few.size == poses.samples:
+            assert run.pool is not None
+            trace.append((work.elapsed, float(np.sqrt(run.pool.cost[0]))))
+        if work.expired():
+            break
+    pool = note()
+    return PathResult(pool, trace)
+
+
+def nearest(problem: JointProblem, timed: Timed, steps: int) -> Timed:
+    """The candidates with each crank angle moved to the nearest point of the path; order is kept.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    timed : Timed
+    steps : int
+        Gauss-Newton steps.
+    """
+    none = np.zeros((len(timed.branch), problem.columns))
+    for _ in range(steps):
+        _, stack, turn = problem.evaluate(timed, problem.turned(timed))
+        square = np.einsum("nrk,nrk->nk", turn, turn)
+        along = np.einsum("nrk,nrk->nk", turn, stack[:, -1])
+        timed = problem.moved(timed, none, -along / np.maximum(square, 1e-12 * square.mean(axis=1, keepdims=True)))
+    return timed
+
+
+def _some(poses: Poses, kept: NDArray[np.intp]) -> Poses:
+    """The poses at some samples."""
+    columns = (poses.rotation, poses.position, poses.rotation_weights, poses.position_weights)
+    rotation, position, rotation_weights, position_weights = (None if c is None else c[kept] for c in columns)
+    return replace(
+        poses,
+        rotation=rotation,
+        position=position,
+        rotation_weights=rotation_weights,
+        position_weights=position_weights,
+    )
+
+
+def _unrefined(timed: Timed) -> Refined:
+    count = len(timed.branch)
+    return Refined(timed, np.full(count, np.inf), np.full(count, 1e-3), np.zeros(count, dtype=bool))
+
+
+def _valleys(found: Refined, most: int, cell: Floats) -> Refined:
+    """The best of each valley, best first."""
+    order = np.argsort(found.cost, kind="stable")
+    order = order[np.isfinite(found.cost[order])]
+    timed, first = found.timed, found.timed.angles[:, 0]
+    place = np.column_stack([timed.shape / cell[:-1], np.cos(first) / cell[-1], np.sin(first) / cell[-1]])
+    place = np.column_stack([place, timed.branch])
+    keys = np.round(place / _CELL).astype(np.int64)
+    root = np.sqrt(found.cost)
+    kept: list[int] = []
+    seen: set[bytes] = set()
+    for candidate in order:
+        if (key := keys[candidate].tobytes()) in seen:
+            continue
+        if kept:
+            near = np.abs(place[candidate] - place[kept[-1]]).max() < 1.0
+            if near and root[candidate] - root[kept[-1]] < _SAME * root[candidate]:
+                continue
+        seen.add(key)
+        kept.append(candidate)
+        if len(kept) == most:
+            break
+    return found.take(np.array(kept, dtype=np.intp))
