@@ -28,9 +28,10 @@ _DOUBLE = np.abs(_ROCKER[[3, 1, 2, 0]]) * np.array([-1, 1, 1, 1])
 class GrashofChart:
     """All four-bars whose crank turns fully, by homogeneous unknowns (l, x, y, z), x, y, z >= 0.
 
-    |l| is the shortest link, the crank where l > 0 (crank-rocker) and the ground where l < 0 (double-crank); L2 = |l| + (x + y) / 2,
-    L3 = |l| + (x + z) / 2, and the fourth length is |l| + (y + z) / 2. Then X0 = x (4 |l| + x + y + z), Y0 = y z without
-    cancellation. The common scale is free: `within` makes the sum of magnitudes one.
+    |l| is the shortest link, the crank where l > 0 (crank-rocker) and the ground where l < 0 (double-crank);
+    L2 = |l| + (x + y) / 2, L3 = |l| + (x + z) / 2, and the fourth length is |l| + (y + z) / 2. Then
+    X0 = x (4 |l| + x + y + z) and Y0 = y z, without cancellation. The common scale is free: `within` makes
+    the sum of magnitudes one.
     Law: ``unknowns(shape(x).lengths) == within(x)``.
     """
 
@@ -80,8 +81,8 @@ class GrashofChart:
         """Unknowns after a step, each component cut by itself; l keeps its sign."""
         side = np.where(unknowns[:, :1] < 0, -1.0, 1.0)
         out = unknowns + np.clip(step, -self.longest_step, self.longest_step)
-        out[:, :1] = side * np.maximum(side * out[:, :1], self.LEAST)
-        out[:, 1:] = np.maximum(out[:, 1:], self.LEAST)
+        out[:, :1] = side * np.maximum(side * out[:, :1], 1e-300)  # lifted to the bounds below, once the scale is one
+        out[:, 1:] = np.maximum(out[:, 1:], 0.0)
         return self.within(out)
 
     def held(self, unknowns: Floats, gradient: Floats) -> Flags:

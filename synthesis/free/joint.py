@@ -163,7 +163,7 @@ def _put(all_of_them: Refined, place: NDArray[np.intp], some: Refined) -> None:
 def _damped(rows: Rows, damping: Floats, size: int) -> _System:
     """The system of a step: angles eliminated, and R of the damped rest."""
     stack, turn = rows.stack, rows.turn
-    count, columns, samples = len(stack), stack.shape[1] - 1, stack.shape[-1]
+    count, columns = len(stack), stack.shape[1] - 1
     square = np.einsum("nrk,nrk->nk", turn, turn)
     average = square.mean(axis=1, keepdims=True)
     own = _ANGLE_DAMPING * damping[:, None] * np.maximum(square, 1e-6 * average) + 1e-20 * average

@@ -6,7 +6,7 @@ Data flow of a request::
       -> descend in stages, one a valley -> pool -> reached? otherwise the next round of the schedule
       -> crank angles of all samples by the way between those of the few -> polish on all samples -> pool
 
-A valley is a cost: many candidates come to rest in the same minimum, and copies of it would fill every list.
+A valley is a timing: many candidates come to rest along the same long valley, and copies of them would fill every list.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,15 +31,16 @@ Floats = NDArray[np.float64]
 SEARCH_SAMPLES = 12
 """Samples that the rounds look at: enough to fix a linkage, and the fewer they are the fewer minima lie beside it."""
 _POOL = 120
-_CELL = 0.2
-"""Extent of a valley relative to the chart's cells, in which two seeds are alike."""
-_SAME = 1e-3
-"""Part of J by which two candidates in neighbouring cells may differ and still be one minimum."""
+_APART, _POOL_APART = 0.01, 0.03
+"""Parts of the span by which a crank angle differs between two valleys: of the same descent, and in the pool."""
+_ALIKE = 1e-4
+"""Shapes, starts and branches of exact candidates are the same when they differ by less."""
 _SPAN_HOP, _LOOSE_HOP = 0.25, 0.5
 _FLIPPED = 0.15
 """Part of the hops that change the branch."""
 _TIRED = 2.0
 """A valley stands back by this factor of e in J squared for each time that hops started from it."""
+_PARTS = ("rotation", "position", "rotation_weights", "position_weights")
 _POLISHED, _POLISH_STEPS, _NEAREST_STEPS = 8, 100, 6
 
 
@@ -78,7 +79,7 @@ class _PathSearch:
         for stage in one.stages:
             going = found.take(~found.ended)
             if stage.most < going.cost.size:
-                going = _valleys(going, stage.most, self.chart.cell)
+                going = _valleys(going, stage.most, self.tolerance, _APART)
             if not going.cost.size or (parts and self.work.expired()):
                 break
             found = refine(
@@ -87,7 +88,7 @@ class _PathSearch:
             parts.append(found)
             if found.cost.min() <= self.tolerance**2:
                 break
-        self.pool = _valleys(parts[0].joined(*parts[1:]), _POOL, self.chart.cell)
+        self.pool = _valleys(parts[0].joined(*parts[1:]), _POOL, self.tolerance, _POOL_APART)
 
     @property
     def reached(self) -> bool:
@@ -103,7 +104,7 @@ class _PathSearch:
         problem = JointProblem(self.poses, self.chart)
         timed = nearest(problem, self._spread(best.timed), _NEAREST_STEPS)
         done = refine(problem, timed, _POLISH_STEPS, 0.1 * self.tolerance, work, 1e-6)
-        return _valleys(done, _POLISHED, self.chart.cell)
+        return _valleys(done, _POLISHED, self.tolerance, _APART)
 
     def _spread(self, timed: Timed) -> Timed:
         """Crank angles of all samples from those of the few, by the way along the path between them."""
@@ -188,7 +189,7 @@ def search_path(
     def note() -> Refined:
         # polish on all samples what the few settle, even where the time is up: without it there is no answer
         done = run.finished(work)
-        merged = done if pool is None else _valleys(pool.joined(done), _POOL, chart.cell)
+        merged = done if pool is None else _valleys(pool.joined(done), _POOL, tolerance, _APART)
         trace.append((work.elapsed, float(np.sqrt(merged.cost[0]))))
         return merged
 
@@ -228,15 +229,8 @@ def nearest(problem: JointProblem, timed: Timed, steps: int) -> Timed:
 
 def _some(poses: Poses, kept: NDArray[np.intp]) -> Poses:
     """The poses at some samples."""
-    columns = (poses.rotation, poses.position, poses.rotation_weights, poses.position_weights)
-    rotation, position, rotation_weights, position_weights = (None if c is None else c[kept] for c in columns)
-    return replace(
-        poses,
-        rotation=rotation,
-        position=position,
-        rotation_weights=rotation_weights,
-        position_weights=position_weights,
-    )
+    part: dict[str, Any] = {name: None if (given := getattr(poses, name)) is None else given[kept] for name in _PARTS}
+    return replace(poses, **part)
 
 
 def _unrefined(timed: Timed) -> Refined:
@@ -244,26 +238,25 @@ def _unrefined(timed: Timed) -> Refined:
     return Refined(timed, np.full(count, np.inf), np.full(count, 1e-3), np.zeros(count, dtype=bool))
 
 
-def _valleys(found: Refined, most: int, cell: Floats) -> Refined:
-    """The best of each valley, best first."""
+def _valleys(found: Refined, most: int, tolerance: float, apart: float) -> Refined:
+    """The best of each valley, best first; all that differ of those that reach the tolerance.
+
+    A long valley is told by its timing: shapes and even costs change along it while the crank angles between the samples
+    hardly do.
+    """
     order = np.argsort(found.cost, kind="stable")
     order = order[np.isfinite(found.cost[order])]
-    timed, first = found.timed, found.timed.angles[:, 0]
-    place = np.column_stack([timed.shape / cell[:-1], np.cos(first) / cell[-1], np.sin(first) / cell[-1]])
-    place = np.column_stack([place, timed.branch])
-    keys = np.round(place / _CELL).astype(np.int64)
-    root = np.sqrt(found.cost)
-    kept: list[int] = []
-    seen: set[bytes] = set()
+    timing = found.timed.angles - found.timed.angles[:, :1]
+    place = np.column_stack([found.timed.shape, found.timed.angles[:, 0], found.timed.branch])
+    near = apart * np.abs(timing[:, -1])
+    kept = np.empty(0, dtype=np.intp)
     for candidate in order:
-        if (key := keys[candidate].tobytes()) in seen:
-            continue
-        if kept:
-            near = np.abs(place[candidate] - place[kept[-1]]).max() < 1.0
-            if near and root[candidate] - root[kept[-1]] < _SAME * root[candidate]:
-                continue
-        seen.add(key)
-        kept.append(candidate)
-        if len(kept) == most:
-            break
-    return found.take(np.array(kept, dtype=np.intp))
+        if found.cost[candidate] <= tolerance**2:
+            twin = np.abs(place[kept] - place[candidate]).max(axis=1) < _ALIKE
+        else:
+            twin = np.abs(timing[kept] - timing[candidate]).max(axis=1) < near[candidate]
+        if not twin.any():
+            kept = np.append(kept, candidate)
+            if kept.size == most:
+                break
+    return found.take(kept)

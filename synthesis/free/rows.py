@@ -155,6 +155,7 @@ class JointProblem:
 
     def _gap(self, timed: Timed, body: BodyAngles) -> Floats:
         """gamma - offset - theta2 within half a turn, (n, N)."""
+        assert self.rotation is not None
         gap = self.rotation - timed.offset[:, None] - body.angle
         return gap - TURN * np.round(gap / TURN)
 

@@ -1,8 +1,8 @@
 """The schedule of the search for paths as a table: where each round takes its seeds, how it descends, and why it is there.
 
 A round runs only where those before it did not reach the tolerance. The numbers were chosen on random crank-rockers and
-double-cranks over parts of a turn, on 9 to 60 samples. Of 600 seeds about 3 % reach an exact linkage within 100 steps; the best of
-these is among the first 2 after 10 steps in half of the requests, and among the first 100 in nine of ten: hence the stages.
+double-cranks over parts of a turn, on 9 to 60 samples. Of 600 seeds about 3 % reach an exact linkage within 100 steps; the
+best of these is among the first 2 after 10 steps in half of the requests, and among the first 100 in nine of ten.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ class PathScreen:
         self.lengths, self.timing, self.most = lengths, timing, most
         self.cells = spread.unknowns(lengths) / spread.cell[:-1]
         self.start_cell = float(spread.cell[-1])
-        crank = np.arange(_SAMPLES) * (TURN / _SAMPLES)
+        crank = np.linspace(0.0, TURN, _SAMPLES, endpoint=False)
         phasor = np.exp(1j * mechanism.body_angle(lengths, np.ones(len(lengths)), crank))
         spectrum = np.fft.fft(phasor, axis=1) / _SAMPLES
         self.harmonics = np.arange(-_HARMONICS, _HARMONICS + 1)
