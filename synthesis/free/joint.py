@@ -13,7 +13,8 @@ derivative by phi_i, d_i its damping and n_i = t_i . t_i + d_i, the rows G of th
 whose normal matrix is the Schur complement of the full one, so that the step still comes from a QR decomposition. At
 d_i = 0 that is the fit by orthogonal distances, with a large d_i the fit at given crank angles. A, z1, z2 and the offset are
 solved again after every step (variable projection in Kaufman's form: BIT 15 (1975) 49-57), and the steps are bent along the
-residual's curvature (Transtrum and Sethna, arXiv:1201.5885).
+residual's curvature (Transtrum and Sethna, arXiv:1201.5885). While the damping is large, the triangle of the QR decomposition
+comes from the normal matrix by Cholesky's method instead; both give the same step to about 1e-5 of itself.
 """
 
 from __future__ import annotations

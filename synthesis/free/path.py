@@ -50,7 +50,7 @@ class PathResult(NamedTuple):
     pool: Refined
     """Candidates on all samples, best first, distinct; at least one."""
     trace: list[tuple[float, float]]
-    """Seconds of the work, best J so far."""
+    """Seconds of the work, best J so far on all samples: no entry for rounds that saw only a few and did not reach it."""
 
 
 class _PathSearch:
@@ -98,9 +98,9 @@ class _PathSearch:
     def finished(self, work: Work) -> Refined:
         """The best of the pool on all samples."""
         assert self.pool is not None
-        best = self.pool.take(slice(0, _POLISHED))
         if self.few.size == self.poses.samples:
             return self.pool
+        best = self.pool.take(slice(0, _POLISHED))
         problem = JointProblem(self.poses, self.chart)
         timed = nearest(problem, self._spread(best.timed), _NEAREST_STEPS)
         done = refine(problem, timed, _POLISH_STEPS, 0.1 * self.tolerance, work, 1e-6)
@@ -173,7 +173,7 @@ def search_path(
     tolerance : float
         Stop when J is below it.
     work : Work, optional
-        Once it has expired the best so far is returned; asked between all steps, after a first round of one step.
+        Once it has expired the best so far is returned, at the least the best of the first seeds.
     rounds : sequence of Round
 
     Returns

@@ -98,7 +98,10 @@ def test_grashof_chart_gives_the_lengths_back_and_holds_its_bounds() -> None:
     l1, l2, l3, l4 = shape.lengths.T
     np.testing.assert_allclose(shape.x0, (l2 + l3) ** 2 - (l1 + l4) ** 2)
     np.testing.assert_allclose(shape.y0, (l4 - l1) ** 2 - (l3 - l2) ** 2)
-    pushed = chart.stepped(unknowns, np.array([[0.0, -9, 0, 0], [9.0, 0, 0, -9]]))
+    pushed = unknowns
+    for _ in range(3):  # a step is cut at a third of the whole
+        pushed = chart.stepped(pushed, np.array([[0.0, -9, 0, 0], [9.0, 0, 0, -9]]))
     assert pushed[0, 1] == chart.LEAST and pushed[1, 3] == chart.LEAST and pushed[1, 0] < 0
+    np.testing.assert_allclose(np.abs(pushed).sum(axis=1), 1.0, atol=1e-8)
     assert chart.held(pushed, np.ones((2, 4)))[[0, 1], [1, 3]].all()
     assert not chart.held(pushed, -np.ones((2, 4)))[:, 1:].any()
