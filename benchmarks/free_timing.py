@@ -91,7 +91,7 @@ def truth_polished(case: FreeCase) -> float:
     shape = problem.chart.unknowns(case.lengths[None])
     branch, pose = np.array([float(case.branch)]), np.zeros((1, 3), dtype=complex)
     start = Timed(shape, pose, np.zeros(1), case.theta1[None], branch)
-    offset = np.angle(np.exp(1j * (case.rotation - problem.body(start).angle)).mean(axis=1))
+    offset = np.angle(np.exp(1j * (case.rotation - problem.turned(start).body.angle)).mean(axis=1))
     return float(np.sqrt(refine(problem, start._replace(offset=offset), 300).cost[0]))
 
 
