@@ -115,6 +115,9 @@ def refine(
         Law: no candidate is worse than its starting point with its best pose; the order of the angles is kept.
     """
     work = work or Work()
+    if not timed.branch.size:
+        nothing = np.empty(0)
+        return Refined(timed, nothing, nothing, np.empty(0, dtype=bool))
     turned = problem.turned(timed)
     timed = problem.posed(timed, turned)
     cost, stack, turn = problem.evaluate(timed, turned)

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.charts import AnyChart, FullCrankChart
+from synthesis.fourbar.charts import AnyChart
+from synthesis.fourbar.grashof_chart import GrashofChart
 from synthesis.fourbar.limits import in_family
 from synthesis.free.align import aligned
 from synthesis.free.dyads import Body, Dyads, landscape, linear_dyads, polished
@@ -57,9 +58,9 @@ _SETTLED, _EXACT_BELOW = 1e-3, 1e-4
 end of a narrow valley."""
 
 
-def chart_of(family: str) -> FullCrankChart | AnyChart:
+def chart_of(family: str) -> AnyChart | GrashofChart:
     """The chart in which four-bars of one of `limits.FAMILIES` are refined."""
-    return AnyChart() if family == "any" else FullCrankChart()
+    return AnyChart() if family == "any" else GrashofChart()
 
 
 def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, repair: bool = False) -> Timed:

@@ -182,7 +182,7 @@ class JointProblem:
 
     def cost(self, residual: Floats, body: BodyAngles) -> Floats:
         """J squared, infinite where a candidate does not close."""
-        flat = residual.reshape(len(residual), -1)
+        flat = residual.reshape(len(residual), self.rows * self.poses.samples)
         cost = np.einsum("nk,nk->n", flat, flat)
         cost = cost if body.possible is True else np.where(body.possible, cost, np.inf)
         return np.where(np.isfinite(cost), cost, np.inf)
