@@ -110,7 +110,11 @@ class _PathSearch:
         """Crank angles of all samples from those of the few, by the way along the path between them."""
         way = way_along(self.poses, 1.0)
         own = way[self.few]
-        return timed._replace(angles=np.stack([np.interp(way, own, angles) for angles in timed.angles]))
+        angles = np.stack([np.interp(way, own, few) for few in timed.angles])
+        pose = timed.pose.copy()
+        # positions count from the mean of their own samples
+        pose[:, 0] += (self.thin.middle - self.poses.middle) / self.poses.length_scale
+        return timed._replace(angles=angles, pose=pose)
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 
