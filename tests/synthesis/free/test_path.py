@@ -92,7 +92,7 @@ def test_the_few_samples_of_the_rounds_lead_to_all_of_them(screens: list[PathScr
     run.descend(PATH[0])
     assert run.reached and run.pool is not None
     problem = JointProblem(poses, CHART)
-    timed = path.nearest(problem, run._spread(run.pool.timed.take(slice(0, 1))), 6)
+    timed = path.nearest(problem, run._spread(run.pool.timed.take(slice(0, 1)), 1.0), 6)
     assert np.sqrt(problem.evaluate(timed, problem.turned(timed)).cost[0]) < 1e-8
 
 
