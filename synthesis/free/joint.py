@@ -275,7 +275,7 @@ def _bent(
         here.shape + ahead * step[:, :size],
         pose,
         here.offset + ahead[:, 0] * step[:, -1] * problem.has_rotation,
-        here.angles + ahead * angle_step,
+        here.angles + ahead * angle_step[:, : here.angles.shape[1]],
         here.branch,
     )
     residual = problem.residual(there, problem.turned(there, derivatives=False))

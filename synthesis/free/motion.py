@@ -53,6 +53,8 @@ ROUNDS = (
     Round(8, 150, "narrow ones"),
     Round(4, 1000, "what still falls, to its end: only where an exact answer may lie there"),
 )
+_KEPT = 100
+"""Candidates that are handed on: limits may leave only a few of them."""
 _EXACT_BELOW = 1e-4
 """Where J is above this after the rounds before the last, an exact answer is not in sight."""
 
@@ -137,12 +139,12 @@ def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work, note: Ca
     for one in ROUNDS:
         if one is ROUNDS[-1] and found.least > _EXACT_BELOW:
             break
-        found = found.best(one.most)
-        found = Pool.of(refine(search.problem, found.timed, one.iterations, 0.3 * tolerance, work))
+        going = found.best(one.most)
+        found = Pool.of(refine(search.problem, going.timed, one.iterations, 0.3 * tolerance, work)).joined(found)
         note(found.least)
         if found.least < tolerance or work.expired():
             break
-    return found.best(found.cost.size)
+    return found.best(_KEPT)
 
 
 def _sampled(search: _Motion, tolerance: float, work: Work, note: Callable[[float], None]) -> tuple[Pool, bool]:

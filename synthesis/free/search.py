@@ -22,11 +22,13 @@ from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution
 from synthesis.free.answers import solutions_of
+from synthesis.free.limited import within_limits
 from synthesis.free.motion import chart_of, search_motion
 from synthesis.free.path import search_path
 from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, FINE, PathScreen
+from synthesis.mechanism import Chart
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, StoppedBy
 from synthesis.work import Work
@@ -35,6 +37,8 @@ Screens = Callable[[str], Sequence[PathScreen]]
 """Gives the screens of a family; made once by whoever keeps them."""
 
 _COARSE_PERIMETER, _FINE_PERIMETER, _FINE_SEEDS = 28, 44, 1000
+_LIMITED = 60
+"""Candidates that are refined within limits."""
 _FEWEST_FULL = 3
 """Samples with rotation and position from which on dyads lead to four-bars that fit the others too."""
 
@@ -98,7 +102,7 @@ def search_free(
     if by_dyads:
         pool, ended = search_motion(poses, limits.family, tolerance, work, note)
         seeds = pool.cost.size
-        solutions = solutions_of(poses, pool, chart_of(limits.family), limits, top, tolerance)
+        solutions = _within(poses, pool, chart_of(limits.family), limits, top, tolerance, work)
     elif not poses.ordered:
         raise FieldError("/order", "'any' needs rotation and position at three samples or more: a path has an order")
     reached = Status.of(solutions, tolerance) is Status.REACHED
@@ -110,8 +114,19 @@ def search_free(
                 trace.append((seconds, objective))
         pool = Pool.of(found.pool)
         ended, seeds = not work.expired(), seeds + pool.cost.size
-        others = solutions_of(poses, pool, chart, limits, top, tolerance)
+        others = _within(poses, pool, chart, limits, top, tolerance, work)
         solutions = sorted(solutions + others, key=lambda one: max(one.errors.objective, tolerance))[:top]
         reached = Status.of(solutions, tolerance) is Status.REACHED
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
     return solutions, SearchReport(stopped, trace, 0.0, seeds)
+
+
+def _within(
+    poses: Poses, pool: Pool, chart: Chart, limits: Limits, top: int, tolerance: float, work: Work
+) -> list[Solution]:
+    """The best of a pool within the limits: as they are where that is enough, otherwise refined within them."""
+    solutions = solutions_of(poses, pool, chart, limits, top, tolerance)
+    if limits.only_family or Status.of(solutions, tolerance) is Status.REACHED or work.expired():
+        return solutions
+    inside = within_limits(poses, chart, limits, pool.best(_LIMITED), work)
+    return solutions_of(poses, inside.joined(pool), chart, limits, top, tolerance)

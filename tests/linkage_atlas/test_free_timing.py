@@ -145,6 +145,49 @@ def test_a_closed_way_may_end_where_it_began() -> None:
     assert less.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8) and less.crank_angle.size == 8
 
 
+LID = (
+    [0, -10, -22, -36, -52, -70, -90, -110],
+    [[0, 0], [4, 12], [10, 24], [19, 34], [31, 42], [45, 46], [60, 46], [74, 42]],
+)
+"""Eight poses that no linkage makes exactly."""
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"transmission_angle_min": 30},
+        {"pivot_box": [-50, -60, 120, 20]},
+        {"family": "any", "pivot_box": [0, -60, 120, 20], "link_max": 120, "link_min": 20},
+        {"link_max": 70, "family": "double_crank"},
+    ],
+)
+def test_limits_are_kept_and_cost_little(limits) -> None:
+    found = la.synthesize(*LID, timing="free", limits=limits)
+    assert found.solutions and found.best.errors.objective < 0.02
+    for one in found.solutions:
+        links = one.linkage.links
+        assert one.transmission_angle_min >= limits.get("transmission_angle_min", 0)
+        assert links.max() <= limits.get("link_max", np.inf) and links.min() >= limits.get("link_min", 0)
+        low, high = np.split(np.array(limits.get("pivot_box", [-np.inf] * 2 + [np.inf] * 2)), 2)
+        for pivot in (one.linkage.pivot_a, one.linkage.pivot_b):
+            assert np.all((pivot >= low) & (pivot <= high))
+        if limits.get("family", "full_crank") != "any":
+            assert one.family in (limits.get("family", "crank_rocker"), "double_crank")
+
+
+def test_paths_are_found_with_their_cognates() -> None:
+    linkage = la.FourBar(19, 72, 64, 80, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point=(50, 30))
+    points = linkage.joints(np.linspace(0, 300, 12)).body_point
+    found = la.synthesize(position=points, timing="free", top=4)
+    exact = [one for one in found.solutions if one.errors.objective < 1e-9]
+    assert any(one.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-5) for one in exact)
+    closed = la.synthesize(position=[*points.tolist(), points[0].tolist()], timing="free", closed=True, top=1).best
+    assert closed.crank_angle[-1] == pytest.approx(360) and closed.errors.objective < 1e-9
+    with pytest.raises(la.FieldError, match="a path has an order") as caught:
+        la.synthesize(position=points, timing="free", order="any")
+    assert caught.value.field == "/order"
+
+
 def test_time_is_kept(motion) -> None:
     random = np.random.default_rng(1)
     turns, points = 40 * random.standard_normal(12), 30 * random.standard_normal((12, 2))
