@@ -156,7 +156,7 @@ export class Board {
     const { motion, view } = this, places = this.hasPlaces ? motion.poses.map(placeOf).filter(Boolean) : [];
     if (!motion.poses.length && !this.linkage) {
       const size = view.width < 500 ? 15 : 18;
-      make("text", { class: "invite", x: view.width / 2, y: view.height / 2, "font-size": size, "text-anchor": "middle", "aria-hidden": "true" }, this.wayLayer).textContent = EMPTY[this.mode];
+      make("text", { class: "invite", x: view.width / 2, y: view.height / 2 - size, "font-size": size, "text-anchor": "middle", "aria-hidden": "true" }, this.wayLayer).textContent = EMPTY[this.mode];
     }
     if (motion.timing !== "free" || motion.anyOrder || places.length < 2) return;
     make("path", { class: "way", d: pathData(places, view) }, this.wayLayer);

@@ -8,9 +8,9 @@ import { $ } from "./shell.js";
 const COLUMNS = [["t", "crank angle"], ["x", "x"], ["y", "y"], ["angle", "angle"]];
 
 const NOTES = {
-  free: "Only the poses count: the search finds the crank angle at each of them.",
-  even: "The poses are met at even steps of the crank.",
-  table: "Each pose is met at its crank angle in the table.",
+  free: (item) => `Only the ${item}s count: the search finds the crank angle at each of them.`,
+  even: (item) => `The ${item}s are met at even steps of the crank.`,
+  table: (item) => `Each ${item} is met at its crank angle in the table.`,
 };
 
 const modeButtons = () => document.querySelectorAll("[data-mode]:not(svg)");
@@ -76,7 +76,7 @@ export class Editor {
     const { motion } = this, { limits, tolerance } = motion, free = motion.timing === "free";
     set($("timing"), motion.timing);
     for (const element of document.querySelectorAll("[data-timing]")) element.hidden = free !== (element.dataset.timing === "free");
-    $("timing-note").textContent = NOTES[motion.timing];
+    $("timing-note").textContent = NOTES[motion.timing](wantsAngles(motion) ? "pose" : "point");
     set($("span"), Number(motion.span.toPrecision(12)));
     set($("direction"), String(motion.direction));
     $("any-order").checked = motion.anyOrder;

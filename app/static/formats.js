@@ -157,7 +157,7 @@ export function fromCsv(text, motion = emptyMotion()) {
       else if (name === "t") pose.t = value;
       else if (cell) for (const one of name === "w" ? ["wr", "wp"] : [name]) pose[one] = value;
     }
-    if (!(place && placeOf(pose)) && !(has("angle") && pose.angle !== null)) throw new Error(`Line ${at[k]} has neither a place nor an angle.`);
+    if (!has("t") && !(place && placeOf(pose)) && !(has("angle") && pose.angle !== null)) throw new Error(`Line ${at[k]} has neither a place nor an angle.`);
     return pose;
   });
   const next = { ...clone(motion), poses };

@@ -58,7 +58,7 @@ export function fault(motion) {
   if (poses.length > 1024) return [`A ${kind} has at most 1024 ${item}s.`, "poses"];
   if (free && !wantsPlaces(motion)) return ["With free crank angles positions are needed: angles alone are met by nearly every linkage.", "wanted"];
   const blank = poses.findIndex((pose) => !(wantsPlaces(motion) && placeOf(pose)) && !(wantsAngles(motion) && pose.angle !== null));
-  if (blank >= 0) return [`The row of ${item} ${blank + 1} is empty.`, "poses"];
+  if (free && blank >= 0) return [`The row of ${item} ${blank + 1} is empty.`, "poses"];
   if (wantsPlaces(motion) && !poses.some(placeOf)) return ["No row has both x and y.", "poses"];
   if (wantsAngles(motion) && poses.every((pose) => pose.angle === null)) return ["No row has an angle. For a path choose \"position only\".", "wanted"];
   if (!free && !(motion.span >= 0.1 && motion.span <= 3600)) return ["The crank must turn by 0.1 to 3600 degrees.", "span"];
