@@ -104,8 +104,14 @@ def _serve(options: argparse.Namespace) -> int:
     return EXIT_OK
 
 
+_FILE_HELP = (
+    "the request as JSON (default: standard input)",
+    "the request as JSON, or the motion as a .csv file (default: standard input)",
+)
+
+
 def _add_query(parser: argparse.ArgumentParser, query: Query) -> None:
-    parser.add_argument("file", nargs="?", default="-", help="the request as JSON (default: standard input)")
+    parser.add_argument("file", nargs="?", default="-", help=_FILE_HELP[query.from_csv is not None])
     parser.add_argument("--example", choices=sorted(query.examples), help="answer a bundled example instead")
     parser.add_argument("--json", action="store_true", help="print the reply as JSON, not as a table")
     parser.add_argument("--atlas", type=Path, help="the atlas file, for queries that read it (default: atlas.h5)")
@@ -135,7 +141,10 @@ def _run_query(options: argparse.Namespace, query: Query) -> int:
         text = sys.stdin.buffer.read()
     else:
         text = Path(options.file).read_bytes()
-    request = query.request.model_validate_json(text)
+    if query.from_csv and options.file.lower().endswith(".csv"):
+        request = query.request.model_validate(query.from_csv(text.decode("utf-8", "replace")))
+    else:
+        request = query.request.model_validate_json(text)
     resources = ServiceResources(_settings(options))
     if query.exports and options.export:
         name = options.export.suffix.lstrip(".").lower()

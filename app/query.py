@@ -109,6 +109,8 @@ class Query:
         Name to request body (plain JSON values), shown in the API's description; each must be answerable.
     exports : mapping
         Format (``svg``, ``dxf``, ...) to `Export`; over HTTP a POST of the same body to ``path.format``.
+    from_csv : callable, optional
+        ``from_csv(text) -> request body`` of a CSV file, which the command then takes too.
     """
 
     path: str
@@ -120,3 +122,4 @@ class Query:
     table: Callable[[Any], str]
     examples: Mapping[str, dict[str, Any]]
     exports: Mapping[str, Export] = field(default_factory=dict)
+    from_csv: Callable[[str], dict[str, Any]] | None = None

@@ -7,6 +7,7 @@ from importlib.resources import files
 from typing import Any
 
 from app.fourbar.answers import answer_match, answer_synthesize
+from app.fourbar.csv_request import request_from_csv
 from app.fourbar.export import SYNTHESIZE_EXPORTS
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
 from app.fourbar.tables import matches_table, synthesize_table
@@ -46,6 +47,12 @@ def fourbar_queries() -> tuple[Query, ...]:
                 "worked_example": {**example, "top": 3},
                 "atlas_rows_only": {**example, "effort": "atlas", "top": 3},
                 "rotation_only": {**rotation_only, "top": 3},
+                "poses": {
+                    "timing": "free",
+                    "position": [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]],
+                    "rotation": [0, 12, 27, 45, 66],
+                    "top": 3,
+                },
                 "within_limits": {
                     **example,
                     "top": 3,
@@ -55,6 +62,7 @@ def fourbar_queries() -> tuple[Query, ...]:
                 },
             },
             SYNTHESIZE_EXPORTS,
+            request_from_csv,
         ),
     )
 

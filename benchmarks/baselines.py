@@ -122,6 +122,26 @@ def generate_motion(target: product.Target, seed: int) -> Iterator[tuple[int, fl
             yield number, sum(times.processor), float(timed), float(untimed)
 
 
+def motion_through_poses(position: np.ndarray, rotation: np.ndarray) -> float:
+    """Least error of pylinkage's answers to a few poses, whatever their order and branch.
+
+    By how much crank and rocker would have to change their lengths from pose to pose: rms over the motion's size.
+    """
+    from pylinkage.synthesis import Pose, motion_generation
+
+    middle = position.mean()
+    place = (position - middle) / np.max(np.abs(position - middle))
+    poses = [Pose(p.real, p.imag, r) for p, r in zip(place, rotation)]
+    best = np.inf
+    for answer in motion_generation(poses, max_solutions=50, require_grashof=False).raw_solutions:
+        pivots = np.array([complex(*answer.ground_pivot_a), complex(*answer.ground_pivot_d)])
+        pins = np.array([complex(*answer.crank_pivot_b), complex(*answer.coupler_pivot_c)])
+        moved = place[:, None] + np.exp(1j * (rotation - rotation[0]))[:, None] * (pins - place[0])
+        lengths = np.abs(moved - pivots)
+        best = min(best, float(np.sqrt(np.mean((lengths - lengths.mean(axis=0)) ** 2))))
+    return best
+
+
 def _judge(target: product.Target, first: int, answer: Any) -> tuple[float, float]:
     """Timed and untimed error of an answer, either of its two pivoted links as the crank."""
     pivots = [complex(*answer.ground_pivot_a), complex(*answer.ground_pivot_d)]

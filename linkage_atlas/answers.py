@@ -240,7 +240,8 @@ class Result:
 
     def __repr__(self) -> str:
         rows = [f"  {s.rank}  {s.linkage!r}  objective {s.errors.objective:.2e}" for s in self.solutions]
-        return "\n".join([f"{self.status}: {len(self.solutions)} solutions", *rows])
+        count = len(self.solutions)
+        return "\n".join([f"{self.status}: {count} solution{'' if count == 1 else 's'}", *rows])
 
 
 @dataclass(frozen=True)

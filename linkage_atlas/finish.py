@@ -54,7 +54,7 @@ class Tolerances:
 def read_tolerances(tolerances: Mapping[str, ArrayLike] | None, motion: Motion) -> Tolerances | None:
     """The tolerances of a request, checked against its motion."""
     given = {name: value for name, value in (tolerances or {}).items() if value is not None}
-    samples, found = motion.samples, {}
+    samples, found = motion.asked, {}
     for name, value in given.items():
         if name not in ("rotation", "position"):
             raise FieldError(f"/tolerances/{name}", "there are tolerances of rotation and position only")
@@ -98,8 +98,19 @@ def finished(
     changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
     passed, excursions = _passed(found, motion, target)
     solutions = [
-        _solution(one, motion, determined, change, verdict, excursion, allowed, round_to, atlas)
-        for one, determined, change, verdict, excursion in zip(found, fixed, changes, passed, excursions)
+        _solution(
+            one,
+            motion,
+            motion.one_of(target, k),
+            fixed[k],
+            changes[k],
+            passed[k],
+            excursions[k],
+            allowed,
+            round_to,
+            atlas,
+        )
+        for k, one in enumerate(found)
     ]
     # a linkage that does not work as a machine never comes before one that does
     solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
@@ -121,6 +132,7 @@ def _passed(found: list[answers.Solution], motion: Motion, target: Target) -> tu
 def _solution(
     one: answers.Solution,
     motion: Motion,
+    own: Motion,
     determined: Any,
     change: Any,
     passing: Passing,
@@ -130,7 +142,6 @@ def _solution(
     atlas: Atlas | None,
 ) -> Solution:
     radian, turn = motion.radian, one.transmission_angle_min_turn
-    own = motion.of_solution(one.linkage, one.crank)
     rounded = None if round_to is None else round_solution(own.target, one, round_to)
     if change is not None and change.rotation is not None:
         change = Sensitivity(change.rotation / radian, change.position)

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.errors import FieldError
+from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.free.pairs import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
-from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, TURN, Target, make_target
+from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, TURN, Samples, Target, make_target
 
 __all__ = [
     "LIMITS",
@@ -120,11 +121,20 @@ class Motion:
         """The motion with crank angles (N,) that were found, one set a linkage; as it is where they were given."""
         if isinstance(self.samples, Target):
             return self.samples
-        crank = np.stack(list(cranks))
-        turns = None
+        crank, turns = np.stack(list(cranks)), None
         if self.samples.rotation is not None:
-            turns = np.stack([one.joints(angles).rotation for one, angles in zip(linkages, crank)])
+            start = np.array([one.start for one in linkages])[:, None]
+            turned = np.array([one.ground_angle + (one.body_offset or 0.0) for one in linkages])[:, None]
+            links, branch = np.array([one.links for one in linkages]), np.array([one.branch for one in linkages])
+            turns = coupler_angle(links, branch, start + crank) + turned
         return self.samples.timed(crank, turns)
+
+    def one_of(self, target: Target, place: int) -> Motion:
+        """The motion with the crank angles of one linkage, from those of several that `with_angles` gave."""
+        if not target.found:
+            return self
+        rotation = None if target.rotation is None else target.rotation[place]
+        return Motion(replace(target, crank=target.crank[place], rotation=rotation), self.degrees)
 
     def of_solution(self, linkage: Linkage, crank: Any) -> Motion:
         """The motion with the crank angles that one solution found."""
@@ -133,14 +143,18 @@ class Motion:
         if not self.samples.ordered:
             crank = in_any_order(np.asarray(crank)[None], TURN)[0][0]
             crank = crank - crank[0]
-        whole = self.with_angles([linkage], [crank])
-        rotation = None if whole.rotation is None else whole.rotation[0]
-        return Motion(replace(whole, crank=whole.crank[0], rotation=rotation), self.degrees)
+        return self.one_of(self.with_angles([linkage], [crank]), 0)
 
     @property
     def radian(self) -> float:
         """Radians in one unit of angle."""
         return radians_in(self.degrees)
+
+    @property
+    def asked(self) -> Samples:
+        """The samples as they were asked for."""
+        samples = self.samples
+        return samples.asked if isinstance(samples, Poses) and samples.asked is not None else samples
 
     def notes(self) -> list[str]:
         """What a user should know about a rotation that looks wrapped."""

@@ -14,7 +14,7 @@ sample, and a branch.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,6 +84,20 @@ class Chart(Protocol):
 
     def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
         """Angles of shapes (n, k) at crank angles (n, N), each candidate's own; the slope's last row is that by theta1."""
+
+
+@runtime_checkable
+class BoundedChart(Chart, Protocol):
+    """A chart whose unknowns have bounds."""
+
+    def stepped(self, unknowns: Floats, step: Floats) -> Floats:
+        """Unknowns (n, k) after a step, cut and projected."""
+
+    def held(self, unknowns: Floats, gradient: Floats) -> Flags:
+        """Which unknowns stand at a bound that descent would push them through, (n, k)."""
+
+    def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
+        """Unknowns perturbed by noise (n, k) in units of order one."""
 
 
 class Limits(Protocol):

@@ -53,6 +53,10 @@ def synthesize_table(reply: SynthesizeReply) -> str:
                 f"coupler point: radius {number(m.coupler_point.radius)}, angle {number(m.coupler_point.angle)}; "
                 f"L_B {number(m.L_B)}, beta {number(m.beta)}",
             ]
+        if best.crank_angle is not None:
+            lines.append(f"crank angles of rank 1: {', '.join(number(angle, 4) for angle in best.crank_angle)}")
+        if best.verdict.reasons:
+            lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         if best.rounded is not None and best.rounded.closes:
             r = best.rounded
             rounded = " ".join(number(v) for v in (r.links.crank, r.links.coupler, r.links.rocker, r.links.ground))

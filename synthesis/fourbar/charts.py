@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +35,21 @@ class FourBarShape(NamedTuple):
     """(n,): (L4 - L1)^2 - (L3 - L2)^2"""
     jacobian: Floats
     """(n, 4, 3): derivatives of the lengths by the chart's unknowns."""
+
+
+class _Closing(Protocol):
+    """What the evaluation of coupler angles needs to know of a chart."""
+
+    @property
+    def sheet(self) -> int:
+        """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
+
+    @property
+    def always_closes(self) -> bool:
+        """Whether every shape closes at every crank angle."""
+
+    def shape(self, unknowns: Floats) -> FourBarShape:
+        """Shapes at unknowns (n, k)."""
 
 
 @dataclass(frozen=True)
@@ -147,20 +162,20 @@ class CouplerAngles:
 
     Parameters
     ----------
-    chart : FullCrankChart or AnyChart
+    chart : Chart
     target : Target
         With a crank that turns counter-clockwise.
     """
 
-    def __init__(self, chart: FullCrankChart | AnyChart, target: Target) -> None:
+    def __init__(self, chart: _Closing, target: Target) -> None:
         self.chart = chart
         self.crank = target.crank
         self.interval = target.interval
         self.half = np.exp(0.5j * target.crank)
 
     def __call__(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-        """theta2 at unknowns (n, 4) and branches (n,)."""
-        shape, start = self.chart.shape(unknowns[:, :3]), unknowns[:, 3:]
+        """theta2 at unknowns (n, k + 1) and branches (n,)."""
+        shape, start = self.chart.shape(unknowns[:, :-1]), unknowns[:, -1:]
         half = np.exp(0.5j * start) * self.half
 
         def closes(x: Floats, y: Floats) -> NDArray[np.bool_] | Literal[True]:
@@ -185,9 +200,7 @@ class CouplerAngles:
         return answer
 
 
-def angles_at(
-    chart: FullCrankChart | AnyChart, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool
-) -> BodyAngles:
+def angles_at(chart: _Closing, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool) -> BodyAngles:
     """theta2 at crank angles (n, N) of each candidate's own; the slope's last row is that by theta1. See `mechanism.Chart`."""
     shape = chart.shape(unknowns)
 
@@ -238,7 +251,7 @@ def _angles(
 
 
 def _slope(shape: FourBarShape, turned: Complexes, phasor: Complexes, root: Floats, side: Floats) -> Floats:
-    """d theta2 by the chart's unknowns and theta1', (n, 4, N)."""
+    """d theta2 by the chart's unknowns and theta1', (n, k + 1, N)."""
     lengths = shape.lengths[:, :, None]
     l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
     rocker = np.conj(l1 * turned + l2 * phasor - l4) / l3
@@ -248,9 +261,9 @@ def _slope(shape: FourBarShape, turned: Complexes, phasor: Complexes, root: Floa
     by_length[:, 1] = (phasor * rocker).real
     by_length[:, 2] = -1.0
     np.negative(rocker.real, out=by_length[:, 3])
-    slope = np.empty_like(by_length)
-    np.matmul(shape.jacobian.transpose(0, 2, 1), by_length, out=slope[:, :3])
-    np.multiply(-l1, cross.imag, out=slope[:, 3])
+    slope = np.empty((len(root), shape.jacobian.shape[2] + 1, root.shape[1]))
+    np.matmul(shape.jacobian.transpose(0, 2, 1), by_length, out=slope[:, :-1])
+    np.multiply(-l1, cross.imag, out=slope[:, -1])
     # one over L2 sin(theta2 - theta3); bounded, so that a dead position stops a step and not the program
     lever = -2 * side * l3 / np.maximum(root, 1e-8)
     slope *= lever[:, None, :]

@@ -85,7 +85,7 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Ali
 
 def _costs(problem: JointProblem, at: Timed) -> Floats:
     """Squared errors of every sample at every angle of the grid, (n, N, grid)."""
-    body = problem.body(at, derivatives=False)
+    crank, body = problem.turned(at, derivatives=False)
     total = np.zeros((len(at.branch), problem.poses.samples, at.angles.shape[1]))
     if problem.has_rotation:
         assert problem.rotation is not None
@@ -94,7 +94,7 @@ def _costs(problem: JointProblem, at: Timed) -> Floats:
         total += (problem.rotation_root[:, None] * gap) ** 2
     if problem.has_position:
         a, z1, z2 = at.pose.T[:, :, None]
-        point = a + z1 * np.exp(1j * at.angles) + z2 * body.phasor
+        point = a + z1 * crank + z2 * body.phasor
         gap = problem.position[:, None] - point[:, None, :]
         total += problem.position_root[:, None] ** 2 * (gap.real**2 + gap.imag**2)
     return total

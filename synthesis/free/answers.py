@@ -37,7 +37,7 @@ class _Mounted:
         self.links = lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None]
         self.pivot, self.turn, self.coupler = poses.middle + scale * a, np.angle(z1), scale * z2
         self.start = timed.angles[:, 0]
-        self.crank = timed.angles - self.start[:, None]
+        self.crank = poses.whole(timed.angles - self.start[:, None])
         self.offset = timed.offset
 
     def take(self, places: Any) -> _Mounted:
@@ -65,7 +65,7 @@ class _Mounted:
         """Places, best first: by J; of exact ones by transmission angle, and then the most compact first."""
         objective = np.sqrt(self.cost)
         rest = np.where(objective < tolerance, 0.0, objective)
-        used = self.poses.timed(self.crank, self.poses.rotation).interval.after(self.start)
+        used = self.target.interval.after(self.start)
         transmission = np.nan_to_num(transmission_angle_over(self.links, used))
         middle, scale = self.poses.middle, self.poses.length_scale
         far = np.max(np.abs(np.array(self.pivots) - middle), axis=0) / scale

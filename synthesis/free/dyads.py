@@ -7,7 +7,7 @@ R = e^{i gamma}. Written out, with a = conj(P) R and k = conj(m) c, that is line
     q = q0 [1, |m|^2 + |c|^2 - r^2, m, c, k],      conj(q_m) q_c = q0 q_k
 
 (Bottema and Roth, Theoretical Kinematics, 1979; Ravani and Roth, J. Mech. Trans. Automation 105 (1983) 460-467; Ge, Purwar,
-Zhao, Deshpande, ASME J. Comput. Inf. Sci. Eng. 16 (2016) 021008). The three least right singular vectors of the poses' rows span
+Zhao, Deshpande, J. Comput. Inf. Sci. Eng. 17 (2017) 031011). The three least right singular vectors of the poses' rows span
 what fits them; the two real quadrics leave at most four dyads in that span: exactly those of Burmester for five poses.
 """
 

@@ -13,7 +13,8 @@ derivative by phi_i, d_i its damping and n_i = t_i . t_i + d_i, the rows G of th
 whose normal matrix is the Schur complement of the full one, so that the step still comes from a QR decomposition. At
 d_i = 0 that is the fit by orthogonal distances, with a large d_i the fit at given crank angles. A, z1, z2 and the offset are
 solved again after every step (variable projection in Kaufman's form: BIT 15 (1975) 49-57), and the steps are bent along the
-residual's curvature (Transtrum and Sethna, arXiv:1201.5885).
+residual's curvature (Transtrum and Sethna, arXiv:1201.5885). While the damping is large, the triangle of the QR decomposition
+comes from the normal matrix by Cholesky's method instead; both give the same step to about 1e-5 of itself.
 """
 
 from __future__ import annotations
@@ -23,224 +24,57 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.free.poses import Poses
-from synthesis.mechanism import BodyAngles, Chart
-from synthesis.target import TURN
+from synthesis.free.rows import JointProblem, Refined, Rows, Timed
 from synthesis.work import Work
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+__all__ = ["JointProblem", "Refined", "Rows", "Timed", "loose_steps", "refine"]
 
-_SHAPE_STEP, _ANGLE_STEP = 1.0, 0.6
-"""Longest step of an unknown of the chart, and of a crank angle."""
-_GAP_SHARE = 0.45
-"""Part of the gap to its neighbour by which a crank angle may move in a step, so that the order holds at every step."""
+Floats = NDArray[np.float64]
+
 _LINEAR_DAMPING, _ANGLE_DAMPING = 1e-2, 1e-2
 """Damping of the linear unknowns and of the crank angles relative to that of the shape."""
 _LEAST_DAMPING = 1e-22
+_LEAST_NORMAL = 1e-9
+"""Damping from which on a step may come from normal equations: the condition of the damped, scaled matrix is below 1e11."""
 
 
-class Timed(NamedTuple):
-    """Candidates with a crank angle at every sample."""
+def loose_steps(problem: JointProblem, timed: Timed, random: np.random.Generator, size: float) -> Timed:
+    """Candidates moved mostly where their cost is flat: along valleys, where the next minimum lies.
 
-    shape: Floats
-    """(n, k) in the chart."""
-    pose: Complexes
-    """(n, 3): A, z1, z2 over the length scale, positions from their mean; zero without positions."""
-    offset: Floats
-    """(n,)"""
-    angles: Floats
-    """(n, N): theta1, continuous along the samples."""
-    branch: Floats
-    """(n,)"""
-
-    def take(self, places: Any) -> Timed:
-        """Some of them."""
-        return Timed(*(column[places] for column in self))
-
-    def joined(self, *others: Timed) -> Timed:
-        """These and others after them."""
-        return Timed(*(np.concatenate(columns) for columns in zip(self, *others)))
-
-
-class Rows(NamedTuple):
-    """Residuals of candidates and their derivatives."""
-
-    cost: Floats
-    """(n,): J squared; infinite where a candidate does not close."""
-    stack: Floats
-    """(n, N, R, m + 1): derivatives by shape, pose and offset, then the residual; R rows a sample."""
-    turn: Floats
-    """(n, N, R): derivative by the sample's own crank angle."""
-
-
-class Refined(NamedTuple):
-    """Candidates after their descent."""
-
-    timed: Timed
-    cost: Floats
-
-
-class JointProblem:
-    """Poses and a chart made ready for many evaluations.
-
-    Parameters
-    ----------
-    poses : Poses
-    chart : Chart
+    Steps are R^{-1} times normal noise, with R of the linearised problem, so that they are longest where the rows change
+    least; each is scaled to change the shape by about ``size`` of itself.
     """
-
-    def __init__(self, poses: Poses, chart: Chart) -> None:
-        self.poses, self.chart = poses, chart
-        self.size = len(chart.cell) - 1
-        self.has_rotation, self.has_position = poses.rotation is not None, poses.position is not None
-        self.rotation, self.position = poses.rotation, poses.scaled
-        samples = poses.samples
-        self.rotation_root = np.broadcast_to(poses.rotation_mean.root, samples)
-        self.position_root = np.broadcast_to(poses.position_mean.root, samples)
-        self.rows = self.has_rotation + 2 * self.has_position
-        self.columns = self.size + 6 * self.has_position + self.has_rotation
-
-    # -- pose -------------------------------------------------------------------------------------------------------
-
-    def posed(self, timed: Timed, body: BodyAngles) -> Timed:
-        """The candidates with the best pose and offset for their angles."""
-        pose, offset = timed.pose, timed.offset
-        if self.has_position:
-            pose = self._best_pose(np.exp(1j * timed.angles), body.phasor)
-        if self.has_rotation:
-            gap = self._turned(timed, body)
-            offset = timed.offset + self.poses.rotation_mean(gap)
-        return timed._replace(pose=pose, offset=offset)
-
-    def _best_pose(self, e1: Complexes, e2: Complexes) -> Complexes:
-        """A, z1, z2 of the least mean square, by Gram and Schmidt twice over {1, e1, e2}: never by normal equations."""
-        weight = self.position_root**2
-
-        def share(column: Complexes, values: Complexes) -> Complexes:
-            return ((np.conj(column) * values) @ weight)[:, None]
-
-        one = np.ones_like(e1)
-        basis, upper = [one], np.zeros((len(e1), 3, 3), dtype=complex)
-        upper[:, 0, 0] = 1.0
-        for place, own in ((1, e1), (2, e2)):
-            for _ in range(2):
-                for k, column in enumerate(basis):
-                    part = share(column, own)
-                    own = own - part * column
-                    upper[:, k, place] += part[:, 0]
-            norm = np.sqrt(share(own, own).real)
-            norm = np.where(norm > 1e-15, norm, 1.0)
-            basis.append(own / norm)
-            upper[:, place, place] = norm[:, 0]
-        rest, right = np.broadcast_to(self.position, e1.shape), np.zeros((len(e1), 3), dtype=complex)
-        for _ in range(2):
-            for k, column in enumerate(basis):
-                part = share(column, rest)
-                rest = rest - part * column
-                right[:, k] += part[:, 0]
-        z2 = right[:, 2] / upper[:, 2, 2]
-        z1 = (right[:, 1] - upper[:, 1, 2] * z2) / upper[:, 1, 1]
-        pivot = right[:, 0] - upper[:, 0, 1] * z1 - upper[:, 0, 2] * z2
-        return np.stack([pivot, z1, z2], axis=1)
-
-    def _turned(self, timed: Timed, body: BodyAngles) -> Floats:
-        """gamma - offset - theta2 within half a turn, (n, N)."""
-        assert self.rotation is not None
-        gap: Floats = self.rotation - timed.offset[:, None] - body.angle
-        return gap - TURN * np.round(gap / TURN)
-
-    # -- rows -------------------------------------------------------------------------------------------------------
-
-    def body(self, timed: Timed, derivatives: bool = True) -> BodyAngles:
-        """theta2 of candidates at their angles."""
-        return self.chart.at(timed.shape, timed.angles, timed.branch, derivatives)
-
-    def residual(self, timed: Timed, body: BodyAngles) -> Floats:
-        """Residuals (n, N, R)."""
-        out = np.empty((*timed.angles.shape, self.rows))
-        if self.has_rotation:
-            np.multiply(self._turned(timed, body), self.rotation_root, out=out[:, :, 0])
-        if self.has_position:
-            a, z1, z2 = timed.pose.T[:, :, None]
-            left = (self.position - a - z1 * np.exp(1j * timed.angles) - z2 * body.phasor) * self.position_root
-            out[:, :, -2], out[:, :, -1] = left.real, left.imag
-        return out
-
-    def cost(self, residual: Floats, body: BodyAngles) -> Floats:
-        """J squared, infinite where a candidate does not close."""
-        cost = np.einsum("nkr,nkr->n", residual, residual)
-        cost = cost if body.possible is True else np.where(body.possible, cost, np.inf)
-        return np.where(np.isfinite(cost), cost, np.inf)
-
-    def evaluate(self, timed: Timed, body: BodyAngles) -> Rows:
-        """Rows and derivatives of candidates whose body angles carry their derivatives."""
-        count, samples = timed.angles.shape
-        assert body.slope is not None
-        size, slope = self.size, body.slope.transpose(0, 2, 1)
-        residual = self.residual(timed, body)
-        stack = np.zeros((count, samples, self.rows, self.columns + 1))
-        turn = np.empty((count, samples, self.rows))
-        stack[..., -1] = residual
-        if self.has_rotation:
-            root = self.rotation_root
-            stack[:, :, 0, :size] = -root[:, None] * slope[:, :, :size]
-            stack[:, :, 0, self.columns - 1] = -root
-            turn[:, :, 0] = -root * slope[:, :, size]
-        if self.has_position:
-            root = self.position_root
-            z1, z2 = timed.pose.T[1:, :, None]
-            e1, e2 = root * np.exp(1j * timed.angles), root * body.phasor
-            lever = -1j * z2 * e2
-            by_shape = lever[:, :, None] * slope[:, :, :size]
-            real, imag = stack[:, :, -2], stack[:, :, -1]
-            real[..., :size], imag[..., :size] = by_shape.real, by_shape.imag
-            real[..., size], imag[..., size + 1] = -root, -root
-            for at, column in ((size + 2, e1), (size + 4, e2)):
-                real[..., at], imag[..., at] = -column.real, -column.imag
-                real[..., at + 1], imag[..., at + 1] = column.imag, -column.real
-            by_angle = lever * slope[:, :, size] - 1j * z1 * e1
-            turn[:, :, -2], turn[:, :, -1] = by_angle.real, by_angle.imag
-        return Rows(self.cost(residual, body), stack, turn)
-
-    # -- steps ------------------------------------------------------------------------------------------------------
-
-    def moved(self, timed: Timed, step: Floats, turn: Floats) -> Timed:
-        """Candidates after a step of the common unknowns (n, m) and of the angles (n, N), each cut by itself."""
-        size = self.size
-        pose, offset = timed.pose, timed.offset
-        if self.has_position:
-            pose = pose + step[:, size : size + 6 : 2] + 1j * step[:, size + 1 : size + 6 : 2]
-        if self.has_rotation:
-            offset = offset + step[:, -1]
-        shape = timed.shape + np.clip(step[:, :size], -_SHAPE_STEP, _SHAPE_STEP)
-        turn = np.clip(turn, -_ANGLE_STEP, _ANGLE_STEP)
-        if self.poses.ordered:
-            turn = _within_gaps(timed.angles, turn, self.poses.span_max)
-        return Timed(shape, pose, offset, timed.angles + turn, timed.branch)
-
-
-def _within_gaps(angles: Floats, turn: Floats, span_max: float) -> Floats:
-    """Steps of crank angles, cut so that the samples keep their order and the crank stays within its span."""
-    way = np.where(angles[:, -1:] >= angles[:, :1], 1.0, -1.0)
-    along = way * angles
-    gaps = np.empty((len(angles), angles.shape[1] + 1))
-    gaps[:, 1:-1] = np.diff(along)
-    gaps[:, 0] = gaps[:, -1] = span_max - (along[:, -1] - along[:, 0])
-    gaps = _GAP_SHARE * np.maximum(gaps, 0.0)
-    return way * np.clip(way * turn, -gaps[:, :-1], gaps[:, 1:])
+    turned = problem.turned(timed)
+    timed = problem.posed(timed, turned)
+    rows = problem.evaluate(timed, turned)
+    count = len(rows.cost)
+    system = _damped(rows, np.full(count, 1e-12), problem.size)
+    columns = problem.columns
+    # homogeneous unknowns have a direction in which nothing changes at all: a row of its own holds it
+    scale = np.zeros((count, 1, columns))
+    scale[:, 0, : problem.size] = np.sign(timed.shape)
+    upper: Any = np.linalg.qr(np.concatenate([system.upper[:, :-1, :-1], scale], axis=1), mode="r")
+    step = _upper_solve(upper, random.standard_normal((count, columns)))
+    relative = np.max(np.abs(step[:, : problem.size]) / (np.abs(timed.shape) + 0.02), axis=1)
+    factor = size * random.standard_t(3, size=count) / np.maximum(relative, 1e-300)
+    step *= factor[:, None]
+    return problem.moved(timed, step, _back(system, step, np.zeros_like(system.inner)))
 
 
 class _System(NamedTuple):
     """The damped system of one step."""
 
     stack: Floats
+    """(n, m + 1, R N)"""
     turn: Floats
-    reduced: Floats
-    shrink: Floats
+    along: Floats
+    """(n, m + 1, N): t_i . G_i, and t_i . r_i last."""
     inner: Floats
-    norms: Floats
-    small: Floats
+    """(n, N): n_i"""
+    upper: Floats
+    """(n, m + 1, m + 1): R of the damped system, without the angles."""
+    ridge: Floats
+    """(n, m): squares of the damping rows."""
 
 
 def refine(
@@ -249,8 +83,9 @@ def refine(
     iterations: int,
     tolerance: float = 0.0,
     work: Work | None = None,
-    damping: float = 1e-3,
+    damping: float | Floats = 1e-3,
     stall: float = 1e-9,
+    bent: bool = True,
     all_of_them: bool = False,
 ) -> Refined:
     """Levenberg-Marquardt over shape, pose and all crank angles of many candidates.
@@ -265,10 +100,12 @@ def refine(
         Stop when the least J is below it.
     work : Work, optional
         Once it has expired the descent stops where it is.
-    damping : float
+    damping : float or ndarray, shape (n,)
         Of the first step, relative to the squares of the derivatives.
     stall : float
         A step that lowers the cost by a smaller part than this is a candidate's last one.
+    bent : bool
+        Whether steps are bent along the residual's curvature.
     all_of_them : bool
         Stop only when J of every candidate is below the tolerance.
 
@@ -278,95 +115,157 @@ def refine(
         Law: no candidate is worse than its starting point with its best pose; the order of the angles is kept.
     """
     work = work or Work()
-    body = problem.body(timed)
-    timed = problem.posed(timed, body)
-    rows = problem.evaluate(timed, body)
-    cost, stack, turn = rows
-    damped, growth = np.full(len(cost), damping), np.full(len(cost), 2.0)
-    done = max(1e-30, tolerance**2 if all_of_them else 0.0)
-    active = np.flatnonzero(np.isfinite(cost) & (cost >= done))
+    if not timed.branch.size:
+        nothing = np.empty(0)
+        return Refined(timed, nothing, nothing, np.empty(0, dtype=bool))
+    turned = problem.turned(timed)
+    timed = problem.posed(timed, turned)
+    cost, stack, turn = problem.evaluate(timed, turned)
+    # the candidates still on their way, and where they stand among all
+    place = np.flatnonzero(np.isfinite(cost))
+    here, rows = timed.take(place), Rows(cost[place], stack[place], turn[place])
+    last = np.full(len(cost), damping) if np.isscalar(damping) else np.array(damping)
+    damped, growth = last[place], np.full(place.size, 2.0)
+    done = Refined(timed, cost, last, ~np.isfinite(cost))
+    done_below = max(1e-30, tolerance**2 if all_of_them else 0.0)
     for _ in range(iterations):
-        if not active.size or work.expired() or (not all_of_them and cost.min() <= tolerance**2):
+        if not place.size or work.expired() or (not all_of_them and rows.cost.min() <= tolerance**2):
             break
-        here = timed.take(active)
-        system = _damped(stack[active], turn[active], damped[active], problem.size)
+        system = _damped(rows, damped, problem.size)
         step, angle_step = _step(system)
-        bend, angle_bend = _bend(problem, here, system, step, angle_step)
-        trial = problem.moved(here, step + bend, angle_step + angle_bend)
-        body = problem.body(trial)
-        trial = problem.posed(trial, body)
-        new = problem.evaluate(trial, body)
-        before = cost[active]
+        q = system.upper[:, :-1, -1]
+        predicted = np.einsum("nc,nc->n", q, q) + np.einsum("nc,nc->n", system.ridge, step**2)
+        if bent:
+            step, angle_step = _bent(problem, here, system, step, angle_step)
+        trial = problem.moved(here, step, angle_step)
+        turned = problem.turned(trial)
+        trial = problem.posed(trial, turned)
+        new = problem.evaluate(trial, turned)
+        before = rows.cost
         decrease = before - new.cost
         better = decrease > 0
-        took, refused = active[better], active[~better]
-        for column, values in zip(timed, trial):
-            column[took] = values[better]
-        cost[took], stack[took], turn[took] = new.cost[better], new.stack[better], new.turn[better]
-        moved = np.einsum("nkrc,nc->nkr", system.reduced[..., :-1], step)
-        predicted = -np.einsum("nkr,nkr->n", moved, moved + 2 * system.reduced[..., -1])
-        gain = np.clip(decrease[better] / np.maximum(predicted[better], 1e-300), 0, 1)
-        damped[took] = np.maximum(damped[took] * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _LEAST_DAMPING)
-        growth[took] = 2.0
-        damped[refused] *= growth[refused]
-        growth[refused] *= 2
-        finished = (better & (decrease < stall * before)) | (damped[active] > 1e10) | (cost[active] < done)
-        active = active[~finished]
-    return Refined(timed, cost)
+        refused = ~better
+        finished = (better & (decrease < stall * before)) | (before < done_below)
+        gain = np.clip(decrease / np.maximum(predicted, 1e-300), 0, 1)
+        shrunk = np.maximum(damped * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _LEAST_DAMPING)
+        damped, growth = np.where(better, shrunk, damped * growth), np.where(better, 2.0, 2 * growth)
+        for column, values in zip((*trial, *new), (*here, *rows)):
+            column[refused] = values[refused]
+        here, rows = trial, new
+        finished |= damped > 1e10
+        if finished.any():
+            _put(done, place[finished], Refined(here, rows.cost, damped, finished).take(finished))
+            left = ~finished
+            place, here, rows = place[left], here.take(left), Rows(*(column[left] for column in rows))
+            damped, growth = damped[left], growth[left]
+    _put(done, place, Refined(here, rows.cost, damped, np.zeros(place.size, dtype=bool)))
+    return done
 
 
-def _damped(stack: Floats, turn: Floats, damping: Floats, size: int) -> _System:
+def _put(all_of_them: Refined, place: NDArray[np.intp], some: Refined) -> None:
+    """Write some candidates back among all."""
+    for column, values in zip((*all_of_them.timed, *all_of_them[1:]), (*some.timed, *some[1:])):
+        column[place] = values
+
+
+def _damped(rows: Rows, damping: Floats, size: int) -> _System:
     """The system of a step: angles eliminated, and R of the damped rest."""
-    square = np.einsum("nkr,nkr->nk", turn, turn)
+    stack, turn = rows.stack, rows.turn
+    count, columns = len(stack), stack.shape[1] - 1
+    square = np.einsum("nrk,nrk->nk", turn, turn)
     average = square.mean(axis=1, keepdims=True)
     own = _ANGLE_DAMPING * damping[:, None] * np.maximum(square, 1e-6 * average) + 1e-20 * average
     inner = square + own
     inner = np.where(inner > 0, inner, 1.0)
+    along = stack[:, :, 0] * turn[:, None, 0]
+    for row in range(1, turn.shape[1]):
+        along += stack[:, :, row] * turn[:, None, row]
+    flat = stack.reshape(count, columns + 1, -1)
     shrink = 1 / (inner * (1 + np.sqrt(own / inner)))
-    reduced = stack - (shrink[:, :, None] * turn)[..., None] * np.einsum("nkr,nkrc->nkc", turn, stack)[:, :, None, :]
-    count, columns = len(stack), stack.shape[-1] - 1
-    flat = reduced.reshape(count, -1, columns + 1)
-    norms = np.sqrt(np.einsum("nmc,nmc->nc", flat[..., :-1], flat[..., :-1]))
-    norms = np.where(norms > 0, norms, 1.0)
+    reduced = (stack - along[:, :, None] * (shrink[:, None] * turn)[:, None]).reshape(flat.shape)
+    squares = np.einsum("ncm,ncm->nc", reduced[:, :-1], reduced[:, :-1])
+    squares = np.where(squares > 0, squares, 1.0)
     part = np.full(columns, _LINEAR_DAMPING)
     part[:size] = 1.0
-    system = np.zeros((count, flat.shape[1] + columns, columns + 1))
-    system[:, : flat.shape[1]] = flat
+    ridge = damping[:, None] * part * squares
+    upper = np.empty((count, columns + 1, columns + 1))
+    # while the damping is large the squares are well conditioned, and three times as fast
+    coarse = damping > _LEAST_NORMAL
+    if coarse.any():
+        try:
+            upper[coarse] = _by_cholesky(reduced[coarse], ridge[coarse], squares[coarse])
+        except np.linalg.LinAlgError:
+            coarse = np.zeros_like(coarse)
+    fine = np.flatnonzero(~coarse)
+    if fine.size:
+        upper[fine] = _by_reflections(reduced[fine], ridge[fine])
+    return _System(flat, turn, along, inner, upper, ridge)
+
+
+def _by_cholesky(reduced: Floats, ridge: Floats, squares: Floats) -> Floats:
+    """R of damped systems from their normal matrices, the columns scaled first."""
+    count, columns = ridge.shape
     diagonal = np.arange(columns)
-    system[:, flat.shape[1] + diagonal, diagonal] = np.sqrt(damping[:, None] * part) * norms
+    scale = np.ones((count, columns + 1))
+    scale[:, :-1] = np.sqrt(squares)
+    last = np.sqrt(np.einsum("nm,nm->n", reduced[:, -1], reduced[:, -1]))
+    scale[:, -1] = np.where(last > 0, last, 1.0)
+    scaled = reduced / scale[:, :, None]
+    normal = scaled @ scaled.transpose(0, 2, 1)
+    normal[:, diagonal, diagonal] += ridge / squares
+    normal[:, columns, columns] = 2.0  # the residual's own norm is not used: far enough from the others
+    lower: Any = np.linalg.cholesky(normal)
+    return lower.transpose(0, 2, 1) * scale[:, None, :]
+
+
+def _by_reflections(reduced: Floats, ridge: Floats) -> Floats:
+    """R of damped systems by QR decomposition."""
+    count, columns = ridge.shape
+    diagonal = np.arange(columns)
+    system = np.zeros((count, reduced.shape[2] + columns, columns + 1))
+    system[:, :-columns] = reduced.transpose(0, 2, 1)
+    system[:, diagonal - columns, diagonal] = np.sqrt(ridge)
     small: Any = np.linalg.qr(system, mode="r")
-    return _System(stack, turn, reduced, shrink, inner, norms, small)
+    return small[:, : columns + 1]
 
 
 def _step(system: _System) -> tuple[Floats, Floats]:
     """The step of the common unknowns (n, m) and of the angles (n, N)."""
-    columns = system.stack.shape[-1] - 1
-    step = -_upper_solve(system.small[:, :columns, :columns], system.small[:, :columns, columns])
-    return step, _back(system, step, system.stack[..., -1])
+    step = -_upper_solve(system.upper[:, :-1, :-1], system.upper[:, :-1, -1])
+    return step, _back(system, step, system.along[:, -1])
 
 
-def _back(system: _System, step: Floats, residual: Floats) -> Floats:
-    """The angles' part of a step, from the common unknowns' part."""
-    left = residual + np.einsum("nkrc,nc->nkr", system.stack[..., :-1], step)
-    along: Floats = np.einsum("nkr,nkr->nk", system.turn, left)
-    return -along / system.inner
+def _back(system: _System, step: Floats, toward: Floats) -> Floats:
+    """The angles' part of a step, from the common unknowns' part and t_i . r_i."""
+    return -(toward + (step[:, None] @ system.along[:, :-1])[:, 0]) / system.inner
 
 
 def _upper_solve(upper: Floats, right: Floats) -> Floats:
-    """Solutions of triangular systems; zero where one is singular."""
-    diagonal = np.abs(np.diagonal(upper, axis1=1, axis2=2))
-    bad = ~np.all(diagonal > 1e-200, axis=1) | ~np.all(np.isfinite(right), axis=1)
-    if bad.any():
-        upper, right = upper.copy(), right.copy()
-        upper[bad], right[bad] = np.eye(upper.shape[1]), 0.0
-    return np.linalg.solve(upper, right[:, :, None])[:, :, 0]
+    """Solutions of upper triangular systems, by substitution over all at once; zero where one is singular."""
+    out = np.empty_like(right)
+    for k in reversed(range(right.shape[1])):
+        rest = right[:, k]
+        if k + 1 < right.shape[1]:
+            rest = rest - np.einsum("nj,nj->n", upper[:, k, k + 1 :], out[:, k + 1 :])
+        out[:, k] = rest / upper[:, k, k]
+    return np.where(np.isfinite(out).all(axis=1, keepdims=True), out, 0.0)
 
 
-def _bend(
+def _lower_solve(upper: Floats, right: Floats) -> Floats:
+    """Solutions of the transposed systems."""
+    out = np.empty_like(right)
+    for k in range(right.shape[1]):
+        rest = right[:, k]
+        if k:
+            rest = rest - np.einsum("nj,nj->n", upper[:, :k, k], out[:, :k])
+        out[:, k] = rest / upper[:, k, k]
+    return out
+
+
+def _bent(
     problem: JointProblem, here: Timed, system: _System, step: Floats, angle_step: Floats
 ) -> tuple[Floats, Floats]:
-    """Second-order correction of a step along itself, from one more residual; zero where it is not small beside the step."""
-    columns = step.shape[1]
+    """Steps with their second-order correction, from one more residual; unchanged where it is not small beside the step."""
     longest = np.sqrt(np.sum(step**2, axis=1) + np.sum(angle_step**2, axis=1))
     ahead = np.minimum(0.1, 0.01 / np.maximum(longest, 1e-300))[:, None]
     size, pose = problem.size, here.pose
@@ -379,16 +278,17 @@ def _bend(
         here.angles + ahead * angle_step,
         here.branch,
     )
-    residual = problem.residual(there, problem.body(there, derivatives=False))
-    straight = np.einsum("nkrc,nc->nkr", system.stack[..., :-1], step) + system.turn * angle_step[:, :, None]
-    bent = (residual - system.stack[..., -1]) / ahead[:, :, None] - straight
-    bent *= (1.0 / ahead)[:, :, None]  # half the second derivative along the step
-    own = np.einsum("nkr,nkr->nk", system.turn, bent)
-    reduced = bent - (system.shrink * own)[:, :, None] * system.turn
-    small = system.small[:, :columns, :columns]
-    right = np.einsum("nkrc,nkr->nc", system.reduced[..., :-1], reduced)
-    bend = -_upper_solve(small, _upper_solve(small.transpose(0, 2, 1), right))
-    angle_bend = _back(system, bend, bent)
+    residual = problem.residual(there, problem.turned(there, derivatives=False))
+    flat, count = system.stack, len(step)
+    straight = (step[:, None] @ flat[:, :-1]).reshape(residual.shape) + system.turn * angle_step[:, None]
+    curve = (residual - flat[:, -1].reshape(residual.shape)) / ahead[:, :, None] - straight
+    curve *= (1.0 / ahead)[:, :, None]  # half the second derivative along the step
+    toward = np.einsum("nrk,nrk->nk", system.turn, curve)
+    right = flat[:, :-1] @ curve.reshape(count, -1, 1) - system.along[:, :-1] @ (toward / system.inner)[:, :, None]
+    upper = system.upper[:, :-1, :-1]
+    with np.errstate(all="ignore"):
+        bend = -_upper_solve(upper, _lower_solve(upper, right[:, :, 0]))
+    angle_bend = _back(system, bend, toward)
     length = np.sqrt(np.sum(bend**2, axis=1) + np.sum(angle_bend**2, axis=1))
     keep = (2 * length < 1.5 * longest)[:, None]
-    return np.where(keep, bend, 0.0), np.where(keep, angle_bend, 0.0)
+    return step + np.where(keep, bend, 0.0), angle_step + np.where(keep, angle_bend, 0.0)

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.charts import AnyChart, FullCrankChart
+from synthesis.fourbar.charts import AnyChart
+from synthesis.fourbar.grashof_chart import GrashofChart
 from synthesis.fourbar.limits import in_family
 from synthesis.free.align import aligned
 from synthesis.free.dyads import Body, Dyads, landscape, linear_dyads, polished
@@ -32,6 +33,8 @@ FEW = 4
 """Up to so many poses infinitely many dyads fit exactly."""
 _FEW_DYADS, _FEW_BATCHES = 60, 20
 _SAMPLED_DYADS, _SAMPLED_BATCHES = 110, 8
+_WORTH = 0.01
+"""Two batches in a row that gain less than this part end the search."""
 _ENOUGH = 60
 """Exact candidates that are enough of a choice."""
 
@@ -55,9 +58,9 @@ _SETTLED, _EXACT_BELOW = 1e-3, 1e-4
 end of a narrow valley."""
 
 
-def chart_of(family: str) -> FullCrankChart | AnyChart:
+def chart_of(family: str) -> AnyChart | GrashofChart:
     """The chart in which four-bars of one of `limits.FAMILIES` are refined."""
-    return AnyChart() if family == "any" else FullCrankChart()
+    return AnyChart() if family == "any" else GrashofChart()
 
 
 def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, repair: bool = False) -> Timed:
@@ -106,6 +109,12 @@ def search_motion(
     exact = 0.3 * tolerance
     if search.full <= FEW and not search.mixed:
         pool = _few(search, work)
+        near = np.flatnonzero(pool.cost > exact**2)
+        if pool.cost.size - near.size < _ENOUGH:
+            # dyads of short links lie where places all but coincide: a few steps give back what rounding took
+            rest = pool.take(near).best(_ENOUGH)
+            rest = Pool.of(refine(search.problem, rest.timed, 60, exact, work, all_of_them=True))
+            pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(rest)
         note(pool.least)
         return pool, True
     if search.full <= FEW:
@@ -128,6 +137,8 @@ def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work, note: Ca
     """The best of a pool, refined in rounds; best first."""
     before = np.inf
     for one in ROUNDS:
+        if one is ROUNDS[-1] and found.least > _EXACT_BELOW:
+            break
         found = found.best(one.most)
         found = Pool.of(refine(search.problem, found.timed, one.iterations, 0.3 * tolerance, work))
         note(found.least)
@@ -141,11 +152,14 @@ def _sampled(search: _Motion, tolerance: float, work: Work, note: Callable[[floa
     """Three or four full samples among others: dyads at random that fit those exactly, until one pair fits the rest too."""
     random = np.random.default_rng(20)
     best: Pool | None = None
+    idle = 0
     for _ in range(_SAMPLED_BATCHES):
         found = search.measured(sampled_dyads(search.body, _SAMPLED_DYADS, random))
         found = _rounds(search, found, tolerance, work, note)
+        gained = best is None or found.least < (1 - _WORTH) * best.least
         best = found if best is None else best.joined(found)
-        if best.least < tolerance or work.expired():
+        idle = 0 if gained else idle + 1
+        if best.least < tolerance or work.expired() or (idle == 2 and best.least > _EXACT_BELOW):
             break
     assert best is not None
     return best.best(best.cost.size), not work.expired()

@@ -14,6 +14,8 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
 
+_EVEN = 0.3
+"""Part of the way from angles that were put in order to evenly spaced ones."""
 _SHORTEST = 1e-9
 """A link below this part of the length scale is none."""
 
@@ -104,9 +106,10 @@ def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
     steps -= TURN * np.round(steps / TURN)
     way = np.where(steps.sum(axis=1, keepdims=True) >= 0, 1.0, -1.0)
     along = np.concatenate([np.zeros((len(angles), 1)), np.cumsum(way * steps, axis=1)], axis=1)
-    total = np.maximum(along[:, -1:], 1e-3)
-    least = 0.05 * total / steps.shape[1]
-    rank = np.arange(angles.shape[1])
-    along = np.maximum.accumulate(along - least * rank, axis=1) + least * rank
+    rising, falling = np.maximum.accumulate(along, axis=1), np.minimum.accumulate(along[:, ::-1], axis=1)[:, ::-1]
+    along = (rising + falling) / 2
+    # room between neighbours: an angle may move by less than the gap in a step
+    even = np.linspace(0.0, 1.0, angles.shape[1]) * np.maximum(along[:, -1:] - along[:, :1], 1e-3)
+    along += _EVEN * (along[:, :1] + even - along)
     along *= np.minimum(1.0, 0.98 * min(span_max, TURN) / (along[:, -1:] - along[:, :1]))
     return angles[:, :1] + way * along

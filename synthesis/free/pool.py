@@ -26,9 +26,9 @@ class Pool(NamedTuple):
     @classmethod
     def measured(cls, problem: JointProblem, timed: Timed) -> Pool:
         """Candidates in their best pose, as they are."""
-        body = problem.body(timed, derivatives=False)
-        timed = problem.posed(timed, body)
-        return cls(timed, problem.cost(problem.residual(timed, body), body))
+        turned = problem.turned(timed, derivatives=False)
+        timed = problem.posed(timed, turned)
+        return cls(timed, problem.cost(problem.residual(timed, turned), turned.body))
 
     def take(self, places: Any) -> Pool:
         """Some of the candidates."""

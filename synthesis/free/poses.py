@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +31,22 @@ class Poses(Samples):
         Whether the way leads from the last sample on to the first.
     span_max : float
         The crank turns by no more than this from the first sample to the last, in radians; at most a turn.
+    asked : Samples or None
+        The request with its last sample, where that repeats the first of a closed way: it is left out here, and the first
+        counts for both.
     """
 
     ordered: bool = True
     closed: bool = False
     span_max: float = TURN
+    asked: Samples | None = None
+
+    def whole(self, crank: Floats) -> Floats:
+        """Crank angles (..., N) of all samples that were asked for: a last one that repeats the first comes a turn later."""
+        if self.asked is None:
+            return crank
+        way = np.where(crank[..., -1:] >= crank[..., :1], 1.0, -1.0)
+        return np.concatenate([crank, crank[..., :1] + way * TURN], axis=-1)
 
     @cached_property
     def middle(self) -> complex:
@@ -67,30 +79,17 @@ class Poses(Samples):
         Parameters
         ----------
         crank : ndarray, shape (..., N)
+            Of all samples that were asked for.
         rotation : ndarray, shape (..., N), or None
             The body's rotation there: those asked for are moved by whole turns to lie nearest to it.
         """
-        asked = self.rotation
-        if asked is not None:
+        asked = self if self.asked is None else self.asked
+        turns = asked.rotation
+        if turns is not None:
             assert rotation is not None
-            asked = asked + TURN * np.round((rotation - asked) / TURN)
-        return Target(
-            asked,
-            self.position,
-            self.length_scale,
-            self.rotation_weights,
-            self.position_weights,
-            crank=crank,
-            found=True,
-        )
-
-    def mirrored(self) -> Poses:
-        """The request in a mirror (the x axis)."""
-        return replace(
-            self,
-            rotation=None if self.rotation is None else -self.rotation,
-            position=None if self.position is None else np.conj(self.position),
-        )
+            turns = turns + TURN * np.round((rotation - turns) / TURN)
+        weights = asked.rotation_weights, asked.position_weights
+        return Target(turns, asked.position, asked.length_scale, *weights, crank=crank, found=True)
 
 
 def make_poses(
@@ -105,7 +104,7 @@ def make_poses(
 ) -> Poses:
     """Checked `Poses`; arguments as of `target.make_target`.
 
-    A closed path whose last sample repeats the first loses that sample: it says nothing more.
+    Of a closed way whose last sample repeats the first only the first is searched for, and counts for both.
 
     Raises
     ------
@@ -121,5 +120,41 @@ def make_poses(
     if span_max is not None and not MIN_SPAN <= span_max <= TURN * (1 + 1e-12):
         low, high = np.rad2deg([MIN_SPAN, TURN])
         raise FieldError("/crank_span_max", f"wanted {low:g} to {high:g} degrees, found {np.rad2deg(span_max):g}")
-    poses = Poses(**part, ordered=ordered, closed=closed, span_max=TURN if span_max is None else min(span_max, TURN))
-    return poses
+    way: dict[str, Any] = {
+        "ordered": ordered,
+        "closed": closed,
+        "span_max": TURN if span_max is None else min(span_max, TURN),
+    }
+    if closed and len(part["position"]) > MIN_POSES and _returns(Samples(**part)):
+        return _without_the_last(Samples(**part), way)
+    return Poses(**part, **way)
+
+
+def _returns(samples: Samples) -> bool:
+    """Whether the last sample repeats the first, to rounding."""
+    for weights in (samples.rotation_weights, samples.position_weights):
+        if weights is not None and min(weights[0], weights[-1]) == 0:
+            return False
+    assert samples.position is not None
+    if abs(samples.position[-1] - samples.position[0]) > 1e-9 * samples.extent:
+        return False
+    return samples.rotation is None or abs(np.exp(1j * (samples.rotation[-1] - samples.rotation[0])) - 1) < 1e-9
+
+
+def _without_the_last(samples: Samples, way: dict[str, Any]) -> Poses:
+    """The same request without its last sample, whose weight the first takes over."""
+
+    def weights(own: Floats | None) -> Floats:
+        every = np.ones(samples.samples) if own is None else own
+        return np.concatenate([[every[0] + every[-1]], every[1:-1]])
+
+    assert samples.position is not None
+    return Poses(
+        rotation=None if samples.rotation is None else samples.rotation[:-1],
+        position=samples.position[:-1],
+        length_scale=samples.length_scale,
+        rotation_weights=None if samples.rotation is None else weights(samples.rotation_weights),
+        position_weights=weights(samples.position_weights),
+        asked=samples,
+        **way,
+    )

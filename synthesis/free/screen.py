@@ -16,29 +16,28 @@ from numpy.typing import NDArray
 
 from synthesis.free.joint import Timed
 from synthesis.free.poses import Poses
-from synthesis.mechanism import Mechanism
+from synthesis.mechanism import Chart, Mechanism
 from synthesis.target import TURN
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 _STARTS, _SAMPLES, _HARMONICS = 18, 64, 6
+_EACH = 60
+_SPAN_CELL = 0.6
 
 
-class Guess(NamedTuple):
-    """Guessed crank angles from the first sample on, (N,)."""
+class Timing(NamedTuple):
+    """Which crank angles a screen guesses: spans of the crank, and powers of the way between samples."""
 
-    angles: Floats
+    spans: tuple[float, ...]
+    """Radians from the first sample to the last; each is tried both ways."""
+    powers: tuple[float, ...]
+    """At 1 the crank turns with the way of the point; the smaller, the more evenly from sample to sample."""
 
 
-class Windows(NamedTuple):
-    """Types at starts for guesses, best first."""
-
-    cost: Floats
-    type: NDArray[np.intp]
-    branch: Floats
-    start: Floats
-    guess: NDArray[np.intp]
+COARSE = Timing(tuple(np.deg2rad([35, 60, 95, 140, 190, 245, 300, 345])), (1.0, 0.6))
+FINE = Timing(tuple(np.deg2rad([28, 45, 75, 115, 160, 210, 270, 320, 352])), (1.0, 0.75, 0.5))
 
 
 class PathScreen:
@@ -49,11 +48,20 @@ class PathScreen:
     mechanism : Mechanism
     lengths : ndarray, shape (T, d)
         Types whose crank turns fully.
+    spread : Chart
+        Its cells tell seeds apart.
+    timing : Timing
+    most : int
+        Seeds in all.
     """
 
-    def __init__(self, mechanism: Mechanism, lengths: Floats) -> None:
-        self.lengths = lengths
-        crank = np.arange(_SAMPLES) * (TURN / _SAMPLES)
+    def __init__(
+        self, mechanism: Mechanism, lengths: Floats, spread: Chart, timing: Timing = COARSE, most: int = 600
+    ) -> None:
+        self.lengths, self.timing, self.most = lengths, timing, most
+        self.cells = spread.unknowns(lengths) / spread.cell[:-1]
+        self.start_cell = float(spread.cell[-1])
+        crank = np.linspace(0.0, TURN, _SAMPLES, endpoint=False)
         phasor = np.exp(1j * mechanism.body_angle(lengths, np.ones(len(lengths)), crank))
         spectrum = np.fft.fft(phasor, axis=1) / _SAMPLES
         self.harmonics = np.arange(-_HARMONICS, _HARMONICS + 1)
@@ -90,36 +98,58 @@ class PathScreen:
         error = total[:, None] - squares[:, 0] / np.maximum(below, 1e-8)
         return np.maximum(error, 0.0).reshape(count, len(self.lengths), 2, -1)
 
+    def seeds(self, poses: Poses, chart: Chart) -> Timed:
+        """Starting points for a path, best first, at most one a cell of shape, start, span and branch.
 
-def spans_and_powers(poses: Poses, spans: Floats, powers: Floats) -> Floats:
-    """Guesses of the crank angles: evenly along the way of the samples, and more so the smaller the power, both directions."""
+        Of each type, branch and guess only the best start counts, and of each guess the best ``_EACH`` types and branches: the
+        errors of different guesses say little about which is right.
+
+        Parameters
+        ----------
+        poses : Poses
+        chart : Chart
+            Of the candidates' shapes.
+        """
+        guesses = self.timing_of(poses)
+        error = self.errors(poses, guesses)
+        best = error.argmin(axis=3)
+        least = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
+        each = min(_EACH, least.shape[1] - 1)
+        guess = np.repeat(np.arange(len(guesses)), each)
+        window = np.argpartition(least, each, axis=1)[:, :each].ravel()
+        rank = np.argsort(least[guess, window], kind="stable")
+        guess, window = guess[rank], window[rank]
+        kind, side = np.divmod(window, 2)
+        start, span = self.start[best[guess, kind, side]], guesses[guess, -1]
+        place = np.column_stack([self.cells[kind], start / self.start_cell, span / _SPAN_CELL, side])
+        cells = np.floor(place).astype(np.int64)
+        # one number a cell: many times faster to sort than rows
+        _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
+        pick = np.sort(first)[: self.most]
+        return Timed(
+            chart.unknowns(self.lengths[kind[pick]]),
+            np.zeros((pick.size, 3), dtype=complex),
+            np.zeros(pick.size),
+            start[pick, None] + guesses[guess[pick]],
+            1.0 - 2.0 * side[pick],
+        )
+
+    def timing_of(self, poses: Poses) -> Floats:
+        """Guesses of the crank angles from the first sample on, (guesses, N)."""
+        ways = (way_along(poses, power) for power in self.timing.powers)
+        return np.array([sign * span * way for way in ways for span in self.timing.spans for sign in (1.0, -1.0)])
+
+
+def way_along(poses: Poses, power: float) -> Floats:
+    """Way of the samples from the first one, as part of the whole, (N,); strictly rising.
+
+    Parameters
+    ----------
+    poses : Poses
+    power : float
+        Of the distance between neighbouring samples.
+    """
     steps = np.abs(np.diff(poses.scaled))
-    steps = np.maximum(steps, 1e-3 * max(float(steps.max()), 1e-300))
-    guesses = []
-    for power in powers:
-        way = np.concatenate([[0.0], np.cumsum(steps**power)])
-        guesses += [sign * span * way / way[-1] for span in spans for sign in (1.0, -1.0)]
-    return np.array(guesses)
-
-
-def seeds(screen: PathScreen, poses: Poses, chart, guesses: Floats, each: int, most: int) -> Timed:
-    error = screen.errors(poses, guesses)
-    best = error.argmin(axis=3)
-    least = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
-    order = np.argpartition(least, each, axis=1)[:, :each]
-    g = np.repeat(np.arange(len(guesses)), each)
-    flat = order.ravel()
-    cost = least[g, flat]
-    kind, side = np.divmod(flat, 2)
-    start = screen.start[best[g, kind, side]]
-    x = chart.unknowns(screen.lengths)[kind]
-    span = guesses[g, -1]
-    rank = np.argsort(cost, kind="stable")
-    cells = np.floor(np.column_stack([x[rank] / [0.7, 1, 1], start[rank] / 0.6, span[rank] / 0.6])).astype(np.int64)
-    key = ((cells + 64) @ (1 << 8 * np.arange(5))) * 2 + side[rank]
-    _, first = np.unique(key, return_index=True)
-    pick = rank[np.sort(first)[:most]]
-    n = pick.size
-    return Timed(
-        x[pick], np.zeros((n, 3), complex), np.zeros(n), start[pick, None] + guesses[g[pick]], 1.0 - 2.0 * side[pick]
-    )
+    steps = np.maximum(steps, 1e-3 * max(float(steps.max()), 1e-300)) ** power
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    return way / way[-1]

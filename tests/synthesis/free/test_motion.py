@@ -180,7 +180,7 @@ def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
             case.theta1[None],
             np.array([float(case.branch)]),
         )
-        body = problem.body(truth)
+        body = problem.turned(truth).body
         offset = np.angle(np.exp(1j * (case.rotation - body.angle)).mean(axis=1))
         polished_truth = refine(problem, truth._replace(offset=offset), 200)
         found = la.synthesize(

@@ -1,0 +1,105 @@
+"""Full-crank four-bars by their shortest link and their three Grashof excesses: change points lie at bounds, not at infinity.
+
+A descent reaches a bound in one step and leaves it when the gradient turns, where `charts.FullCrankChart` would creep to
+infinity; the lengths are linear in the unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from synthesis.fourbar.charts import CouplerAngles, FourBarShape, FullCrankChart, angles_at
+from synthesis.fourbar.kinematics import grashof_excesses
+from synthesis.mechanism import BodyAngles
+from synthesis.target import Target
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_ROCKER = np.array([[1, 0, 0, 0], [1, 0.5, 0.5, 0], [1, 0.5, 0, 0.5], [1, 0, 0.5, 0.5]])
+_DOUBLE = np.abs(_ROCKER[[3, 1, 2, 0]]) * np.array([-1, 1, 1, 1])
+"""Lengths by unknowns of a crank-rocker, and of a double-crank, whose l counts negative."""
+
+
+@dataclass(frozen=True)
+class GrashofChart:
+    """All four-bars whose crank turns fully, by homogeneous unknowns (l, x, y, z), x, y, z >= 0.
+
+    |l| is the shortest link, the crank where l > 0 (crank-rocker) and the ground where l < 0 (double-crank);
+    L2 = |l| + (x + y) / 2, L3 = |l| + (x + z) / 2, and the fourth length is |l| + (y + z) / 2. Then
+    X0 = x (4 |l| + x + y + z) and Y0 = y z, without cancellation. The common scale is free: `within` makes
+    the sum of magnitudes one.
+    Law: ``unknowns(shape(x).lengths) == within(x)``.
+    """
+
+    LEAST = 1e-9
+    """Least magnitude of an unknown: at change points the slope of theta2 has no limit."""
+
+    always_closes = True
+    sheet = 0
+    cell = np.append(np.full(4, 0.1), FullCrankChart.cell[3])
+    hop = np.array([0.4, 0.8, 0.8, 0.8, 0.3])
+    """Of the logarithms of the magnitudes, and of the start."""
+    types = np.empty((0, 4))
+    longest_step = 0.35
+
+    def shape(self, unknowns: Floats) -> FourBarShape:
+        """Shapes at unknowns (n, 4)."""
+        jacobian = np.where((unknowns[:, 0] > 0)[:, None, None], _ROCKER, _DOUBLE)
+        lengths = (jacobian @ unknowns[:, :, None])[:, :, 0]
+        least, (x, y, z) = np.abs(unknowns[:, 0]), np.maximum(unknowns[:, 1:].T, 0.0)
+        return FourBarShape(lengths, x * (4 * least + x + y + z), y * z, jacobian)
+
+    def unknowns(self, lengths: ArrayLike) -> Floats:
+        """Unknowns (n, 4) of lengths (n, 4)."""
+        lengths = np.asarray(lengths, dtype=float)
+        a, b, c = grashof_excesses(lengths)
+        rocker = lengths[..., 0] < lengths[..., 3]
+        out = np.stack(
+            [
+                np.where(rocker, lengths[..., 0], -lengths[..., 3]),
+                c,
+                np.where(rocker, a, -b),
+                np.where(rocker, b, -a),
+            ],
+            axis=-1,
+        )
+        return self.within(out)
+
+    def within(self, unknowns: Floats) -> Floats:
+        """The nearest unknowns within the bounds, each of its own sign of l, and of scale one."""
+        unknowns = unknowns / np.sum(np.abs(unknowns), axis=-1, keepdims=True)
+        out = np.maximum(unknowns, self.LEAST)
+        double = unknowns[..., 0] < 0
+        out[..., 0] = np.where(double, np.minimum(unknowns[..., 0], -self.LEAST), out[..., 0])
+        return out
+
+    def stepped(self, unknowns: Floats, step: Floats) -> Floats:
+        """Unknowns after a step, each component cut by itself; l keeps its sign."""
+        side = np.where(unknowns[:, :1] < 0, -1.0, 1.0)
+        out = unknowns + np.clip(step, -self.longest_step, self.longest_step)
+        out[:, :1] = side * np.maximum(side * out[:, :1], 1e-300)  # lifted to the bounds below, once the scale is one
+        out[:, 1:] = np.maximum(out[:, 1:], 0.0)
+        return self.within(out)
+
+    def held(self, unknowns: Floats, gradient: Floats) -> Flags:
+        """Which unknowns stand at a bound that descent would push them through, (n, 4)."""
+        side = np.ones_like(unknowns)
+        side[:, 0] = np.sign(unknowns[:, 0])
+        return (side * unknowns <= 1.01 * self.LEAST) & (side * gradient > 0)
+
+    def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
+        """Unknowns whose logarithms moved by noise (n, 4); excesses at a bound are lifted off it first."""
+        side = np.sign(unknowns)
+        return self.within(side * np.maximum(np.abs(unknowns), 1e-4) * np.exp(np.clip(noise, -8.0, 8.0)))
+
+    def prepared(self, target: Target) -> CouplerAngles:
+        """The evaluation of candidates over a target's samples."""
+        return CouplerAngles(self, target)
+
+    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+        """The evaluation of candidates at crank angles of their own."""
+        return angles_at(self, unknowns, theta1, branch, derivatives)

@@ -1,0 +1,153 @@
+"""The front door with free crank angles, missing samples, weights and tolerances: what it takes, refuses and tells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+
+CRANK = [0.0, 10.0, 35.0, 50.0, 80.0, 110.0]
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """Rotation and positions of a known linkage at `CRANK`."""
+    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point=(50, 30))
+    joints = linkage.joints(CRANK)
+    return joints.rotation, joints.body_point
+
+
+def test_the_linkage_and_its_crank_angles_are_found(motion) -> None:
+    best = la.synthesize(*motion, timing="free").best
+    assert best.linkage.links == pytest.approx([19, 72, 144, 165], rel=1e-9)
+    assert best.crank_angle == pytest.approx(CRANK, abs=1e-8)
+    assert best.linkage.start_angle == pytest.approx(30, abs=1e-7)
+    timed = la.synthesize(*motion, crank_angle=best.crank_angle).best
+    assert timed.linkage.links == pytest.approx(best.linkage.links, rel=1e-6)
+    assert timed.crank_angle is None and timed.excursion is None
+
+
+def test_radians_in_radians_out(motion) -> None:
+    best = la.synthesize(np.deg2rad(motion[0]), motion[1], timing="free", degrees=False).best
+    assert best.crank_angle == pytest.approx(np.deg2rad(CRANK), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field", "words"),
+    [
+        ({"timing": "free", "crank_span": 70}, "/crank_span", "free"),
+        ({"timing": "free", "crank_angle": CRANK}, "/crank_angle", "free"),
+        ({"timing": "slow"}, "/timing", "free"),
+        ({"timing": "free", "order": "some"}, "/order", "given"),
+        ({"timing": "free", "crank_span_max": 400}, "/crank_span_max", "400"),
+        ({"timing": "free", "effort": "atlas"}, "/effort", "refine"),
+        ({"timing": "free", "weights": {"place": [1] * 6}}, "/weights/place", "rotation and position"),
+        ({"timing": "free", "weights": {"rotation": [1] * 5}}, "/weights/rotation", "6 weights"),
+        ({"timing": "free", "weights": {"position": [1, 1, -1, 1, 1, 1]}}, "/weights/position/2", "at least 0"),
+        ({"timing": "free", "tolerances": {"rotation": 0}}, "/tolerances/rotation", "above 0"),
+        ({"timing": "free", "tolerances": {"position": [1, 1, 1]}}, "/tolerances/position", "6 numbers"),
+        ({"timing": "free", "tolerances": {"time": 1}}, "/tolerances/time", "rotation and position"),
+        ({"crank_span": 70, "order": "any"}, "/order", "timing"),
+        ({"crank_span": 70, "closed": True}, "/closed", "timing"),
+        ({"crank_span": 70, "crank_span_max": 90}, "/crank_span_max", "timing"),
+    ],
+)
+def test_what_is_wrong_is_named(motion, arguments, field, words) -> None:
+    with pytest.raises(la.FieldError, match=words) as caught:
+        la.synthesize(*motion, **arguments)
+    assert caught.value.field == field
+
+
+def test_rotations_alone_fix_nothing(motion) -> None:
+    with pytest.raises(la.FieldError, match="any rotation within the coupler's swing") as caught:
+        la.synthesize(motion[0], timing="free")
+    assert caught.value.field == "/position"
+
+
+def test_none_is_missing_and_nan_is_an_error(motion) -> None:
+    turns = motion[0].tolist()
+    some = [None, *turns[1:]]
+    timed = la.synthesize(some, motion[1], crank_angle=CRANK).best
+    assert timed.linkage.links == pytest.approx([19, 72, 144, 165], rel=1e-6)
+    points = [*motion[1].tolist()[:5], None]
+    assert la.synthesize(turns, points, crank_angle=CRANK).best.linkage.links == pytest.approx(
+        [19, 72, 144, 165], rel=1e-6
+    )
+    with pytest.raises(la.FieldError, match="finite"):
+        la.synthesize([np.nan, *turns[1:]], motion[1], timing="free")
+    with pytest.raises(la.FieldError, match="at least one entry"):
+        la.synthesize([None] * 6, motion[1], timing="free")
+
+
+def test_a_sample_of_weight_0_counts_for_nothing(motion) -> None:
+    turns, points = motion[0].copy(), motion[1].copy()
+    turns[2] += 40
+    points[2] += 30
+    weights = {"rotation": [1, 1, 0, 1, 1, 1], "position": [1, 1, 0, 1, 1, 1]}
+    found = la.synthesize(turns, points, timing="free", weights=weights)
+    assert found.best.errors.objective < 1e-9
+    near = min(np.abs(one.linkage.links - [19, 72, 144, 165]).max() for one in found.solutions)
+    assert near < 1e-4, "five poses are left, and this linkage is one of those that pass them"
+
+
+def test_tolerances_decide_the_status_and_name_the_worst_sample(motion) -> None:
+    random = np.random.default_rng(3)
+    turns, points = motion[0] + 0.05 * random.standard_normal(6), motion[1] + 0.02 * random.standard_normal((6, 2))
+    wide = la.synthesize(turns, points, timing="free", tolerances={"rotation": 1.0, "position": 0.5})
+    assert wide.status == "reached" and wide.best.verdict.within_tolerance
+    errors = wide.best.errors
+    narrow = la.synthesize(
+        turns, points, timing="free", tolerances={"rotation": 1.0, "position": 0.5 * errors.position_max}
+    )
+    assert narrow.status == "closest" and not any(one.verdict.within_tolerance for one in narrow.solutions)
+    told = next(reason for reason in narrow.best.verdict.reasons if "off by" in reason)
+    off = np.linalg.norm(narrow.best.linkage.joints(narrow.best.crank_angle).body_point - points, axis=1)
+    assert f"sample {np.argmax(off) + 1} is off by" in told
+    assert la.synthesize(turns, points, timing="free").best.verdict.within_tolerance is None
+
+
+def test_solutions_that_keep_the_tolerances_come_first(motion) -> None:
+    each = [0.5] * 6
+    found = la.synthesize(*motion, timing="free", tolerances={"position": each}, top=10)
+    inside = [one.verdict.within_tolerance for one in found.solutions]
+    assert inside == sorted(inside, reverse=True)
+    assert [one.rank for one in found.solutions] == list(range(1, len(inside) + 1))
+
+
+def test_what_one_would_not_build_is_said(motion) -> None:
+    best = la.synthesize(*motion, timing="free").best
+    assert not best.verdict.buildable and best.verdict.works
+    assert any("extent" in reason for reason in best.verdict.reasons)
+    whole = la.FourBar(30, 70, 60, 80, coupler_point=(40, 20)).joints(np.linspace(0, 300, 12))
+    good = la.synthesize(whole.rotation, whole.body_point, timing="free").best
+    assert good.verdict.buildable and good.verdict.reasons == ()
+
+
+def test_a_solution_with_free_angles_becomes_a_file(motion, tmp_path) -> None:
+    best = la.synthesize(*motion, timing="free", round_to=0.5).best
+    for ending in ("csv", "svg", "dxf", "xml"):
+        best.linkage.save(tmp_path / f"linkage.{ending}")
+    rows = (tmp_path / "linkage.csv").read_text().splitlines()
+    assert len(rows) == 7 and [float(row.split(",")[0]) for row in rows[1:]] == pytest.approx(CRANK, abs=1e-6)
+    assert best.rounded is not None and best.rounded.linkage.links == pytest.approx([19, 72, 144, 165])
+    assert best.linkage._repr_svg_() is not None
+
+
+def test_a_closed_way_may_end_where_it_began() -> None:
+    linkage = la.FourBar(19, 72, 64, 80, start_angle=30, coupler_point=(50, 30))
+    crank = [0, 40, 80, 130, 200, 260, 300, 330, 360]
+    joints = linkage.joints(crank)
+    best = la.synthesize(joints.rotation, joints.body_point, timing="free", closed=True).best
+    assert best.crank_angle == pytest.approx(crank, abs=1e-7) and best.errors.objective < 1e-9
+    assert best.verdict.works and best.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8)
+    less = la.synthesize(joints.rotation[:-1], joints.body_point[:-1], timing="free", closed=True).best
+    assert less.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8) and less.crank_angle.size == 8
+
+
+def test_time_is_kept(motion) -> None:
+    random = np.random.default_rng(1)
+    turns, points = 40 * random.standard_normal(12), 30 * random.standard_normal((12, 2))
+    found = la.synthesize(turns, points, timing="free", budget=0.05)
+    assert found.report.elapsed_ms["total"] < 1000
+    assert found.report.stopped_by == "budget"

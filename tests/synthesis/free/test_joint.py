@@ -1,0 +1,107 @@
+"""The joint refinement against a naive twin with all crank angles as unknowns, and its derivatives against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.fourbar.charts import FullCrankChart
+from synthesis.fourbar.grashof_chart import GrashofChart
+from synthesis.free import joint
+from synthesis.free.joint import JointProblem, Timed, refine
+from synthesis.free.poses import Poses
+
+LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
+CHARTS = [FullCrankChart(), GrashofChart()]
+
+
+def candidates(chart: FullCrankChart | GrashofChart, rotation: bool) -> tuple[JointProblem, Timed]:
+    """Two candidates, a crank-rocker and a double-crank, some way off some poses."""
+    random = np.random.default_rng(7)
+    samples = 11
+    position = np.cumsum(random.standard_normal(samples) + 1j * random.standard_normal(samples))
+    turned = np.cumsum(random.uniform(0, 0.3, samples)) if rotation else None
+    problem = JointProblem(Poses(turned, position, length_scale=2.0), chart)
+    angles = np.sort(random.uniform(0, 5, (2, samples)), axis=1)
+    timed = Timed(
+        chart.unknowns(LENGTHS), np.zeros((2, 3), dtype=complex), np.zeros(2), angles, np.array([1.0, -1.0])
+    )
+    return problem, problem.posed(timed, problem.turned(timed))
+
+
+@pytest.mark.parametrize("chart", CHARTS)
+@pytest.mark.parametrize("rotation", [False, True])
+def test_derivatives_are_those_of_the_residual(chart: FullCrankChart | GrashofChart, rotation: bool) -> None:
+    problem, timed = candidates(chart, rotation)
+    rows = problem.evaluate(timed, problem.turned(timed))
+    size = problem.size
+
+    def moved(column: int, by: float) -> np.ndarray:
+        shape, pose, offset = timed.shape.copy(), timed.pose.copy(), timed.offset.copy()
+        if column < size:
+            shape[:, column] += by
+        elif column < size + 6:
+            pose[:, (column - size) // 2] += by * (1j if (column - size) % 2 else 1.0)
+        else:
+            offset += by
+        trial = timed._replace(shape=shape, pose=pose, offset=offset)
+        return problem.residual(trial, problem.turned(trial, derivatives=False))
+
+    step = 1e-6
+    for column in range(problem.columns):
+        difference = (moved(column, step) - moved(column, -step)) / (2 * step)
+        np.testing.assert_allclose(rows.stack[:, column], difference, atol=1e-7)
+    ahead, behind = (
+        problem.residual(t, problem.turned(t, derivatives=False))
+        for t in (timed._replace(angles=timed.angles + by) for by in (step, -step))
+    )
+    np.testing.assert_allclose(rows.turn, (ahead - behind) / (2 * step), atol=1e-7)
+
+
+@pytest.mark.parametrize("damping", [1e-2, 1e-12], ids=["by normal equations", "by reflections"])
+@pytest.mark.parametrize("rotation", [False, True])
+def test_step_is_that_of_dense_least_squares_over_all_angles(damping: float, rotation: bool) -> None:
+    problem, timed = candidates(FullCrankChart(), rotation)
+    rows = problem.evaluate(timed, problem.turned(timed))
+    system = joint._damped(rows, np.full(2, damping), problem.size)
+    step, angle_step = joint._step(system)
+    samples, columns = problem.poses.samples, problem.columns
+    for k in range(2):
+        common = rows.stack[k, :-1].reshape(columns, -1).T
+        own = np.vstack([np.diag(row) for row in rows.turn[k]])
+        ridge_own = system.inner[k] - np.sum(rows.turn[k] ** 2, axis=0)
+        ridge = np.concatenate([system.ridge[k], np.maximum(ridge_own, 0)])
+        dense = np.vstack([np.hstack([common, own]), np.diag(np.sqrt(ridge))])
+        right = np.concatenate([-rows.stack[k, -1].ravel(), np.zeros(columns + samples)])
+        expected = np.linalg.lstsq(dense, right, rcond=None)[0]
+        scale = np.abs(expected).max()
+        # the angles' damping is recovered here from a difference, which at small damping keeps only some digits
+        np.testing.assert_allclose(np.concatenate([step[k], angle_step[k]]), expected, atol=1e-4 * scale)
+
+
+@pytest.mark.parametrize("chart", CHARTS)
+def test_refinement_never_gets_worse_and_keeps_the_order(chart: FullCrankChart | GrashofChart) -> None:
+    problem, timed = candidates(chart, False)
+    before = problem.evaluate(timed, problem.turned(timed)).cost
+    done = refine(problem, timed, 30)
+    assert np.all(done.cost <= before)
+    assert np.all(np.diff(done.timed.angles, axis=1) > 0)
+    assert np.all(np.ptp(done.timed.angles, axis=1) < 2 * np.pi)
+
+
+def test_grashof_chart_gives_the_lengths_back_and_holds_its_bounds() -> None:
+    chart = GrashofChart()
+    unknowns = chart.unknowns(LENGTHS)
+    assert np.sign(unknowns[:, 0]).tolist() == [1.0, -1.0]
+    shape = chart.shape(unknowns)
+    np.testing.assert_allclose(shape.lengths / shape.lengths.sum(axis=1, keepdims=True), LENGTHS, atol=1e-12)
+    l1, l2, l3, l4 = shape.lengths.T
+    np.testing.assert_allclose(shape.x0, (l2 + l3) ** 2 - (l1 + l4) ** 2)
+    np.testing.assert_allclose(shape.y0, (l4 - l1) ** 2 - (l3 - l2) ** 2)
+    pushed = unknowns
+    for _ in range(3):  # a step is cut at a third of the whole
+        pushed = chart.stepped(pushed, np.array([[0.0, -9, 0, 0], [9.0, 0, 0, -9]]))
+    assert pushed[0, 1] == chart.LEAST and pushed[1, 3] == chart.LEAST and pushed[1, 0] < 0
+    np.testing.assert_allclose(np.abs(pushed).sum(axis=1), 1.0, atol=1e-8)
+    assert chart.held(pushed, np.ones((2, 4)))[[0, 1], [1, 3]].all()
+    assert not chart.held(pushed, -np.ones((2, 4)))[:, 1:].any()
