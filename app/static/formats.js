@@ -47,6 +47,12 @@ export function toRequest(motion) {
   return request;
 }
 
+/** A request as text for people: one line for each of its fields. */
+export function requestText(request) {
+  const rows = Object.entries(request).map(([name, value]) => `  ${JSON.stringify(name)}: ${JSON.stringify(value)}`);
+  return `{\n${rows.join(",\n")}\n}`;
+}
+
 const isNumbers = (list) => Array.isArray(list) && list.every(Number.isFinite);
 const isColumn = (list, good) => Array.isArray(list) && list.every((entry) => entry === null || good(entry));
 

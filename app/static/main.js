@@ -1,7 +1,7 @@
 // The four-bar page: sends the edited motion to the search, and shows the answers and the search's state.
 
 import { Editor } from "./editor.js";
-import { toRequest } from "./formats.js";
+import { requestText, toRequest } from "./formats.js";
 import { fault } from "./motion.js";
 import { Results, copy } from "./results.js";
 import { STAGES, solve } from "./service.js";
@@ -33,7 +33,12 @@ function updateStale() {
   editor.board.stale = Boolean(answer) && JSON.stringify(toRequest(editor.motion)) !== JSON.stringify(answer.request);
 }
 
+function showRequest() {
+  if ($("request").open) $("request-text").textContent = requestText(toRequest(editor.motion));
+}
+
 function motionChanged() {
+  showRequest();
   updateStale();
   if (running) return;
   if (editor.board.stale) say("The motion has changed since it was solved.");
@@ -116,6 +121,14 @@ async function startSearch() {
 function bindButtons() {
   $("form").addEventListener("submit", (event) => { event.preventDefault(); startSearch(); });
   $("stop").addEventListener("click", () => { stopSearch(); say(answer ? "Stopped; these are the best found so far." : "Stopped."); });
+  $("request").addEventListener("toggle", showRequest);
+  $("request-copy").addEventListener("click", async () => {
+    const content = requestText(toRequest(editor.motion));
+    try {
+      await navigator.clipboard.writeText(content);
+      say("The request is copied.");
+    } catch { say("The browser does not allow copying; select the text instead.", true); }
+  });
   $("link").addEventListener("click", async () => {
     const request = answer && !editor.board.stale ? answer.request : toRequest(editor.motion);
     await copy(await sources.linkTo(request), "The link is copied; it holds the whole request.");

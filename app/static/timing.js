@@ -21,7 +21,7 @@ function shortestArc(angles) {
  */
 export function passing(solution, motion, turnsFully) {
   const own = motion.timing === "free" ? solution.crank_angle : null;
-  const count = motion.poses.length, order = Array.from({ length: count }, (_, k) => k);
+  const order = Array.from({ length: (own ?? motion.poses).length }, (_, k) => k);
   if (own && motion.anyOrder) {
     const [first, last] = motion.closed && turnsFully ? [0, TURN] : shortestArc(own);
     const angles = own.map((angle) => (angle > last + 1e-9 ? angle - TURN : angle));

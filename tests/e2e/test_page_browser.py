@@ -382,7 +382,9 @@ def test_rows_are_pasted(opened, rows, wanted) -> None:
     find(opened, "paste-use").click()
     shown = [
         [None if cell.get_attribute("value") == "" else float(cell.get_attribute("value")) for cell in cells]
-        for cells in ([c for c in row.find_elements(By.TAG_NAME, "input") if c.is_displayed()] for row in rows_of(opened))
+        for cells in (
+            [c for c in row.find_elements(By.TAG_NAME, "input") if c.is_displayed()] for row in rows_of(opened)
+        )
     ]
     assert shown == wanted
 
@@ -439,14 +441,18 @@ def test_kinematics_in_the_browser_agree_with_pythons(opened) -> None:
     assert worst < 1e-12
 
 
-FREE = la.FourBar(20, 60, 55, 58, start_angle=30, pivot_a=(10, 5), ground_angle=8, coupler_point=(40, 35), body_offset=12)
+FREE = la.FourBar(
+    20, 60, 55, 58, start_angle=30, pivot_a=(10, 5), ground_angle=8, coupler_point=(40, 35), body_offset=12
+)
 """A crank-rocker whose motions the tests ask for."""
 WORKS = {"order": True, "branch": True, "circuit": True, "within_tolerance": None, "buildable": True, "reasons": []}
 VERDICTS = [
     WORKS,
-    WORKS | {"buildable": False, "reasons": ["transmission angle 21.9 degrees over the used interval, below 35", "b"]},
+    WORKS
+    | {"buildable": False, "reasons": ["transmission angle 21.9 degrees over the used interval, below 35", "b"]},
     WORKS | {"within_tolerance": False, "reasons": ["sample 3 is off by 2.4 times what is allowed, the most of all"]},
-    WORKS | {"order": False, "branch": False, "buildable": False, "reasons": ["samples 2 and 3 lie on different branches"]},
+    WORKS
+    | {"order": False, "branch": False, "buildable": False, "reasons": ["samples 2 and 3 lie on different branches"]},
 ]
 ASKED = (
     "window.asked=[];const own=window.fetch;window.fetch=async(...a)=>{if(a[0]!=='/v1/synthesize')return own(...a);"
@@ -519,7 +525,9 @@ def test_a_motion_of_two_poses_is_solved_with_free_crank_angles(opened) -> None:
     solve_soon(opened)
     body = asked(opened)
     assert body["timing"] == "free" and not {"crank_span", "crank_angle", "order", "closed"} & body.keys()
-    marks = opened.execute_script("return [...document.querySelectorAll('#solutions .verdict')].map(v => v.textContent)")
+    marks = opened.execute_script(
+        "return [...document.querySelectorAll('#solutions .verdict')].map(v => v.textContent)"
+    )
     assert marks and all(len(text) > 5 for text in marks)
     texts = opened.execute_script("return document.querySelector('.judged').textContent")
     assert all(word in texts for word in ("Order", "Branch", "Circuit", "Buildable"))
@@ -638,7 +646,9 @@ def test_a_path_is_solved_and_its_samples_are_passed(opened) -> None:
     stub(opened, request, angles)
     solve(opened)
     assert asked(opened)["position"] == request["position"] and "rotation" not in asked(opened)
-    marks = opened.execute_script("return [...document.querySelectorAll('#solutions .verdict')].map(v => v.innerText)")
+    marks = opened.execute_script(
+        "return [...document.querySelectorAll('#solutions .verdict')].map(v => v.innerText)"
+    )
     assert marks == [
         "✓ buildable",
         "! transmission angle 21.9° over the used interval, below 35 (and 1 more)",
@@ -681,7 +691,9 @@ def test_samples_in_any_order_are_marked_where_they_are_passed(opened) -> None:
     Select(find(opened, "range")).select_by_value("turn")
     slide(opened, 340)
     assert find(opened, "at-sample").text == "sample 2"
-    labels = opened.execute_script("return [...document.querySelectorAll('#curves [role=img]')].map(c => c.ariaLabel)")
+    labels = opened.execute_script(
+        "return [...document.querySelectorAll('#curves [role=img]')].map(c => c.ariaLabel)"
+    )
     assert len(labels) == 4
 
 
@@ -731,8 +743,26 @@ def test_requests_keep_all_their_fields(opened, body) -> None:
     assert rows == again
 
 
+def test_the_request_is_shown_as_json(opened) -> None:
+    choose(opened, "casement")
+    opened.find_element(By.CSS_SELECTOR, "#request summary").click()
+    wait(opened, "document.getElementById('request-text').textContent")
+    find(opened, "any-order").click()
+    shown = json.loads(find(opened, "request-text").text)
+    example = next(e["request"] for e in EXAMPLES if e["name"] == "casement")
+    assert shown == {**example, "order": "any", "top": 8}
+    take(opened, shown)
+    assert find(opened, "any-order").is_selected() and json.loads(find(opened, "request-text").text) == shown
+
+
 def test_a_request_in_radians_is_read_in_degrees(opened) -> None:
-    body = {"rotation": [0, 1], "position": [[0, 0], [1, 2]], "timing": "free", "angle_unit": "rad", "crank_span_max": 1}
+    body = {
+        "rotation": [0, 1],
+        "position": [[0, 0], [1, 2]],
+        "timing": "free",
+        "angle_unit": "rad",
+        "crank_span_max": 1,
+    }
     found = opened.execute_async_script(
         "const [body, done] = arguments; import('/static/formats.js').then((f) => done(f.toRequest(f.fromRequest(body))))",
         {**body, "tolerances": {"rotation": [0.1, 0.2], "position": 3}},
@@ -782,7 +812,7 @@ def test_axe_finds_no_serious_fault_and_nothing_sticks_out(opened, width, theme)
     choose(opened, "carton")
     if opened.execute_script("return document.documentElement.dataset.theme") != theme:
         find(opened, "theme").click()
-    opened.execute_script("document.getElementById('limits').open = true")
+    opened.execute_script("for (const name of ['limits', 'request']) document.getElementById(name).open = true")
     solve_soon(opened)
     assert opened.execute_script("return document.documentElement.scrollWidth") <= width
     assert faults(opened) == []
