@@ -1,8 +1,9 @@
 """Poses and paths without crank angles: recovery and run time of random exact requests, noise, public cases, and baselines.
 
 ``python -m benchmarks.free_timing`` measures the classes (``--classes`` some of them; the others stay as they are);
-``--public DIR`` instead the published cases that lie in a folder, each a JSON file with its citation. J is recomputed from the reply's numbers by
-`tests.oracles.free_classes`; times are those of `linkage_atlas.synthesize`, ten solutions with all that is told of them.
+``--public DIR`` instead the published cases that lie in a folder, each a JSON file with its citation. J is recomputed from
+the reply's numbers by `tests.oracles.free_classes`; times are those of `linkage_atlas.synthesize`, ten solutions with all
+that is told of them.
 """
 
 from __future__ import annotations

@@ -24,7 +24,8 @@ from synthesis.fourbar.kinematics import principal
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.free.poses import Poses
-from synthesis.free.search import search_free
+from synthesis.free.screen import PathScreen
+from synthesis.free.search import path_screens, search_free
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
@@ -37,9 +38,16 @@ def seed_tables() -> SeedTables:
     return SeedTables(FOURBAR)
 
 
+@cache
+def screens(family: str) -> tuple[PathScreen, ...]:
+    """What paths without crank angles are compared with; made by the first that asks."""
+    return path_screens(family)
+
+
 def prepare() -> None:
-    """Make now what the first request would make: the coarse tables of the search (about 0.1 s)."""
+    """Make now what the first request would make: the coarse tables of the searches (about 0.1 s)."""
     seed_tables()
+    screens("full_crank")
 
 
 def synthesize(
@@ -207,7 +215,7 @@ def _searched(
     counts: dict[str, Any] = {"seeds": None, "windows": None, "exhaustive": None}
     if isinstance(prepared, SeedTables):
         if isinstance(motion.samples, Poses):
-            found, went = search_free(motion.samples, limits, top, tolerance, work)
+            found, went = search_free(motion.samples, limits, top, tolerance, work, screens)
         else:
             found, went = search(prepared, motion.target, limits, top, tolerance, work)
         stages = {"screen": went.screen_seconds, "refine": work.elapsed - went.screen_seconds}

@@ -1,4 +1,4 @@
-"""What the search found, as a user reads it: solutions in the user's unit, with errors, verdicts, and what was asked for beside."""
+"""What the search found, as a user reads it: solutions in the user's unit, with errors and verdicts."""
 
 from __future__ import annotations
 

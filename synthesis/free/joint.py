@@ -14,7 +14,7 @@ whose normal matrix is the Schur complement of the full one, so that the step st
 d_i = 0 that is the fit by orthogonal distances, with a large d_i the fit at given crank angles. A, z1, z2 and the offset are
 solved again after every step (variable projection in Kaufman's form: BIT 15 (1975) 49-57), and the steps are bent along the
 residual's curvature (Transtrum and Sethna, arXiv:1201.5885). While the damping is large, the triangle of the QR decomposition
-comes from the normal matrix by Cholesky's method instead; both give the same step to about 1e-5 of itself.
+comes from the normal matrix by Cholesky's method instead, which is faster.
 """
 
 from __future__ import annotations
@@ -189,7 +189,7 @@ def _damped(rows: Rows, damping: Floats, size: int) -> _System:
     part[:size] = 1.0
     ridge = damping[:, None] * part * squares
     upper = np.empty((count, columns + 1, columns + 1))
-    # while the damping is large the squares are well conditioned, and three times as fast
+    # while the damping is large the squares are well conditioned, and faster
     coarse = damping > _LEAST_NORMAL
     if coarse.any():
         try:

@@ -48,14 +48,13 @@ class Round(NamedTuple):
 
 
 ROUNDS = (
-    Round(150, 15, "pairs of dyads that each fit alone: most fall into few valleys"),
-    Round(40, 40, "the best valleys"),
-    Round(12, 150, "narrow ones"),
-    Round(4, 1000, "what still falls, to its end"),
+    Round(60, 8, "pairs of dyads that each fit alone: most fall into few valleys"),
+    Round(24, 30, "the best valleys"),
+    Round(8, 150, "narrow ones"),
+    Round(4, 1000, "what still falls, to its end: only where an exact answer may lie there"),
 )
-_SETTLED, _EXACT_BELOW = 1e-3, 1e-4
-"""Two rounds whose best J agree to the first part end the search; not below the second, where an exact answer may lie at the
-end of a narrow valley."""
+_EXACT_BELOW = 1e-4
+"""Where J is above this after the rounds before the last, an exact answer is not in sight."""
 
 
 def chart_of(family: str) -> AnyChart | GrashofChart:
@@ -135,16 +134,14 @@ def search_motion(
 
 def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work, note: Callable[[float], None]) -> Pool:
     """The best of a pool, refined in rounds; best first."""
-    before = np.inf
     for one in ROUNDS:
         if one is ROUNDS[-1] and found.least > _EXACT_BELOW:
             break
         found = found.best(one.most)
         found = Pool.of(refine(search.problem, found.timed, one.iterations, 0.3 * tolerance, work))
         note(found.least)
-        if found.least < tolerance or work.expired() or _settled(found.least, before):
+        if found.least < tolerance or work.expired():
             break
-        before = found.least
     return found.best(found.cost.size)
 
 
@@ -197,7 +194,3 @@ def _few(search: _Motion, work: Work) -> Pool:
             break
         pool = pool.joined(search.measured(sampled_dyads(search.body, _FEW_DYADS, random)))
     return pool
-
-
-def _settled(least: float, before: float) -> bool:
-    return least > max((1 - _SETTLED) * before, _EXACT_BELOW)

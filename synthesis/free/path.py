@@ -102,15 +102,24 @@ class _PathSearch:
             return self.pool
         best = self.pool.take(slice(0, _POLISHED))
         problem = JointProblem(self.poses, self.chart)
-        timed = nearest(problem, self._spread(best.timed), _NEAREST_STEPS)
+        # two guesses of what lies between: angles that run into one another in one of them need not in the other
+        spread = self._spread(best.timed, 1.0).joined(self._spread(best.timed, 0.5))
+        timed = nearest(problem, spread, _NEAREST_STEPS)
         done = refine(problem, timed, _POLISH_STEPS, 0.1 * self.tolerance, work, 1e-6)
+        steps = np.diff(done.timed.angles, axis=1)
+        strict = np.all(steps > 0, axis=1) | np.all(steps < 0, axis=1)
+        done = done.take(strict) if strict.any() else done
         return _valleys(done, _POLISHED, self.tolerance, _APART)
 
-    def _spread(self, timed: Timed) -> Timed:
-        """Crank angles of all samples from those of the few, by the way along the path between them."""
-        way = way_along(self.poses, 1.0)
+    def _spread(self, timed: Timed, power: float) -> Timed:
+        """Crank angles of all samples from those of the few, by the way along the path between them (see `way_along`)."""
+        way = way_along(self.poses, power)
         own = way[self.few]
-        return timed._replace(angles=np.stack([np.interp(way, own, angles) for angles in timed.angles]))
+        angles = np.stack([np.interp(way, own, few) for few in timed.angles])
+        pose = timed.pose.copy()
+        # positions count from the mean of their own samples
+        pose[:, 0] += (self.thin.middle - self.poses.middle) / self.poses.length_scale
+        return timed._replace(angles=angles, pose=pose)
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 

@@ -1,21 +1,63 @@
-"""The search without crank angles: which way a request goes, and what comes back."""
+"""The search without crank angles: which way a request goes, and what comes back.
+
+Data flow of a request::
+
+    poses --(three and more samples with rotation and position, or only such)--> dyads and their pairs: `motion`
+          --(otherwise, or where that is not exact)--> guessed timings of a coarse table: `path`
+      -> candidates with crank angles -> within the limits, ranked, different from one another: `answers`
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable, Sequence
 
-from synthesis.fourbar.limits import Limits
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.errors import FieldError
+from synthesis.fourbar.charts import FullCrankChart
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
+from synthesis.fourbar.grashof_chart import GrashofChart
+from synthesis.fourbar.limits import Limits, in_family
+from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution
 from synthesis.free.answers import solutions_of
 from synthesis.free.motion import chart_of, search_motion
+from synthesis.free.path import search_path
+from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
+from synthesis.free.screen import COARSE, FINE, PathScreen
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, StoppedBy
 from synthesis.work import Work
 
+Screens = Callable[[str], Sequence[PathScreen]]
+"""Gives the screens of a family; made once by whoever keeps them."""
+
+_COARSE_PERIMETER, _FINE_PERIMETER, _FINE_SEEDS = 28, 44, 1000
+_FEWEST_FULL = 3
+"""Samples with rotation and position from which on dyads lead to four-bars that fit the others too."""
+
+
+def path_screens(family: str) -> tuple[PathScreen, ...]:
+    """The coarse and the fine screen for paths, of the types of a family whose crank turns fully (6 MB)."""
+
+    def types(perimeter: int) -> NDArray[np.float64]:
+        lengths = enumerate_types(TypeRule(perimeter, 1, OrderRule.FULL_CRANK)).astype(float)
+        return lengths[in_family(family, lengths)]
+
+    spread = FullCrankChart()
+    coarse = PathScreen(FOURBAR, types(_COARSE_PERIMETER), spread, COARSE)
+    return coarse, PathScreen(FOURBAR, types(_FINE_PERIMETER), spread, FINE, _FINE_SEEDS)
+
 
 def search_free(
-    poses: Poses, limits: Limits, top: int, tolerance: float = DEFAULT_TOLERANCE, work: Work | None = None
+    poses: Poses,
+    limits: Limits,
+    top: int,
+    tolerance: float = DEFAULT_TOLERANCE,
+    work: Work | None = None,
+    screens: Screens = path_screens,
 ) -> tuple[list[Solution], SearchReport]:
     """The best four-bars for samples whose crank angles are free.
 
@@ -29,12 +71,19 @@ def search_free(
         Stop the search when the objective is below it.
     work : Work, optional
         Once it has expired the best found so far is returned.
+    screens : callable
+        For paths.
 
     Returns
     -------
     solutions : list of Solution
         Within the limits, each with its crank angles.
     report : SearchReport
+
+    Raises
+    ------
+    FieldError
+        For a path in any order.
     """
     work = work or Work()
     trace: list[tuple[float, float]] = []
@@ -43,10 +92,26 @@ def search_free(
         if np.isfinite(objective) and (not trace or objective < trace[-1][1]):
             trace.append((work.elapsed, objective))
 
-    pool, ended = search_motion(poses, limits.family, tolerance, work, note)
-    solutions = solutions_of(poses, pool, chart_of(limits.family), limits, top, tolerance)
-    if Status.of(solutions, tolerance) is Status.REACHED:
-        stopped = StoppedBy.TOLERANCE
-    else:
-        stopped = StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    return solutions, SearchReport(stopped, trace, 0.0, pool.cost.size)
+    solutions: list[Solution] = []
+    ended, seeds = True, 0
+    by_dyads = poses.full.size >= _FEWEST_FULL or poses.full.size == poses.samples
+    if by_dyads:
+        pool, ended = search_motion(poses, limits.family, tolerance, work, note)
+        seeds = pool.cost.size
+        solutions = solutions_of(poses, pool, chart_of(limits.family), limits, top, tolerance)
+    elif not poses.ordered:
+        raise FieldError("/order", "'any' needs rotation and position at three samples or more: a path has an order")
+    reached = Status.of(solutions, tolerance) is Status.REACHED
+    if not by_dyads or (poses.full.size < poses.samples and not reached and poses.ordered and not work.expired()):
+        chart, begin = GrashofChart(), work.elapsed
+        found = search_path(poses, chart, screens(limits.family), tolerance, work)
+        for seconds, objective in found.trace:
+            if seconds >= begin and (not trace or objective < trace[-1][1]):
+                trace.append((seconds, objective))
+        pool = Pool.of(found.pool)
+        ended, seeds = not work.expired(), seeds + pool.cost.size
+        others = solutions_of(poses, pool, chart, limits, top, tolerance)
+        solutions = sorted(solutions + others, key=lambda one: max(one.errors.objective, tolerance))[:top]
+        reached = Status.of(solutions, tolerance) is Status.REACHED
+    stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
+    return solutions, SearchReport(stopped, trace, 0.0, seeds)

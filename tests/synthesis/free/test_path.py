@@ -12,6 +12,8 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_typ
 from synthesis.fourbar.grashof_chart import GrashofChart
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.free import path
+from synthesis.free.joint import JointProblem
 from synthesis.free.path import PathResult, search_path
 from synthesis.free.poses import Poses
 from synthesis.free.schedule import PATH
@@ -81,6 +83,17 @@ def test_same_request_same_answer(screens: list[PathScreen]) -> None:
     np.testing.assert_array_equal(one.pool.cost, two.pool.cost)
     np.testing.assert_array_equal(one.pool.timed.angles, two.pool.timed.angles)
     assert np.all(np.diff(one.pool.cost) >= 0)
+
+
+def test_the_few_samples_of_the_rounds_lead_to_all_of_them(screens: list[PathScreen]) -> None:
+    # once A stayed counted from the mean of the few: the polish had to find the path again, and sometimes did not
+    poses = request(DOUBLE, 40, 320)
+    run = path._PathSearch(poses, CHART, screens, 1e-10, Work())
+    run.descend(PATH[0])
+    assert run.reached and run.pool is not None
+    problem = JointProblem(poses, CHART)
+    timed = path.nearest(problem, run._spread(run.pool.timed.take(slice(0, 1)), 1.0), 6)
+    assert np.sqrt(problem.evaluate(timed, problem.turned(timed)).cost[0]) < 1e-8
 
 
 @pytest.mark.parametrize("samples", [12, 40])
