@@ -668,6 +668,17 @@ def test_a_path_is_solved_and_its_samples_are_passed(opened) -> None:
     assert "-160°" in find(opened, "numbers").text
 
 
+def test_a_drawn_path_is_solved_by_the_service(opened) -> None:
+    mode(opened, "path")
+    ring = [(round(150 * np.cos(t)), round(-80 * np.sin(t))) for t in np.linspace(0, 2 * np.pi, 30)]
+    trace(opened, find(opened, "canvas"), ring)
+    solve_soon(opened)
+    assert opened.execute_script("return document.querySelectorAll('#marks .mark').length") == 24
+    assert opened.execute_script("return document.querySelectorAll('#solutions .verdict').length") >= 1
+    slide(opened, 0)
+    assert find(opened, "at-sample").text == "sample 1"
+
+
 def test_samples_in_any_order_are_marked_where_they_are_passed(opened) -> None:
     angles = np.array([0, 340, 30, 355, 60])
     joints = FREE.joints(angles)
