@@ -1,4 +1,4 @@
-"""Makes the page's examples, app/static/examples.json: five motions that machines need, with a word on each.
+"""Makes the page's examples, app/static/examples.json: six motions that machines need, with a word on each.
 
 Run ``python -m benchmarks.page_examples``; with ``--solve`` it also prints what the search finds.
 """
@@ -60,12 +60,21 @@ def carton_folder() -> dict[str, Any]:
     return motion(80 * np.exp(1j * turn), np.rad2deg(turn), crank_angle=(-t).tolist(), limits=limits)
 
 
+def casement() -> dict[str, Any]:
+    """A sash opens by 85° and moves aside on the way. Only its eight poses count: the search finds crank angles for them."""
+    place = [300, 296 - 43j, 287 - 87j, 271 - 133j, 247 - 178j, 212 - 222j, 165 - 263j, 104 - 297j]
+    angle = [0, -8.3, -17.8, -28.4, -40.3, -53.5, -68.2, -85]
+    limits = {"family": "any", "transmission_angle_min": 35}
+    return motion(np.array(place), np.array(angle), timing="free", limits=limits)
+
+
 EXAMPLES = {
     "worked": ("Worked example", worked),
     "line": ("Straight line, constant angle", straight_line),
     "bucket": ("Tipping bucket", tipping_bucket),
     "gear": ("Landing gear", landing_gear),
     "carton": ("Carton folder", carton_folder),
+    "casement": ("Casement window, crank angles free", casement),
 }
 """Title and request of each; the request's docstring is the word that the page shows."""
 

@@ -1,22 +1,26 @@
 // The canvas of the motion editor: draggable poses, the pivot box, and the selected linkage drawn over them.
 
 import { LinkageShape, View, make, pathData, put, roundStep, text } from "./drawing.js";
+import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { PATH_POINTS, Pen } from "./pen.js";
 
 const ARM = 30; // pixels from the selected pose to the handle that turns it
+const EMPTY = { move: "No poses yet: draw a path or add poses", add: "Click the place of the first pose", path: "Draw a path here", box: "Drag a box for both fixed pivots" };
 const HELP = {
-  move: "Drag a pose, or the end of its arm to turn it. Keys: arrows move, [ and ] turn, Page Up and Down select, Delete removes.",
-  add: "Click the place of the next pose.",
+  move: "Drag a pose, or the end of its arm to turn it. Keys: arrows move, [ and ] turn, Page Up and Down select, Enter adds one, Delete removes.",
+  add: "Click the place of the next pose. Keys: Add a pose below, then arrows move it, and Enter adds the next.",
+  path: `Drag along the way that a point of the body shall take: it becomes ${PATH_POINTS} points of a new motion. Or click point after point. Keys: New path and Add a point below, then arrows move it, and Enter adds the next.`,
   box: "Drag a box that must contain both fixed pivots; drag its corners to change it.",
 };
 
 /**
  * Changes the motion only through `actions`: `edit(change, kind)`, `settle()` at the end of a drag, `choose(k)`, `add(at)`,
- * `remove(k)`. `stale` says that the linkage belongs to an earlier motion; it is drawn dimmed.
+ * `remove(k)`, `draw(places, closed)` for a path drawn by hand, which begins a new motion. `stale` says that the linkage belongs to an earlier motion; it is drawn dimmed.
  */
 export class Board {
   constructor(svg, help, actions) {
     Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, stale: false });
-    for (const layer of ["grid", "box", "curves", "targets", "linkage", "poses"]) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
+    for (const layer of ["grid", "box", "way", "curves", "targets", "linkage", "poses", "pen"]) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
     this.shape = new LinkageShape(this.linkageLayer);
     this.shape.show(null);
     this.poses = [];
@@ -51,6 +55,7 @@ export class Board {
     this.mode = mode;
     this.svg.dataset.mode = mode;
     this.help.textContent = HELP[mode];
+    if (this.motion) this.draw();
   }
 
   /** Draws a motion with the pose of index `chosen` selected. */
@@ -72,7 +77,7 @@ export class Board {
     this.shape.show(this.linkage ? joints : null, this.view);
   }
 
-  get hasPlaces() { return this.motion && this.motion.wanted !== "rotation"; }
+  get hasPlaces() { return this.motion && wantsPlaces(this.motion); }
 
   fit() {
     const { clientWidth: width, clientHeight: height } = this.svg;
@@ -81,7 +86,7 @@ export class Board {
       this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     }
     this.fitted = true;
-    const points = this.hasPlaces ? this.motion.poses.map((pose) => [pose.x, pose.y]) : [];
+    const points = this.hasPlaces ? this.motion.poses.map(placeOf).filter(Boolean) : [];
     const box = this.motion?.limits.box;
     if (box && this.hasPlaces) points.push([box[0], box[1]], [box[2], box[3]]);
     if (this.linkage) for (const j of this.linkage.used) if (j) points.push(j.a, j.b, j.c, j.d, j.p);
@@ -100,6 +105,7 @@ export class Board {
     this.svg.dataset.view = `${view.cx} ${view.cy} ${view.scale}`;
     this.drawGrid();
     this.drawBox();
+    this.drawWay();
     this.drawCurves();
     this.drawPoses();
     this.shape.show(this.linkage ? this.joints : null, view);
@@ -143,6 +149,20 @@ export class Board {
       make("rect", { class: "box-handle", x: x - 5, y: y - 5, width: 10, height: 10, rx: 2, "data-corner": `${i} ${j}` }, this.boxLayer);
   }
 
+  /** The way from pose to pose where the crank angles are free, and what to do on an empty canvas. */
+  drawWay() {
+    this.wayLayer.replaceChildren();
+    if (!this.motion) return;
+    const { motion, view } = this, places = this.hasPlaces ? motion.poses.map(placeOf).filter(Boolean) : [];
+    if (!motion.poses.length && !this.linkage) {
+      const size = view.width < 500 ? 15 : 18;
+      make("text", { class: "invite", x: view.width / 2, y: view.height / 2 - size, "font-size": size, "text-anchor": "middle", "aria-hidden": "true" }, this.wayLayer).textContent = EMPTY[this.mode];
+    }
+    if (motion.timing !== "free" || motion.anyOrder || places.length < 2) return;
+    make("path", { class: "way", d: pathData(places, view) }, this.wayLayer);
+    if (motion.closed && places.length > 2) make("path", { class: "way return", d: pathData([places.at(-1), places[0]], view) }, this.wayLayer);
+  }
+
   drawCurves() {
     const { view, linkage } = this;
     this.curvesLayer.replaceChildren();
@@ -152,11 +172,12 @@ export class Board {
     if (linkage.turn) make("path", { class: "curve turn", d: way(linkage.turn) }, this.curvesLayer);
     make("path", { class: "curve", d: way(linkage.used), "data-curve": "used" }, this.curvesLayer);
     if (!linkage.errors || this.stale) return;
-    const longest = Math.max(...linkage.errors.map(([from, to]) => Math.hypot(to[0] - from[0], to[1] - from[1])));
+    const errors = linkage.errors.filter(Boolean);
+    const longest = Math.max(...errors.map(([from, to]) => Math.hypot(to[0] - from[0], to[1] - from[1])));
     const pixels = longest * view.scale;
     if (!(pixels > 1e-7)) return;
     const factor = pixels >= 3 ? 1 : 10 ** Math.min(9, Math.ceil(Math.log10(12 / pixels)));
-    for (const [from, to] of linkage.errors) {
+    for (const [from, to] of errors) {
       const [x, y] = view.at(from);
       const dx = (to[0] - from[0]) * view.scale * factor, dy = -(to[1] - from[1]) * view.scale * factor;
       make("path", { class: "miss", d: `M${x} ${y}l${dx} ${dy}` }, this.targetsLayer);
@@ -169,27 +190,31 @@ export class Board {
     const poses = this.hasPlaces ? this.motion.poses : [];
     while (this.poses.length > poses.length) this.poses.pop().group.remove();
     while (this.poses.length < poses.length) this.poses.push(this.makePose(this.poses.length));
+    const placed = poses.map(placeOf).filter(Boolean);
     let way = 0;
-    for (let k = 1; k < poses.length; k++) way += Math.hypot(poses[k].x - poses[k - 1].x, poses[k].y - poses[k - 1].y) * this.view.scale;
-    const crowded = poses.length > 4 && way / (poses.length - 1) < 16;
+    for (let k = 1; k < placed.length; k++) way += Math.hypot(placed[k][0] - placed[k - 1][0], placed[k][1] - placed[k - 1][1]) * this.view.scale;
+    const crowded = placed.length > 4 && way / (placed.length - 1) < 16;
     this.posesLayer.classList.toggle("crowded", crowded);
-    const last = poses.length - 1, turning = this.motion && this.motion.wanted === "both";
+    const last = poses.length - 1;
     poses.forEach((pose, k) => {
-      const parts = this.poses[k], chosen = k === this.chosen;
-      const [x, y] = this.view.at([pose.x, pose.y]);
-      const turn = (pose.angle * Math.PI) / 180;
+      const parts = this.poses[k], chosen = k === this.chosen, place = placeOf(pose);
+      parts.group.setAttribute("visibility", place ? "inherit" : "hidden");
+      if (!place) return;
+      const turning = wantsAngles(this.motion) && pose.angle !== null;
+      const [x, y] = this.view.at(place);
+      const turn = turning ? (pose.angle * Math.PI) / 180 : -Math.PI / 2;
       const arm = chosen ? ARM : crowded ? 13 : 18;
       const ax = arm * Math.cos(turn), ay = -arm * Math.sin(turn);
       put(parts.group, {
         transform: `translate(${x} ${y})`, class: chosen ? "pose chosen" : "pose", tabindex: chosen ? 0 : -1,
-        "aria-label": `Pose ${k + 1} of ${poses.length}: x ${text(pose.x, 4)}, y ${text(pose.y, 4)}${turning ? `, angle ${text(pose.angle, 4)} degrees` : ""}`,
+        "aria-label": `${wantsAngles(this.motion) ? "Pose" : "Point"} ${k + 1} of ${poses.length}: x ${text(pose.x, 4)}, y ${text(pose.y, 4)}${turning ? `, angle ${text(pose.angle, 4)} degrees` : ""}`,
       });
       put(parts.dot, { r: chosen ? 5 : crowded ? 2.6 : 4.5 });
       put(parts.hit, { r: crowded && !chosen ? 7 : 11 });
       put(parts.arm, { d: turning ? `M0 0L${ax} ${ay}` : "" });
       put(parts.turner, { cx: ax, cy: ay, visibility: chosen && turning ? "inherit" : "hidden" });
       put(parts.turnHit, { cx: ax, cy: ay, visibility: chosen && turning ? "inherit" : "hidden" });
-      const named = chosen || k === 0 || k === last;
+      const named = chosen || k === 0 || k === last || (this.motion.anyOrder && !crowded);
       parts.label.textContent = named ? String(k + 1) : "";
       // on the side of the pose that its arm does not point to
       put(parts.label, { x: -11 * Math.cos(turn + 0.6), y: 11 * Math.sin(turn + 0.6) + 4 });
@@ -230,6 +255,10 @@ export class Board {
       event.preventDefault();
       this.fitted = false;
       this.actions.add(this.place(px, py));
+      return;
+    }
+    if (this.mode === "path") {
+      this.trace(event, px, py);
       return;
     }
     if (held && this.mode === "move") {
@@ -273,6 +302,19 @@ export class Board {
     });
   }
 
+  /** A drag draws a path, which begins a new motion; a tap adds a point to the path that there is. */
+  trace(event, px, py) {
+    const pen = new Pen(this.penLayer, px, py);
+    this.follow(event, (qx, qy) => pen.move(qx, qy), (cancelled) => {
+      const { points, closed } = pen.end();
+      if (cancelled) return;
+      this.fitted = false;
+      const places = points.map(([x, y]) => this.place(x, y));
+      if (places.length === 1 && !wantsAngles(this.motion) && this.motion.poses.length) this.actions.add(places[0]);
+      else this.actions.draw(places, closed);
+    });
+  }
+
   dragBox(event, [x, y]) {
     this.follow(event, (qx, qy) => this.actions.edit((motion) => {
       const [u, v] = this.place(qx, qy);
@@ -280,8 +322,8 @@ export class Board {
     }, "box"));
   }
 
-  /** Calls `move(px, py)` while the pointer is held, then `actions.settle`. */
-  follow(event, move) {
+  /** Calls `move(px, py)` while the pointer is held, then `end(cancelled)`. */
+  follow(event, move, end = () => this.actions.settle()) {
     event.preventDefault();
     const { pointerId } = event;
     this.svg.setPointerCapture(pointerId);
@@ -290,7 +332,7 @@ export class Board {
       if (at.pointerId !== pointerId) return;
       for (const name of ["pointerup", "pointercancel"]) this.svg.removeEventListener(name, done);
       this.svg.removeEventListener("pointermove", moved);
-      this.actions.settle();
+      end(at.type === "pointercancel");
     };
     this.svg.addEventListener("pointermove", moved);
     for (const name of ["pointerup", "pointercancel"]) this.svg.addEventListener(name, done);
@@ -312,10 +354,13 @@ export class Board {
         const pose = motion.poses[k];
         pose.x = Number((pose.x + move[0]).toPrecision(12));
         pose.y = Number((pose.y + move[1]).toPrecision(12));
-        pose.angle = Number((pose.angle + move[2]).toPrecision(12));
+        if (move[2]) pose.angle = Number(((pose.angle ?? 0) + move[2]).toPrecision(12));
       }, `key ${k} ${event.key}`);
     } else if (event.key === "Delete" || event.key === "Backspace") {
       this.actions.remove(k);
+    } else if (event.key === "Enter" || event.key === "Insert") {
+      this.actions.add(null);
+      this.poses.at(-1).group.focus({ preventScroll: true });
     } else if (event.key === "PageDown" || event.key === "PageUp") {
       const next = Math.max(0, Math.min(this.motion.poses.length - 1, k + (event.key === "PageDown" ? 1 : -1)));
       this.actions.choose(next);

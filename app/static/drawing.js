@@ -112,11 +112,11 @@ export class LinkageShape {
   }
 }
 
-/** A small picture of a linkage at the first sample where it closes, with the path of its body point. */
-export function thumbnail(linkage, spanRadians, targets, width = 160, height = 112) {
+/** A small picture of a linkage where it first closes, with the path of its body point between two travels in radians. */
+export function thumbnail(linkage, [first, last], targets, width = 160, height = 112) {
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" });
   const view = new View(width, height);
-  const used = linkage.over(0, spanRadians, 60);
+  const used = linkage.over(first, last, 60);
   const start = used.find(Boolean);
   if (!start) return svg;
   view.fit([start.a, start.b, ...used.flatMap((j) => (j ? [j.d, j.c, j.p] : [])), ...targets], 12);

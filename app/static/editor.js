@@ -2,10 +2,16 @@
 
 import { Board } from "./board.js";
 import { text } from "./drawing.js";
-import { History, emptyMotion, fixTravels, nextPose, scaleTravels, travels } from "./motion.js";
+import { History, emptyMotion, nextPose, scaleTravels, setTiming, travels, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
 
 const COLUMNS = [["t", "crank angle"], ["x", "x"], ["y", "y"], ["angle", "angle"]];
+
+const NOTES = {
+  free: (item) => `Only the ${item}s count: the search finds the crank angle at each of them.`,
+  even: (item) => `The ${item}s are met at even steps of the crank.`,
+  table: (item) => `Each ${item} is met at its crank angle in the table.`,
+};
 
 const modeButtons = () => document.querySelectorAll("[data-mode]:not(svg)");
 
@@ -15,8 +21,11 @@ function set(element, value) {
 }
 
 export class Editor {
-  /** `changed()` is called after every change of the motion, before it is drawn again. */
-  constructor(changed) {
+  /**
+   * `changed()` is called after every change of the motion, before it is drawn again; `drawn(places, closed)` gets a path drawn
+   * by hand, which begins a new motion.
+   */
+  constructor(changed, drawn) {
     this.changed = changed;
     this.chosen = 0;
     this.history = new History(emptyMotion(), () => this.refresh());
@@ -26,6 +35,7 @@ export class Editor {
       choose: (k) => this.#choose(k),
       add: (at) => this.#add(at),
       remove: (k) => this.#remove(k),
+      draw: drawn,
     });
     this.#bindFields();
     this.#bindButtons();
@@ -33,11 +43,11 @@ export class Editor {
 
   get motion() { return this.history.value; }
 
-  /** Puts another motion in place of this one; undo brings this one back. */
-  replace(motion) {
+  /** Puts another motion in place of this one; undo brings this one back. `fit` false leaves the view as it is. */
+  replace(motion, fit = true) {
     this.chosen = 0;
     this.history.change(() => motion);
-    this.board.fit();
+    if (fit) this.board.fit();
   }
 
   /** Makes the present motion the one that undo ends at. */
@@ -63,10 +73,17 @@ export class Editor {
   }
 
   #showFields() {
-    const { motion } = this, { limits } = motion;
+    const { motion } = this, { limits, tolerance } = motion, free = motion.timing === "free";
+    set($("timing"), motion.timing);
+    for (const element of document.querySelectorAll("[data-timing]")) element.hidden = free !== (element.dataset.timing === "free");
+    $("timing-note").textContent = NOTES[motion.timing](wantsAngles(motion) ? "pose" : "point");
     set($("span"), Number(motion.span.toPrecision(12)));
     set($("direction"), String(motion.direction));
-    set($("even"), motion.even ? "1" : "0");
+    $("any-order").checked = motion.anyOrder;
+    $("closed").checked = motion.closed;
+    set($("span-max"), motion.spanMax);
+    set($("tolerance-rotation"), tolerance.rotation);
+    set($("tolerance-position"), tolerance.position);
     set($("wanted"), motion.wanted);
     set($("family"), limits.family);
     set($("transmission"), limits.transmission || "");
@@ -81,12 +98,20 @@ export class Editor {
     if (limits.min || limits.max) active.push("link lengths");
     if (limits.box) active.push("pivot box");
     if (motion.round) active.push(`rounded to ${text(motion.round)}`);
+    if (tolerance.rotation || tolerance.position || this.#has("er", "ep")) active.push("tolerances");
+    $("weights").hidden = !this.#has("wr", "wp", "er", "ep");
     $("limits-summary").textContent = active.join(", ") || "crank turns fully";
     $("box-clear").hidden = !limits.box;
+    $("add-row").textContent = wantsAngles(motion) ? "Add a pose" : "Add a point";
   }
+
+  /** Whether some pose has a weight or tolerance of its own. */
+  #has(...names) { return this.motion.poses.some((pose) => names.some((name) => pose[name] !== undefined)); }
 
   #showTable() {
     const { motion } = this, body = $("poses").tBodies[0], angles = travels(motion);
+    const hides = { "no-crank": motion.timing === "free", "no-place": !wantsPlaces(motion), "no-angle": !wantsAngles(motion) };
+    for (const [name, hidden] of Object.entries(hides)) $("poses").classList.toggle(name, hidden);
     while (body.rows.length > motion.poses.length) body.deleteRow(-1);
     while (body.rows.length < motion.poses.length) body.append(this.#makeRow(body.rows.length));
     motion.poses.forEach((pose, k) => {
@@ -94,9 +119,12 @@ export class Editor {
       row.className = k === this.chosen ? "chosen" : "";
       COLUMNS.forEach(([name], column) => {
         const input = row.cells[column + 1].firstChild;
-        set(input, Number((name === "t" ? angles[k] : pose[name]).toPrecision(6)));
-        if (name === "t") input.readOnly = motion.even || k === 0;
-        else input.disabled = (motion.wanted === "rotation" && name !== "angle") || (motion.wanted === "position" && name === "angle");
+        const value = name === "t" ? angles[k] : pose[name];
+        const asked = name === "angle" ? wantsAngles(motion) : wantsPlaces(motion);
+        set(input, value === null ? "" : Number(value.toPrecision(6)));
+        input.placeholder = value === null && asked ? "none" : "";
+        if (name === "t") input.readOnly = motion.timing !== "table" || k === 0;
+        else input.disabled = !asked;
       });
     });
   }
@@ -126,8 +154,9 @@ export class Editor {
       input.value = name === "t" ? Number(travels(this.motion)[k].toPrecision(14)) : this.motion.poses[k][name];
     });
     input.addEventListener("input", () => {
-      const value = Number(input.value.replace(",", "."));
-      const good = input.value.trim() !== "" && Number.isFinite(value);
+      // an empty cell is a place or an angle that is not asked for
+      const blank = input.value.trim() === "", value = blank ? null : Number(input.value.replace(",", "."));
+      const good = blank ? name !== "t" : Number.isFinite(value);
       input.classList.toggle("invalid", !good);
       if (good && !input.readOnly) this.history.change((motion) => {
         motion.poses[k][name] = value;
@@ -153,14 +182,14 @@ export class Editor {
     this.chosen = this.motion.poses.length;
     this.history.change((motion) => {
       motion.poses.push(nextPose(motion, at));
-      if (!motion.even) motion.span = motion.poses.at(-1).t - motion.poses[0].t || motion.span;
+      if (motion.timing === "table") motion.span = motion.poses.at(-1).t - motion.poses[0].t || motion.span;
     });
   }
 
   #remove(k) {
     this.history.change((motion) => {
       motion.poses.splice(k, 1);
-      if (!motion.even && motion.poses.length > 1) {
+      if (motion.timing === "table" && motion.poses.length > 1) {
         const first = motion.poses[0].t;
         motion.poses.forEach((pose) => { pose.t -= first; });
         motion.span = motion.poses.at(-1).t;
@@ -171,7 +200,11 @@ export class Editor {
   /** Lets a form field change the motion: `change(motion, value)`, the value of an empty number field is null. */
   #bind(id, change) {
     const element = $(id), numeric = element.type === "number";
-    element.addEventListener(element.tagName === "SELECT" ? "change" : "input", () => {
+    element.addEventListener(element.tagName === "SELECT" || element.type === "checkbox" ? "change" : "input", () => {
+      if (element.type === "checkbox") {
+        this.history.change((motion) => { change(motion, element.checked); }, id);
+        return;
+      }
       const entered = element.value.trim();
       if (numeric && entered !== "" && !element.checkValidity()) return;
       const value = !numeric ? entered : entered === "" ? null : Number(entered);
@@ -183,14 +216,19 @@ export class Editor {
   #bindFields() {
     this.#bind("span", (motion, value) => {
       if (!value) return;
-      if (motion.even) motion.span = value;
+      if (motion.timing === "even") motion.span = value;
       else scaleTravels(motion, value);
     });
     this.#bind("direction", (motion, value) => { motion.direction = Number(value); });
-    this.#bind("even", (motion, value) => {
-      if (motion.even) fixTravels(motion);
-      motion.even = value === "1";
-    });
+    this.#bind("timing", setTiming);
+    this.#bind("any-order", (motion, value) => { motion.anyOrder = value; });
+    this.#bind("closed", (motion, value) => { motion.closed = value; });
+    this.#bind("span-max", (motion, value) => { motion.spanMax = value; });
+    this.#bind("tolerance-rotation", (motion, value) => { motion.tolerance.rotation = value; });
+    this.#bind("tolerance-position", (motion, value) => { motion.tolerance.position = value; });
+    $("weights-clear").addEventListener("click", () => this.history.change((motion) => {
+      for (const pose of motion.poses) for (const name of ["wr", "wp", "er", "ep"]) delete pose[name];
+    }));
     this.#bind("wanted", (motion, value) => { motion.wanted = value; });
     this.#bind("family", (motion, value) => { motion.limits.family = value; });
     this.#bind("transmission", (motion, value) => { motion.limits.transmission = value ?? 0; });

@@ -1,13 +1,19 @@
-// Moves the selected linkage over the crank angle and plots its curves over that angle.
+// Moves the selected linkage over the crank angle, past marks at the samples, and plots its curves over that angle.
 
 import { redrawOn, titledChart } from "./charts.js";
+import { make } from "./drawing.js";
 import { Linkage } from "./kinematics.js";
-import { travels } from "./motion.js";
+import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
+import { angleError, marksWithin, passing } from "./timing.js";
 
 const RAD = Math.PI / 180;
 const CURVE_STEPS = 240;
 const RANGE_MS = 4000; // time of one pass over the range at speed 1
+const STOPS_MS = 1600; // time that one pass stops at all samples together, at most STOP_MS at each
+const STOP_MS = 240;
+const MOST_STOPS = 40;
+const THUMB = 8; // pixels from the slider's ends to the middle of its knob there
 const PLAY = "M6 3.5v13l11-6.5z", PAUSE = "M5.5 3.5h3v13h-3zM11.5 3.5h3v13h-3z";
 
 const wholeTurn = () => $("range").value === "turn";
@@ -17,28 +23,30 @@ function setButton(name, icon) {
   $("play").querySelector("path").setAttribute("d", icon);
 }
 
-/** What canvas and curves need of a solution: joints over the interval and the turn, joints and errors at the poses. */
+/** What canvas and curves need of a solution: joints over the interval and the turn, joints and errors at the samples. */
 function trajectory(solution, motion) {
   const linkage = new Linkage(solution);
-  const span = motion.direction * motion.span * RAD;
-  const steps = Math.min(1440, Math.max(180, Math.ceil(motion.span)));
-  const angles = travels(motion).map((t) => motion.direction * t * RAD);
-  const at = angles.map((t) => linkage.at(t));
+  const pass = passing(solution, motion, linkage.turnsFully), { sense, low, high } = pass;
+  const steps = Math.min(1440, Math.max(180, Math.ceil(high - low)));
+  const at = pass.angles.map((angle) => linkage.at(angle * RAD));
   return {
-    linkage, motion, span, angles, at,
-    used: linkage.over(0, span, steps),
-    turn: linkage.turnsFully ? linkage.over(0, motion.direction * 2 * Math.PI, 360) : null,
-    errors: linkage.mount && motion.wanted !== "rotation"
-      ? motion.poses.map((pose, k) => [[pose.x, pose.y], at[k]?.p ?? [pose.x, pose.y]]) : null,
+    linkage, motion, pass, at,
+    used: linkage.over(sense * low * RAD, sense * high * RAD, steps),
+    turn: linkage.turnsFully ? linkage.over(0, sense * 2 * Math.PI, 360) : null,
+    errors: linkage.mount && wantsPlaces(motion)
+      ? motion.poses.map((pose, k) => { const place = placeOf(pose); return place && [place, at[k]?.p ?? place]; }) : null,
   };
 }
 
 export class Player {
   constructor(board) {
-    Object.assign(this, { board, shown: null, frame: null, charts: [] });
+    Object.assign(this, { board, shown: null, frame: null, charts: [], marks: [], stops: [] });
     $("slider").addEventListener("input", () => { this.#pause(); this.#showTravel(); });
     $("range").addEventListener("change", () => { this.#setRange(); this.#drawCurves(); });
     $("play").addEventListener("click", () => (this.frame === null ? this.#play() : this.#pause()));
+    $("before").addEventListener("click", () => this.#step(-1));
+    $("after").addEventListener("click", () => this.#step(1));
+    new ResizeObserver(() => this.#drawMarks()).observe($("slider"));
     redrawOn($("curves"), () => this.#drawCurves());
   }
 
@@ -59,20 +67,59 @@ export class Player {
     this.board.showLinkage(null);
   }
 
+  /** The travels that the slider runs over. */
+  get #range() { return wholeTurn() ? [0, 360] : [this.shown.pass.low, this.shown.pass.high]; }
+
   #setRange() {
-    const slider = $("slider");
-    const last = wholeTurn() ? 360 : Math.abs(this.shown.span) / RAD;
-    slider.max = last;
-    if (Number(slider.value) > last) slider.value = 0;
+    const slider = $("slider"), [low, high] = this.#range;
+    slider.min = low;
+    slider.max = high;
+    if (Number(slider.value) > high || Number(slider.value) < low) slider.value = Math.max(0, low);
+    // the travel at which each sample is passed, and the samples in the order in which they are
+    this.marks = marksWithin(this.shown.pass, low, high);
+    this.stops = this.marks.map((travel, k) => ({ travel, k })).filter(({ travel }) => travel !== null).sort((a, b) => a.travel - b.travel);
+    this.#drawMarks();
+    this.#showTravel();
+  }
+
+  /** A line below the slider for each sample, with its number where there is room. */
+  #drawMarks() {
+    const svg = $("marks"), width = svg.clientWidth;
+    svg.replaceChildren();
+    if (!this.shown || !width) return;
+    const [low, high] = this.#range, middle = (travel) => THUMB + ((travel - low) / (high - low || 1)) * (width - 2 * THUMB);
+    let end = -Infinity;
+    for (const { travel, k } of this.stops) {
+      const x = middle(travel), name = String(k + 1), half = 4 + 3.5 * name.length;
+      make("path", { class: "mark", d: `M${x.toFixed(1)} 0v5`, "data-sample": k + 1 }, svg);
+      if (x - half < end) continue;
+      end = x + half;
+      make("text", { x: x.toFixed(1), y: 16, "text-anchor": "middle" }, svg).textContent = name;
+    }
+  }
+
+  /** To the next sample, or with -1 to the one before. */
+  #step(heading) {
+    if (!this.shown) return;
+    this.#pause();
+    const now = Number($("slider").value), ahead = this.stops.filter(({ travel }) => heading * (travel - now) > 1e-6);
+    const next = heading > 0 ? ahead[0] ?? this.stops[0] : ahead.at(-1) ?? this.stops.at(-1);
+    if (next) this.#go(next.travel);
+  }
+
+  #go(travel) {
+    $("slider").value = travel;
     this.#showTravel();
   }
 
   #showTravel() {
     if (!this.shown) return;
-    const travel = Number($("slider").value);
-    const degrees = Math.sign(this.shown.span) * travel;
+    const travel = Number($("slider").value), { sense } = this.shown.pass;
+    const degrees = sense * travel;
+    const here = this.stops.filter((stop) => Math.abs(stop.travel - travel) < 1e-6).map(({ k }) => k + 1);
     $("travel").value = `${degrees.toFixed(1)}°`;
-    $("slider").setAttribute("aria-valuetext", `crank turned by ${degrees.toFixed(1)} degrees`);
+    $("at-sample").textContent = here.length ? `sample ${here.join(", ")}` : "";
+    $("slider").setAttribute("aria-valuetext", `crank turned by ${degrees.toFixed(1)} degrees${here.length ? `, at sample ${here.join(", ")}` : ""}`);
     this.board.showJoints(this.shown.linkage.at(degrees * RAD));
     for (const one of this.charts) one.mark(travel);
   }
@@ -80,20 +127,27 @@ export class Player {
   #play() {
     if (!this.shown) return;
     const slider = $("slider");
-    if (!wholeTurn() && Number(slider.value) >= Number(slider.max)) slider.value = 0;
+    if (!wholeTurn() && Number(slider.value) >= Number(slider.max)) slider.value = slider.min;
     setButton("Pause", PAUSE);
-    let before = performance.now(), heading = 1;
+    let before = performance.now(), heading = 1, until = 0;
     const step = (now) => {
-      const max = Number(slider.max);
-      let value = Number(slider.value) + (heading * (now - before) * Number($("speed").value) * max) / RANGE_MS;
-      before = now;
-      // an interval is run back and forth, a whole turn always forwards
-      if (wholeTurn()) value %= max;
-      else if (value >= max) [value, heading] = [max, -1];
-      else if (value <= 0 && heading < 0) [value, heading] = [0, 1];
-      slider.value = value;
-      this.#showTravel();
       this.frame = requestAnimationFrame(step);
+      const [low, high] = [Number(slider.min), Number(slider.max)], speed = Number($("speed").value), count = this.stops.length;
+      const from = Number(slider.value), gone = now - before;
+      before = now;
+      if (now < until) return;
+      let value = from + (heading * gone * speed * (high - low)) / RANGE_MS;
+      // each sample on the way is shown for a moment
+      const stop = this.stops.find(({ travel }) => heading * (travel - from) > 1e-6 && heading * (value - travel) >= 0);
+      if (stop && count <= MOST_STOPS) {
+        value = stop.travel;
+        until = now + Math.min(STOP_MS, STOPS_MS / count) / speed;
+      }
+      // an interval is run back and forth, a whole turn always forwards
+      if (wholeTurn()) value = value >= high ? low + ((value - high) % (high - low)) : value;
+      else if (value >= high) [value, heading] = [high, -1];
+      else if (value <= low && heading < 0) [value, heading] = [low, 1];
+      this.#go(value);
     };
     this.frame = requestAnimationFrame(step);
   }
@@ -106,37 +160,34 @@ export class Player {
 
   #drawCurves() {
     if (!this.shown || $("curves-card").hidden) return;
-    const { linkage, motion, span, angles, at, errors } = this.shown;
-    const last = wholeTurn() ? Math.sign(span) * 2 * Math.PI : span;
-    const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => (last * k) / CURVE_STEPS);
-    const inside = angles.filter((t) => Math.abs(t) <= Math.abs(last) * (1 + 1e-12));
-    const all = [...new Set([...even, ...inside])].sort((a, b) => Math.abs(a) - Math.abs(b));
-    const joints = all.map((t) => linkage.at(t));
-    const poseAt = new Map(angles.map((t, k) => [t, k]));
-    const atPoses = (value) => all.map((t) => (poseAt.has(t) ? value(poseAt.get(t)) : null));
+    const { linkage, motion, at, errors, pass: { sense } } = this.shown, [low, high] = this.#range;
+    const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS);
+    // travels in the crank's sense: a clockwise crank, too, is plotted from left to right
+    const x = [...new Set([...even, ...this.stops.map(({ travel }) => travel)])].sort((a, b) => a - b);
+    const joints = x.map((travel) => linkage.at(sense * travel * RAD));
+    const poseAt = new Map(this.stops.map(({ travel, k }) => [travel, k]));
+    const atPoses = (value) => x.map((travel) => (poseAt.has(travel) ? value(poseAt.get(travel)) : null));
     const over = (value) => joints.map((j) => (j ? value(j) : null));
-    const x = all.map((t) => Math.abs(t) / RAD); // a clockwise crank, too, is plotted from left to right
     const host = $("curves");
     host.replaceChildren();
-    const add = (title, series, more) => titledChart(host, title, { x, series, ...more });
+    this.charts = [];
+    const add = (title, series, more) => this.charts.push(titledChart(host, title, { x, series, ...more }));
+    const dots = (value, colour) => ({ values: atPoses(value), colour, points: true });
 
+    const miss = at.map((j, k) => (j && wantsAngles(motion) && motion.poses[k].angle !== null ? angleError(motion, motion.poses[k].angle, j.rotation / RAD) : null));
     const rotation = [{ values: over((j) => j.rotation / RAD), colour: "body" }];
-    if (motion.wanted !== "position") rotation.push({ values: atPoses((k) => motion.poses[k].angle), colour: "pose", points: true });
-    this.charts = [add(motion.wanted === "position" ? "Rotation of the coupler, degrees" : "Rotation of the body, degrees (dots: wanted)", rotation, { degreesY: true, height: 160 })];
+    // wanted angles are drawn beside the curve, whole turns away where they do not count
+    if (wantsAngles(motion)) rotation.push(dots((k) => { const j = joints[x.indexOf(this.marks[k])]; return miss[k] === null || !j ? null : j.rotation / RAD + miss[k]; }, "pose"));
+    add(wantsAngles(motion) ? "Rotation of the body, degrees (dots: wanted)" : "Rotation of the coupler, degrees", rotation, { degreesY: true, height: 160 });
 
-    const errorDots = (value) => ({ values: atPoses(value), colour: "bad", points: true });
-    if (errors) {
-      const distances = errors.map(([from, to]) => Math.hypot(to[0] - from[0], to[1] - from[1]));
-      this.charts.push(add("Position error at the poses", [errorDots((k) => distances[k]), { values: over(() => 0), colour: "line" }]));
-    } else if (motion.wanted === "rotation") {
-      const differences = at.map((j, k) => (j ? motion.poses[k].angle - j.rotation / RAD : 0));
-      this.charts.push(add("Rotation error at the poses, degrees", [errorDots((k) => differences[k])]));
-    }
+    const zero = { values: over(() => 0), colour: "line" };
+    if (errors) add("Position error at the samples", [dots((k) => errors[k] && Math.hypot(errors[k][1][0] - errors[k][0][0], errors[k][1][1] - errors[k][0][1]), "bad"), zero]);
+    if (wantsAngles(motion)) add("Rotation error at the samples, degrees", [dots((k) => miss[k], "bad"), zero]);
 
     const transmission = [{ values: over((j) => j.transmission / RAD), colour: "path" }];
     const least = motion.limits.transmission;
     if (least) transmission.push({ values: x.map(() => least), colour: "box", dash: [6, 4], width: 1.2 });
-    this.charts.push(add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, transmission, { height: 160, degreesY: true, range: [0, 90], splits: [0, 30, 60, 90] }));
+    add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, transmission, { height: 160, degreesY: true, range: [0, 90], splits: [0, 30, 60, 90] });
     for (const one of this.charts) one.mark(Number($("slider").value));
   }
 }

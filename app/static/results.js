@@ -3,9 +3,12 @@
 import { chart, redrawOn } from "./charts.js";
 import { text, thumbnail } from "./drawing.js";
 import { Linkage } from "./kinematics.js";
+import { placeOf, wantsPlaces } from "./motion.js";
 import { Player } from "./player.js";
 import { ask, download } from "./service.js";
 import { $ } from "./shell.js";
+import { passing } from "./timing.js";
+import { judged, mark, reasons } from "./verdict.js";
 
 const RAD = Math.PI / 180;
 const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "player"];
@@ -40,6 +43,7 @@ function numberRows(solution, digits) {
   }
   if (errors.rotation_max !== null) rows.push(["Rotation error, largest", `${text(errors.rotation_max, 4)}°`]);
   if (errors.position_max !== null) rows.push(["Position error, largest", text(errors.position_max, 4)]);
+  if (Number.isFinite(solution.excursion)) rows.push(["Way between samples", `${text(solution.excursion, 3)} × distance`]);
   rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
   if (solution.transmission_angle_min_turn !== null) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
   if (rounded?.closes) {
@@ -50,6 +54,52 @@ function numberRows(solution, digits) {
     );
   } else if (rounded) rows.push(["Rounded links", "do not close"]);
   return rows;
+}
+
+/** An element with a class and text. */
+function element(name, className, content = "") {
+  return Object.assign(document.createElement(name), { className, textContent: content });
+}
+
+/** A sign, which screen readers skip, and what it stands for. */
+function signed(name, className, sign, words) {
+  const made = element(name, className);
+  const symbol = element("span", "sign", sign);
+  symbol.setAttribute("aria-hidden", "true");
+  made.append(symbol, ` ${words}`);
+  return made;
+}
+
+/** What was judged of a solution, and all reasons. */
+function verdictBlock(verdict, motion) {
+  const block = element("div", "judged");
+  block.append(element("h3", "", "Verdict"));
+  const list = document.createElement("dl");
+  for (const [name, good, words] of judged(verdict, motion)) {
+    const poor = name === "Buildable" || name === "Tolerance" ? "poor" : "bad";
+    list.append(element("dt", "", name), signed("dd", good ? "good" : poor, good ? "✓" : poor === "bad" ? "✕" : "!", words));
+  }
+  block.append(list);
+  const sentences = reasons(verdict);
+  if (sentences.length) {
+    const reasonList = document.createElement("ul");
+    reasonList.append(...sentences.map((one) => element("li", "", one)));
+    block.append(reasonList);
+  }
+  return block;
+}
+
+/** The crank angles that a solution brings along, in the order in which the samples are passed. */
+function crankBlock(solution, motion) {
+  const block = document.createElement("details"), { order } = passing(solution, motion, false);
+  const table = document.createElement("table");
+  for (const k of order) {
+    const row = table.insertRow();
+    row.append(Object.assign(element("th", "", `Sample ${k + 1}`), { scope: "row" }));
+    row.insertCell().textContent = `${text(solution.crank_angle[k], 8)}°`;
+  }
+  block.append(element("summary", "", "Crank angles at the samples"), table);
+  return block;
 }
 
 function note(sentence) {
@@ -67,7 +117,7 @@ export async function copy(content, done) {
 export class Results {
   constructor(board) {
     Object.assign(this, { answer: null, solution: null, rank: 0, player: new Player(board) });
-    $("copy").addEventListener("click", () => copy(numberRows(this.solution, 17).map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
+    $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
     $("print").addEventListener("click", () => print());
     redrawOn($("trace"), () => this.#drawTrace());
@@ -93,12 +143,21 @@ export class Results {
     this.#drawTrace();
   }
 
+  /** The numbers to be copied, with all digits. */
+  #rows() {
+    const { verdict, crank_angle } = this.solution, rows = numberRows(this.solution, 17);
+    if (crank_angle) rows.push(["Crank angles", crank_angle.map((angle) => `${text(angle, 17)}°`).join(", ")]);
+    if (verdict) rows.push(["Verdict", mark(verdict).text], ...reasons(verdict).map((one) => ["Reason", one]));
+    return rows;
+  }
+
   #makeItem(solution, k) {
-    const { motion, reply } = this.answer;
-    const targets = motion.wanted === "rotation" ? [] : motion.poses.map((pose) => [pose.x, pose.y]);
+    const { motion, reply } = this.answer, linkage = new Linkage(solution);
+    const targets = wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : [];
+    const { sense, low, high } = passing(solution, motion, linkage.turnsFully);
     const button = document.createElement("button");
     button.type = "button";
-    button.append(thumbnail(new Linkage(solution), motion.direction * motion.span * RAD, targets));
+    button.append(thumbnail(linkage, [sense * low * RAD, sense * high * RAD], targets));
     const name = document.createElement("span");
     name.className = "name";
     name.textContent = `${solution.rank}. ${FAMILIES[solution.family] ?? solution.family}`;
@@ -113,6 +172,8 @@ export class Results {
       facts.append(Object.assign(document.createElement("dt"), { textContent: term }), Object.assign(document.createElement("dd"), { textContent: value }));
     }
     button.append(name, facts);
+    const verdict = mark(solution.verdict);
+    if (verdict) button.append(signed("span", `verdict ${verdict.kind}`, verdict.sign, verdict.text));
     button.addEventListener("click", () => this.#select(k));
     const item = document.createElement("li");
     item.append(button);
@@ -134,7 +195,8 @@ export class Results {
       row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: name }));
       row.insertCell().textContent = value;
     }
-    $("numbers").replaceChildren(table);
+    const { verdict, crank_angle } = this.solution, { motion } = this.answer;
+    $("numbers").replaceChildren(...(verdict ? [verdictBlock(verdict, motion)] : []), table, ...(crank_angle ? [crankBlock(this.solution, motion)] : []));
     if (this.solution.determination.ill_posed) {
       $("numbers").append(Object.assign(document.createElement("p"), { className: "note", textContent: "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths." }));
     }

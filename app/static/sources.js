@@ -1,16 +1,23 @@
 // Where a motion comes from: an example, pasted rows, a file or a link; and the links to a request.
 
-import { emptyMotion, fromCsv, fromFragment, fromRequest, toFragment } from "./motion.js";
+import { fromCsv, fromFragment, fromRequest, toCsv, toFragment } from "./formats.js";
+import { emptyMotion } from "./motion.js";
+import { download } from "./service.js";
 import { $, say } from "./shell.js";
 
 const MAX_FILE_BYTES = 2e6;
 
 export class Sources {
-  /** `current()` is the motion whose settings pasted rows keep; `use(motion, mode)` takes a new one, for a mode of the canvas. */
+  /**
+   * `current()` is the motion whose settings pasted rows keep; `use(motion, mode, fit)` takes a new one, for a mode of the canvas,
+   * fitted into the view or not.
+   */
   constructor(current, use) {
     Object.assign(this, { current, use, examples: [], ownFragment: null });
     $("example").addEventListener("change", () => this.useExample($("example").value));
     $("clear").addEventListener("click", () => this.#take(emptyMotion(), { mode: "add" }));
+    $("new-path").addEventListener("click", () => this.#take(emptyMotion("position"), { mode: "path" }));
+    $("save").addEventListener("click", () => download(new Blob([toCsv(this.current())], { type: "text/csv" }), "motion.csv"));
     this.#bindPaste();
     this.#bindFiles();
     addEventListener("hashchange", () => { this.openLink().catch((error) => say(error.message, true)); });
@@ -27,6 +34,15 @@ export class Sources {
   useExample(name) {
     const example = this.examples.find((one) => one.name === name);
     if (example) this.#take(fromRequest(example.request), { name, note: example.word, mode: "move" });
+  }
+
+  /** Takes a path drawn by hand: places only, free crank angles, the limits of the motion before. */
+  useDrawn(places, closed) {
+    const { limits, tolerance, top, round } = this.current();
+    const motion = Object.assign(emptyMotion("position"), { closed, limits, top, round, tolerance: { ...tolerance, rotation: null } });
+    motion.poses = places.map(([x, y], k) => ({ t: k, x, y, angle: 0 }));
+    const note = places.length > 1 ? `Drawn by hand: ${places.length} points${closed ? " of a closed way" : ""}, crank angles free. Move points, or solve.` : "";
+    this.#take(structuredClone(motion), { note, fit: false });
   }
 
   /** Takes the motion from the page's address; false if there is none. Throws for a damaged one. */
@@ -47,10 +63,10 @@ export class Sources {
     return url.href;
   }
 
-  #take(motion, { name = "", note = "", mode = null }) {
+  #take(motion, { name = "", note = "", mode = null, fit = true }) {
     $("example").value = name;
     $("example-note").textContent = note;
-    this.use(motion, mode);
+    this.use(motion, mode, fit);
   }
 
   /** The motion in CSV or in a request, also as exported with its solution. Throws for anything else. */

@@ -191,14 +191,18 @@ def test_vendored_files_are_those_that_are_named(folder) -> None:
 
 def test_examples_can_be_answered(client) -> None:
     stored = json.loads((STATIC / "examples.json").read_text())
-    assert len(stored) == 5
+    assert len(stored) == 6
     for example in stored:
         for budget in (500, 10_000):  # the second on a busy machine only
             reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": budget})
             assert reply.status_code == 200, reply.text
             if reply.json()["solutions"]:
                 break
-        assert reply.json()["solutions"], example["name"]
+        best = reply.json()["solutions"][0]
+        assert all(best["verdict"][name] for name in ("order", "branch", "circuit")), example["name"]
+        free = example["request"].get("timing") == "free"
+        assert (best["crank_angle"] is not None) is free
+        assert best["verdict"]["buildable"] or not free, best["verdict"]["reasons"]
         assert len(example["word"]) > 30
 
 

@@ -146,6 +146,10 @@ def table(browser) -> list[list[float]]:
     return browser.execute_script(script)
 
 
+def rows_of(browser):
+    return browser.find_elements(By.CSS_SELECTOR, "#poses tbody tr")
+
+
 def click_canvas(browser, *places: tuple[float, float]) -> None:
     canvas = find(browser, "canvas")
     browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", canvas)
@@ -195,6 +199,8 @@ def test_a_motion_is_drawn_solved_and_watched(opened) -> None:
         cell.click()
         cell.send_keys(Keys.CONTROL, "a")
         cell.send_keys(str(angle), Keys.TAB)
+    assert not find(opened, "span").is_displayed() and find(opened, "any-order").is_displayed()
+    Select(find(opened, "timing")).select_by_value("even")
     span = find(opened, "span")
     span.clear()
     span.send_keys("120")
@@ -215,8 +221,9 @@ def test_joints_are_drawn_where_the_reply_says(opened, address, example) -> None
     solve_soon(opened)
     reply = opened.execute_script("return window.replies.at(-1)")
     request = next(e["request"] for e in EXAMPLES if e["name"] == example)
-    span = request.get("crank_span") or request["crank_angle"][-1]
     for rank in (0, min(2, len(reply["solutions"]) - 1)):
+        own = reply["solutions"][rank]["crank_angle"]
+        span = own[-1] if own else request.get("crank_span") or request["crank_angle"][-1]
         opened.find_elements(By.CSS_SELECTOR, "#solutions button")[rank].click()
         linkage = la.FourBar.from_dict(reply["solutions"][rank])
         for share in (0.0, 0.37, 1.0):
@@ -360,17 +367,26 @@ def test_a_pivot_box_is_drawn_and_kept_to(opened) -> None:
     [
         ("crank,x,y,angle\n0,0,0,0\n10,1,2,3\n30,4,5,6\n", [[0, 0, 0, 0], [10, 1, 2, 3], [30, 4, 5, 6]]),
         ("0;1,5;2;3\n-10;2,5;3;4\n-20;3,5;4;5", [[0, 1.5, 2, 3], [10, 2.5, 3, 4], [20, 3.5, 4, 5]]),
-        ("x\ty\n1\t2\n3\t4\n5\t7", [[0, 1, 2, 0], [45, 3, 4, 0], [90, 5, 7, 0]]),
-        ("angle y x\n1 2 3\n4 5 6\n7 8 9", [[0, 3, 2, 1], [45, 6, 5, 4], [90, 9, 8, 7]]),
+        ("x\ty\n1\t2\n3\t4\n5\t7", [[1, 2], [3, 4], [5, 7]]),
+        ("angle y x\n1 2 3\n4 5 6", [[3, 2, 1], [6, 5, 4]]),
+        ("angle\n1\n2\n7", [[0, 1], [45, 2], [90, 7]]),
+        ("x,y,angle\n1,2,3\n,,4\n5,6,\n", [[1, 2, 3], [None, None, 4], [5, 6, None]]),
     ],
 )
 def test_rows_are_pasted(opened, rows, wanted) -> None:
+    """Without a column of crank angles these are free, and the table has none."""
     find(opened, "clear").click()
     find(opened, "paste").click()
     area = find(opened, "paste-text")
     opened.execute_script("arguments[0].value = arguments[1]", area, rows)
     find(opened, "paste-use").click()
-    assert table(opened) == wanted
+    shown = [
+        [None if cell.get_attribute("value") == "" else float(cell.get_attribute("value")) for cell in cells]
+        for cells in (
+            [c for c in row.find_elements(By.TAG_NAME, "input") if c.is_displayed()] for row in rows_of(opened)
+        )
+    ]
+    assert shown == wanted
 
 
 @pytest.mark.parametrize("rows", ["", "a,b\n1,2", "1,2,3\n1,x,3", "1\n2\n3", "{", '{"x": 1}'])
@@ -385,7 +401,16 @@ def test_wrong_rows_are_named(opened, rows) -> None:
 def test_a_motion_that_cannot_be_solved_says_why(opened) -> None:
     find(opened, "clear").click()
     find(opened, "solve").click()
+    assert "two poses" in find(opened, "status").text
+    Select(find(opened, "timing")).select_by_value("even")
+    find(opened, "solve").click()
     assert "three poses" in find(opened, "status").text
+    Select(find(opened, "timing")).select_by_value("free")
+    Select(find(opened, "wanted")).select_by_value("rotation")
+    for _ in range(3):
+        find(opened, "add-row").click()
+    find(opened, "solve").click()
+    assert "positions are needed" in find(opened, "status").text
 
 
 def test_the_linkage_runs_and_stops(opened) -> None:
@@ -416,6 +441,370 @@ def test_kinematics_in_the_browser_agree_with_pythons(opened) -> None:
     assert worst < 1e-12
 
 
+FREE = la.FourBar(
+    20, 60, 55, 58, start_angle=30, pivot_a=(10, 5), ground_angle=8, coupler_point=(40, 35), body_offset=12
+)
+"""A crank-rocker whose motions the tests ask for."""
+WORKS = {"order": True, "branch": True, "circuit": True, "within_tolerance": None, "buildable": True, "reasons": []}
+VERDICTS = [
+    WORKS,
+    WORKS
+    | {"buildable": False, "reasons": ["transmission angle 21.9 degrees over the used interval, below 35", "b"]},
+    WORKS | {"within_tolerance": False, "reasons": ["sample 3 is off by 2.4 times what is allowed, the most of all"]},
+    WORKS
+    | {"order": False, "branch": False, "buildable": False, "reasons": ["samples 2 and 3 lie on different branches"]},
+]
+ASKED = (
+    "window.asked=[];const own=window.fetch;window.fetch=async(...a)=>{if(a[0]!=='/v1/synthesize')return own(...a);"
+    "window.asked.push(JSON.parse(a[1].body));const s=window.stub;"
+    "return s?new Response(JSON.stringify(s),{headers:{'content-type':'application/json'}}):own(...a)}"
+)
+"""Keeps the bodies of the page's requests; a reply in `window.stub` stands in for the service's."""
+
+
+def stub(browser, request, angles, verdicts=VERDICTS) -> None:
+    """Let the next answers be `FREE` at these crank angles, once for each verdict."""
+    wants_angles = "rotation" in request
+    solution = FREE.to_dict() | {
+        "source": "refined",
+        "type": None,
+        "crank_angle": list(map(float, angles)),
+        "errors": {
+            "rotation_rms": 0.3 if wants_angles else None,
+            "rotation_max": 0.5 if wants_angles else None,
+            "position_rms": 0.4,
+            "position_max": 0.9,
+            "objective": 0.01,
+        },
+        "excursion": 1.02,
+        "family": FREE.family,
+        "transmission_angle_min": 40.0,
+        "transmission_angle_min_turn": 33.0,
+        "condition": 10.0,
+        "determination": {"ill_posed": False, "resolution": 1e-3, "length_uncertainty": [0, 0, 0, 0]},
+        "sensitivity": None,
+        "rounded": None,
+    }
+    report = {"elapsed_ms": {"total": 80.0}, "trace": [[20, 0.1], [60, 0.01]], "stopped_by": "converged", "notes": []}
+    reply = {
+        "status": "closest",
+        "solutions": [solution | {"rank": k + 1, "verdict": verdict} for k, verdict in enumerate(verdicts)],
+        "report": report | {"length_scale": 30.0, "seeds": 9, "windows": None, "exhaustive": None},
+    }
+    browser.execute_script(f"window.stub = arguments[0]; if (!window.asked) {{ {ASKED} }}", reply)
+
+
+def take(browser, request) -> None:
+    """Paste a request."""
+    find(browser, "paste").click()
+    browser.execute_script("document.getElementById('paste-text').value = arguments[0]", json.dumps(request))
+    find(browser, "paste-use").click()
+    assert find(browser, "paste-error").text == ""
+
+
+def path_request(angles, **more):
+    return {"position": np.round(FREE.joints(angles).body_point, 6).tolist(), "timing": "free", **more}
+
+
+def mode(browser, name: str) -> None:
+    browser.find_element(By.CSS_SELECTOR, f"[data-mode={name}]").click()
+
+
+def asked(browser):
+    """The last request."""
+    return browser.execute_script("return window.asked.at(-1)")
+
+
+def test_a_motion_of_two_poses_is_solved_with_free_crank_angles(opened) -> None:
+    find(opened, "clear").click()
+    assert Select(find(opened, "timing")).first_selected_option.text == "free"
+    click_canvas(opened, (-100, 20), (60, -40))
+    mode(opened, "move")
+    opened.find_element(By.CSS_SELECTOR, "[data-pose='1']").send_keys("[[[{")
+    opened.execute_script(ASKED)
+    solve_soon(opened)
+    body = asked(opened)
+    assert body["timing"] == "free" and not {"crank_span", "crank_angle", "order", "closed"} & body.keys()
+    marks = opened.execute_script(
+        "return [...document.querySelectorAll('#solutions .verdict')].map(v => v.textContent)"
+    )
+    assert marks and all(len(text) > 5 for text in marks)
+    texts = opened.execute_script("return document.querySelector('.judged').textContent")
+    assert all(word in texts for word in ("Order", "Branch", "Circuit", "Buildable"))
+
+
+def test_crank_angles_are_free_by_choice_and_back(opened) -> None:
+    choose(opened, "carton")
+    before = table(opened)
+    assert find(opened, "timing").get_attribute("value") == "table"
+    Select(find(opened, "timing")).select_by_value("free")
+    find(opened, "any-order").click()
+    find(opened, "closed").click()
+    assert not find(opened, "direction").is_displayed()
+    assert not opened.find_element(By.CSS_SELECTOR, "#poses [aria-label='Pose 2, crank angle']").is_displayed()
+    find(opened, "undo").click()
+    assert find(opened, "any-order").is_selected() and not find(opened, "closed").is_selected()
+    find(opened, "undo").click()
+    find(opened, "undo").click()
+    assert find(opened, "timing").get_attribute("value") == "table" and table(opened) == before
+    find(opened, "redo").click()
+    assert find(opened, "timing").get_attribute("value") == "free"
+
+
+def trace(browser, canvas, places) -> None:
+    """Drag along places, in pixels from the middle of the canvas."""
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", canvas)
+    x, y = places[0]
+    chain = ActionChains(browser, duration=5).move_to_element_with_offset(canvas, x, y).click_and_hold()
+    for u, v in places[1:]:
+        chain.move_by_offset(u - x, v - y)
+        x, y = u, v
+    chain.release().perform()
+
+
+def placed(browser) -> np.ndarray:
+    return np.array(table(browser))[:, 1:3]
+
+
+def test_a_path_is_drawn_by_hand(opened) -> None:
+    choose(opened, "worked")
+    before = table(opened)
+    mode(opened, "path")
+    trace(opened, find(opened, "canvas"), [(-200, 100), (-200, -100), (-100, -100), (200, -100)])
+    places, (cx, cy, scale) = placed(opened), view(opened)
+    assert len(places) == 24
+    steps = np.hypot(*np.diff(places, axis=0).T)
+    assert np.sum(steps) * scale == pytest.approx(600, rel=0.03)
+    assert np.all(steps * scale <= 600 / 23 * 1.02) and np.median(steps) * scale == pytest.approx(600 / 23, rel=0.02)
+    assert places[0] == pytest.approx([cx - 200 / scale, cy - 100 / scale], abs=2 / scale)
+    assert places[-1] == pytest.approx([cx + 200 / scale, cy + 100 / scale], abs=2 / scale)
+    assert find(opened, "wanted").get_attribute("value") == "position"
+    assert find(opened, "timing").get_attribute("value") == "free" and not find(opened, "closed").is_selected()
+    assert "24 points" in find(opened, "example-note").text
+    ring = [(round(150 * np.cos(t)), round(-90 * np.sin(t))) for t in np.linspace(0, 2 * np.pi, 40)]
+    trace(opened, find(opened, "canvas"), ring)
+    assert len(placed(opened)) == 24 and find(opened, "closed").is_selected()
+    gap = np.hypot(*(placed(opened)[0] - placed(opened)[-1]))
+    assert gap == pytest.approx(np.median(np.hypot(*np.diff(placed(opened), axis=0).T)), rel=0.1)
+    find(opened, "undo").click()
+    assert placed(opened) == pytest.approx(places)
+    find(opened, "undo").click()
+    assert table(opened) == before and find(opened, "timing").get_attribute("value") == "even"
+
+
+def test_a_path_is_made_of_single_points_by_click_and_by_key(opened) -> None:
+    mode(opened, "path")
+    click_canvas(opened, (-150, 60), (-80, 10), (0, -20))
+    assert len(table(opened)) == 3, "the first click begins a new motion"
+    find(opened, "new-path").send_keys(Keys.ENTER)
+    assert table(opened) == []
+    find(opened, "add-row").send_keys(Keys.ENTER)
+    point = opened.find_element(By.CSS_SELECTOR, "[data-pose='0']")
+    assert point.get_attribute("aria-label").startswith("Point 1 of 1")
+    point.send_keys(Keys.ARROW_UP)
+    for _ in range(3):
+        opened.switch_to.active_element.send_keys(Keys.ENTER)
+        opened.switch_to.active_element.send_keys(Keys.ARROW_UP)
+    assert len(table(opened)) == 4
+    assert np.all(np.diff(placed(opened), axis=0) > 0)
+    assert opened.execute_script("return document.activeElement.dataset.pose") == "3"
+
+
+def test_a_path_is_drawn_by_a_finger(opened) -> None:
+    resize(opened, 360)
+    mode(opened, "path")
+    canvas = find(opened, "canvas")
+    opened.execute_script("arguments[0].scrollIntoView({block: 'center'})", canvas)
+    x, y = opened.execute_script(
+        "const f=arguments[0].getBoundingClientRect();return [f.x+f.width/2,f.y+f.height/2]", canvas
+    )
+    scrolled = opened.execute_script("return scrollY")
+    opened.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True})
+
+    def touch(kind, *points) -> None:
+        points = [{"x": u, "y": v} for u, v in points]
+        opened.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    touch("touchStart", (x, y + 100))
+    for k in range(20):
+        touch("touchMove", (x + 2 * k, y + 100 - 10 * k))
+    touch("touchEnd")
+    opened.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
+    assert len(table(opened)) == 24, "a drag upwards must draw, not scroll"
+    assert opened.execute_script("return scrollY") == scrolled
+
+
+def next_sample(browser) -> tuple[str, float]:
+    find(browser, "after").click()
+    return find(browser, "at-sample").text, float(find(browser, "slider").get_attribute("value"))
+
+
+def test_a_path_is_solved_and_its_samples_are_passed(opened) -> None:
+    angles = -np.array([0, 20, 55, 100, 160, 200])
+    request = path_request(angles)
+    take(opened, request)
+    stub(opened, request, angles)
+    solve(opened)
+    assert asked(opened)["position"] == request["position"] and "rotation" not in asked(opened)
+    marks = opened.execute_script(
+        "return [...document.querySelectorAll('#solutions .verdict')].map(v => v.innerText)"
+    )
+    assert marks == [
+        "✓ buildable",
+        "! transmission angle 21.9° over the used interval, below 35 (and 1 more)",
+        "! sample 3 is off by 2.4 times what is allowed, the most of all",
+        "✕ order and branch defects",
+    ]
+    slide(opened, 0)
+    for k in range(1, 6):
+        assert next_sample(opened) == (f"sample {k + 1}", pytest.approx(-angles[k]))
+        assert abs(drawn(opened, "p") - complex(*request["position"][k])) < 1 / view(opened)[2]
+    assert find(opened, "travel").text == "-200.0°"
+    assert opened.execute_script("return document.querySelectorAll('#marks .mark').length") == 6
+    opened.find_elements(By.CSS_SELECTOR, "#solutions button")[3].click()
+    details = find(opened, "numbers").text
+    assert "different branches" in details and "dead position" in details
+    opened.find_element(By.CSS_SELECTOR, "#numbers summary").click()
+    assert "-160°" in find(opened, "numbers").text
+
+
+def test_a_drawn_path_is_solved_by_the_service(opened) -> None:
+    mode(opened, "path")
+    ring = [(round(150 * np.cos(t)), round(-80 * np.sin(t))) for t in np.linspace(0, 2 * np.pi, 30)]
+    trace(opened, find(opened, "canvas"), ring)
+    solve_soon(opened)
+    assert opened.execute_script("return document.querySelectorAll('#marks .mark').length") == 24
+    assert opened.execute_script("return document.querySelectorAll('#solutions .verdict').length") >= 1
+    slide(opened, 0)
+    assert find(opened, "at-sample").text == "sample 1"
+
+
+def test_samples_in_any_order_are_marked_where_they_are_passed(opened) -> None:
+    angles = np.array([0, 340, 30, 355, 60])
+    joints = FREE.joints(angles)
+    request = {
+        "rotation": np.round(joints.rotation, 6).tolist(),
+        "position": np.round(joints.body_point, 6).tolist(),
+        "timing": "free",
+        "order": "any",
+    }
+    take(opened, request)
+    assert find(opened, "any-order").is_selected()
+    stub(opened, request, angles, VERDICTS[:1])
+    solve(opened)
+    assert asked(opened)["order"] == "any"
+    slider = find(opened, "slider")
+    assert float(slider.get_attribute("min")) == -20 and float(slider.get_attribute("max")) == 60
+    slide(opened, -20)
+    assert find(opened, "at-sample").text == "sample 2"
+    assert [next_sample(opened)[0] for _ in range(4)] == ["sample 4", "sample 1", "sample 3", "sample 5"]
+    assert abs(drawn(opened, "p") - complex(*request["position"][4])) < 1 / view(opened)[2]
+    Select(find(opened, "range")).select_by_value("turn")
+    slide(opened, 340)
+    assert find(opened, "at-sample").text == "sample 2"
+    labels = opened.execute_script(
+        "return [...document.querySelectorAll('#curves [role=img]')].map(c => c.ariaLabel)"
+    )
+    assert len(labels) == 4
+
+
+def test_the_picture_stops_at_samples(opened) -> None:
+    angles = np.array([0.0, 60, 120])
+    request = path_request(angles)
+    take(opened, request)
+    stub(opened, request, angles, VERDICTS[:1])
+    solve(opened)
+    slide(opened, 0)
+    Select(find(opened, "speed")).select_by_value("4")
+    seen = opened.execute_async_script(
+        "const done=arguments[0],seen=[],s=document.getElementById('slider'),end=performance.now()+1500;"
+        "document.getElementById('play').click();const look=()=>{seen.push(Number(s.value));"
+        "if(performance.now()<end)requestAnimationFrame(look);else{document.getElementById('play').click();done(seen)}};look()"
+    )
+    assert sum(abs(value - 60) < 1e-9 for value in seen) >= 2
+    assert max(seen) > 60
+
+
+BODIES = [
+    {"rotation": [0, None, 20], "position": [[0, 0], [3, 4], None], "timing": "free", "order": "any", "closed": True},
+    {
+        "rotation": [0, 5, 20],
+        "position": [[0, 0], [3, 4], [5, 9]],
+        "timing": "free",
+        "crank_span_max": 120,
+        "weights": {"rotation": [1, 0, 2], "position": [1, 2, 3]},
+        "tolerances": {"rotation": 0.5, "position": [0.1, 0.2, 0.3]},
+    },
+    {"position": [[0, 0], [3, 4]], "timing": "free", "tolerances": {"position": 0.2}, "sensitivity": True},
+    {"rotation": [0, 5, None, 20], "crank_angle": [0, -5, -9, -20], "limits": {"family": "any", "link_ratio_max": 5}},
+    {"rotation": [0, 5, 20], "crank_span": 70, "weights": {"rotation": [1, 0, 1]}},
+]
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_requests_keep_all_their_fields(opened, body) -> None:
+    """As a motion, in a link, and in rows of CSV where rows can hold them."""
+    again, linked, rows = opened.execute_async_script(
+        "const [body, done] = arguments; import('/static/formats.js').then(async (f) => { const motion = f.fromRequest(body);"
+        "const again = f.toRequest(motion), link = await f.fromFragment(await f.toFragment(again));"
+        "done([again, f.toRequest(f.fromRequest(link)), f.toRequest(f.fromCsv(f.toCsv(motion), motion))]); })",
+        {**body, "top": 5},
+    )
+    assert again == {**body, "top": 5} and linked == again
+    assert rows == again
+
+
+def test_the_request_is_shown_as_json(opened) -> None:
+    choose(opened, "casement")
+    opened.find_element(By.CSS_SELECTOR, "#request summary").click()
+    wait(opened, "document.getElementById('request-text').textContent")
+    find(opened, "any-order").click()
+    shown = json.loads(find(opened, "request-text").text)
+    example = next(e["request"] for e in EXAMPLES if e["name"] == "casement")
+    assert shown == {**example, "order": "any", "top": 8}
+    take(opened, shown)
+    assert find(opened, "any-order").is_selected() and json.loads(find(opened, "request-text").text) == shown
+
+
+def test_a_request_in_radians_is_read_in_degrees(opened) -> None:
+    body = {
+        "rotation": [0, 1],
+        "position": [[0, 0], [1, 2]],
+        "timing": "free",
+        "angle_unit": "rad",
+        "crank_span_max": 1,
+    }
+    found = opened.execute_async_script(
+        "const [body, done] = arguments; import('/static/formats.js').then((f) => done(f.toRequest(f.fromRequest(body))))",
+        {**body, "tolerances": {"rotation": [0.1, 0.2], "position": 3}},
+    )
+    assert found["rotation"][1] == pytest.approx(1 / DEG) and found["crank_span_max"] == pytest.approx(1 / DEG)
+    assert found["tolerances"] == {"rotation": pytest.approx([0.1 / DEG, 0.2 / DEG]), "position": 3}
+
+
+def test_an_empty_cell_is_a_missing_value(opened) -> None:
+    choose(opened, "casement")
+    cell = opened.find_element(By.CSS_SELECTOR, "#poses [aria-label='Pose 3, angle']")
+    cell.click()
+    cell.send_keys(Keys.CONTROL, "a")
+    cell.send_keys(Keys.DELETE, Keys.TAB)
+    opened.execute_script(ASKED)
+    solve_soon(opened)
+    body = asked(opened)
+    assert body["rotation"][2] is None and body["position"][2] == [287, -87]
+    assert find(opened, "at-sample").text == "sample 1"
+
+
+def test_a_motion_is_saved_as_rows(opened, downloads) -> None:
+    opened.execute_cdp_cmd(
+        "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(downloads), "eventsEnabled": True}
+    )
+    choose(opened, "casement")
+    find(opened, "save").click()
+    rows = saved(downloads, "motion.csv").decode().splitlines()
+    assert rows[0] == "x,y,angle" and rows[2] == "296,-43,-8.3" and len(rows) == 9
+
+
 def faults(browser) -> list[str]:
     """What axe-core calls serious or critical."""
     browser.execute_script((ROOT / "tests/vendor/axe.min.js").read_text())
@@ -434,9 +823,22 @@ def test_axe_finds_no_serious_fault_and_nothing_sticks_out(opened, width, theme)
     choose(opened, "carton")
     if opened.execute_script("return document.documentElement.dataset.theme") != theme:
         find(opened, "theme").click()
-    opened.execute_script("document.getElementById('limits').open = true")
+    opened.execute_script("for (const name of ['limits', 'request']) document.getElementById(name).open = true")
     solve_soon(opened)
     assert opened.execute_script("return document.documentElement.scrollWidth") <= width
+    assert faults(opened) == []
+    request = path_request(np.linspace(0, 330, 12), closed=True)
+    take(opened, request)
+    assert faults(opened) == []
+    stub(opened, request, np.linspace(0, 330, 12))
+    solve(opened)
+    for k in range(len(VERDICTS)):
+        opened.find_elements(By.CSS_SELECTOR, "#solutions button")[k].click()
+        opened.execute_script("for (const d of document.querySelectorAll('#numbers details')) d.open = true")
+        assert opened.execute_script("return document.documentElement.scrollWidth") <= width
+        assert faults(opened) == []
+    mode(opened, "path")
+    find(opened, "new-path").click()
     assert faults(opened) == []
 
 

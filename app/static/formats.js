@@ -1,0 +1,226 @@
+// The motion as a request, as CSV and as the part of a link behind #, and back.
+
+import { clone, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+
+/** A number for each pose where at least one has its own, `whole` for the others; otherwise `whole`. */
+function perPose(poses, name, whole) {
+  if (poses.every((pose) => pose[name] === undefined)) return whole;
+  const largest = Math.max(...poses.map((pose) => pose[name] ?? 0));
+  return poses.map((pose) => pose[name] ?? whole ?? largest);
+}
+
+/** {rotation, position} without what is null; undefined if nothing is left. */
+function present(rotation, position) {
+  const both = { ...(rotation === null ? {} : { rotation }), ...(position === null ? {} : { position }) };
+  return Object.keys(both).length ? both : undefined;
+}
+
+/** The body of POST /v1/synthesize. */
+export function toRequest(motion) {
+  const { poses, limits, tolerance } = motion;
+  const angles = wantsAngles(motion), places = wantsPlaces(motion);
+  const request = { ...motion.extra };
+  if (angles) request.rotation = poses.map((pose) => pose.angle);
+  if (places) request.position = poses.map(placeOf);
+  if (motion.timing === "even") request.crank_span = motion.direction * motion.span;
+  else if (motion.timing === "table") request.crank_angle = poses.map((pose) => motion.direction * pose.t);
+  else {
+    request.timing = "free";
+    if (motion.anyOrder) request.order = "any";
+    if (motion.closed) request.closed = true;
+    if (motion.spanMax) request.crank_span_max = motion.spanMax;
+  }
+  const unweighted = (name) => (poses.every((pose) => pose[name] === undefined) ? null : poses.map((pose) => pose[name] ?? 1));
+  const weights = present(angles ? unweighted("wr") : null, places ? unweighted("wp") : null);
+  if (weights) request.weights = weights;
+  const tolerances = present(angles ? perPose(poses, "er", tolerance.rotation) : null, places ? perPose(poses, "ep", tolerance.position) : null);
+  if (tolerances) request.tolerances = tolerances;
+  request.top = motion.top;
+  const asked = { ...limits.extra };
+  if (limits.family !== "full_crank") asked.family = limits.family;
+  if (limits.transmission > 0) asked.transmission_angle_min = limits.transmission;
+  if (limits.box && places) asked.pivot_box = limits.box;
+  if (limits.min) asked.link_min = limits.min;
+  if (limits.max) asked.link_max = limits.max;
+  if (Object.keys(asked).length) request.limits = asked;
+  if (motion.round && places) request.round_to = motion.round;
+  return request;
+}
+
+/** A request as text for people: one line for each of its fields. */
+export function requestText(request) {
+  const rows = Object.entries(request).map(([name, value]) => `  ${JSON.stringify(name)}: ${JSON.stringify(value)}`);
+  return `{\n${rows.join(",\n")}\n}`;
+}
+
+const isNumbers = (list) => Array.isArray(list) && list.every(Number.isFinite);
+const isColumn = (list, good) => Array.isArray(list) && list.every((entry) => entry === null || good(entry));
+
+/** Puts the lists of `part` ({rotation, position}) into the poses as `names`; returns what is not a list. */
+function spread(part, poses, names, unit, what) {
+  const whole = {};
+  for (const [k, side] of ["rotation", "position"].entries()) {
+    const value = part?.[side] ?? null, scale = k === 0 ? unit : 1;
+    whole[side] = Number.isFinite(value) ? value * scale : null;
+    if (!Array.isArray(value)) continue;
+    if (!isNumbers(value) || value.length !== poses.length) throw new Error(`The request has ${poses.length} poses but not ${poses.length} ${what}.`);
+    value.forEach((entry, at) => { poses[at][names[k]] = entry * scale; });
+  }
+  return whole;
+}
+
+/** The motion of a request. Throws Error for anything that is not a request. */
+export function fromRequest(body) {
+  const {
+    rotation, position, crank_span, crank_angle, timing, order, closed, crank_span_max, weights, tolerances,
+    limits = {}, round_to, top, angle_unit, ...extra
+  } = body ?? {};
+  const unit = angle_unit === "rad" ? 180 / Math.PI : 1, free = timing === "free";
+  const count = (rotation ?? position)?.length;
+  if (!count || (rotation && !isColumn(rotation, Number.isFinite)) || (position && !isColumn(position, (p) => isNumbers(p) && p.length === 2)))
+    throw new Error("This is not a request: it has neither a rotation nor positions.");
+  if (rotation && position && rotation.length !== position.length)
+    throw new Error(`There are ${rotation.length} angles and ${position.length} positions.`);
+  if (crank_angle && !(isNumbers(crank_angle) && crank_angle.length === count))
+    throw new Error(`The request has ${count} poses but not ${count} crank angles.`);
+  if (!free && !crank_angle && !Number.isFinite(crank_span)) throw new Error("The request has no crank span, and its crank angles are not free.");
+  const motion = emptyMotion(rotation && position ? "both" : rotation ? "rotation" : "position");
+  motion.timing = free ? "free" : crank_angle ? "table" : "even";
+  if (free) Object.assign(motion, { anyOrder: order === "any", closed: closed === true, spanMax: crank_span_max ? crank_span_max * unit : null });
+  else {
+    const whole = (crank_angle ? crank_angle.at(-1) - crank_angle[0] : crank_span) * unit;
+    motion.direction = whole < 0 ? -1 : 1;
+    motion.span = Math.abs(whole);
+  }
+  motion.poses = Array.from({ length: count }, (_, k) => ({
+    t: crank_angle ? Math.abs(crank_angle[k] - crank_angle[0]) * unit : 0,
+    x: position ? position[k]?.[0] ?? null : 0,
+    y: position ? position[k]?.[1] ?? null : 0,
+    angle: !rotation ? 0 : rotation[k] === null ? null : rotation[k] * unit,
+  }));
+  fixTravels(motion);
+  spread(weights, motion.poses, ["wr", "wp"], 1, "weights");
+  motion.tolerance = spread(tolerances, motion.poses, ["er", "ep"], unit, "tolerances");
+  const { family, transmission_angle_min, pivot_box, link_min, link_max, ...more } = limits;
+  motion.limits = {
+    family: family ?? "full_crank",
+    transmission: (transmission_angle_min ?? 0) * unit,
+    box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, extra: more,
+  };
+  motion.round = round_to ?? null;
+  motion.top = top ?? 8;
+  delete extra.budget_ms;
+  motion.extra = extra;
+  return motion;
+}
+
+const COLUMNS = {
+  crank: "t", crank_angle: "t", theta1: "t", t: "t", x: "x", y: "y", angle: "angle", rotation: "angle", gamma: "angle",
+  weight: "w", weight_rotation: "wr", weight_position: "wp", tolerance_rotation: "er", tolerance_position: "ep",
+};
+
+/** The rows of a text: {names of the columns, rows of cells as text, the line of each row}. */
+function readTable(text) {
+  const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.replace(/^ +| +$/g, ""), k + 1])
+    .filter(([line]) => line.trim() && !line.startsWith("#"));
+  if (!lines.length) throw new Error("There are no rows.");
+  const sample = lines.at(-1)[0];
+  const separator = sample.includes(";") ? /\s*;\s*/ : sample.includes("\t") ? /\s*\t\s*/ : sample.includes(",") ? /\s*,\s*/ : /\s+/;
+  const decimalComma = !sample.includes(",") ? false : sample.includes(";") || sample.includes("\t");
+  const cells = (line) => line.split(separator).map((cell) => cell.replace(/^"(.*)"$/, "$1"));
+  const head = cells(lines[0][0]).map((name) => name.toLowerCase().replace(/[^a-z0-9_].*$/, ""));
+  let names = head.map((name) => COLUMNS[name]);
+  if (head.some((name) => name && Number.isNaN(Number(name.replace(",", "."))) && /^[a-z]/.test(name))) {
+    lines.shift();
+    if (!lines.length) throw new Error("There are no rows.");
+    if (!names.some(Boolean)) throw new Error("The first line names none of the columns crank, x, y, angle.");
+  } else {
+    names = { 4: ["t", "x", "y", "angle"], 3: ["x", "y", "angle"], 2: ["x", "y"] }[head.length];
+    if (!names) throw new Error("Each row must hold crank, x, y, angle; or x, y, angle; or x, y.");
+  }
+  const rows = lines.map(([line]) => cells(line).map((cell) => (decimalComma ? cell.replace(",", ".") : cell)));
+  return { names, rows, at: lines.map(([, line]) => line) };
+}
+
+/**
+ * `motion` with the poses of CSV rows. The columns are named in the first line or recognised by their number; without a column
+ * of crank angles these are free; an empty cell is a place or angle that is missing. Throws Error with the number of the line.
+ */
+export function fromCsv(text, motion = emptyMotion()) {
+  const { names, rows, at } = readTable(text);
+  if (rows.length > 1024) throw new Error(`There are ${rows.length} rows; at most 1024 are allowed.`);
+  const has = (name) => names.includes(name);
+  const place = has("x") && has("y");
+  if (!place && !has("angle")) throw new Error("The rows need x and y, or an angle, or both.");
+  const used = [...names.entries()].filter(([, name]) => name);
+  const mayMiss = (name) => name !== "t";
+  const poses = rows.map((row, k) => {
+    const pose = { t: 0, x: 0, y: 0, angle: 0 };
+    for (const [column, name] of used) {
+      const cell = row[column] ?? "", value = cell ? Number(cell) : NaN;
+      if (!Number.isFinite(value) && (cell || !mayMiss(name))) throw new Error(`Line ${at[k]}: '${cell.slice(0, 20)}' is not a number.`);
+      if (["x", "y", "angle"].includes(name)) pose[name] = cell ? value : null;
+      else if (name === "t") pose.t = value;
+      else if (cell) for (const one of name === "w" ? ["wr", "wp"] : [name]) pose[one] = value;
+    }
+    if (!has("t") && !(place && placeOf(pose)) && !(has("angle") && pose.angle !== null)) throw new Error(`Line ${at[k]} has neither a place nor an angle.`);
+    return pose;
+  });
+  const next = { ...clone(motion), poses };
+  next.wanted = place && has("angle") ? "both" : place ? "position" : "rotation";
+  if (has("t")) {
+    const first = poses[0].t, whole = poses.at(-1).t - first;
+    next.direction = whole < 0 ? -1 : 1;
+    next.span = Math.abs(whole);
+    poses.forEach((pose) => { pose.t = (pose.t - first) * next.direction; });
+    const step = next.span / (poses.length - 1);
+    next.timing = poses.every((pose, k) => Math.abs(pose.t - k * step) <= 1e-9 * next.span) ? "even" : "table";
+  } else {
+    next.timing = place ? "free" : "even";
+    fixTravels(next);
+  }
+  return next;
+}
+
+/** The poses as CSV that `fromCsv` reads; crank angles only where they are given. */
+export function toCsv(motion) {
+  const { poses, direction } = motion, own = (name) => poses.some((pose) => pose[name] !== undefined);
+  const columns = [];
+  if (motion.timing !== "free") {
+    const timed = clone(motion);
+    fixTravels(timed);
+    columns.push(["crank", (_, k) => direction * timed.poses[k].t]);
+  }
+  if (wantsPlaces(motion)) columns.push(["x", (pose) => placeOf(pose)?.[0]], ["y", (pose) => placeOf(pose)?.[1]]);
+  if (wantsAngles(motion)) columns.push(["angle", (pose) => pose.angle]);
+  for (const [name, key] of Object.entries(COLUMNS)) if (key !== "w" && name.includes("_") && key.length === 2 && own(key)) columns.push([name, (pose) => pose[key]]);
+  const lines = poses.map((pose, k) => columns.map(([, value]) => value(pose, k) ?? "").join(","));
+  return [columns.map(([name]) => name).join(","), ...lines, ""].join("\n");
+}
+
+const toBase64 = (bytes) => {
+  let text = "";
+  for (const byte of bytes) text += String.fromCharCode(byte);
+  return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+};
+const fromBase64 = (text) => Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
+const through = async (bytes, stream) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
+
+/** A request as the fragment of a link, the part behind #. */
+export async function toFragment(request) {
+  const bytes = new TextEncoder().encode(JSON.stringify(request));
+  if (typeof CompressionStream === "undefined") return `j=${toBase64(bytes)}`;
+  return `z=${toBase64(await through(bytes, new CompressionStream("deflate-raw")))}`;
+}
+
+/** The request in the fragment of a link; null if there is none. Throws Error for a damaged one. */
+export async function fromFragment(fragment) {
+  const [, kind, text] = /^#?([zj])=(.+)$/.exec(fragment) ?? [];
+  if (!kind) return null;
+  try {
+    const bytes = fromBase64(text);
+    return JSON.parse(new TextDecoder().decode(kind === "z" ? await through(bytes, new DecompressionStream("deflate-raw")) : bytes));
+  } catch (error) {
+    throw new Error("The link is damaged: its motion cannot be read.", { cause: error });
+  }
+}

@@ -1,0 +1,49 @@
+// Where a solution passes the samples: its crank angles at them, those of the request or its own, and the interval it uses.
+
+import { travels } from "./motion.js";
+
+const TURN = 360;
+
+/** The shortest arc, [first, last] in degrees, that holds all angles and the angle 0. */
+function shortestArc(angles) {
+  const within = angles.map((angle) => ((angle % TURN) + TURN) % TURN).sort((a, b) => a - b);
+  let [gap, begin] = [-1, 0];
+  within.forEach((angle, k) => {
+    const next = k + 1 < within.length ? within[k + 1] : within[0] + TURN;
+    if (next - angle > gap) [gap, begin] = [next - angle, next % TURN];
+  });
+  return begin > 0 ? [begin - TURN, begin - gap] : [0, TURN - gap];
+}
+
+/**
+ * For a solution of a motion, in degrees of crank from the first sample: `angles` at the samples, with sign; `sense`, 1 or -1, of
+ * the crank; the interval used as travels in that sense from `low` to `high`; `order`, the samples as they are passed.
+ */
+export function passing(solution, motion, turnsFully) {
+  const own = motion.timing === "free" ? solution.crank_angle : null;
+  const order = Array.from({ length: (own ?? motion.poses).length }, (_, k) => k);
+  if (own && motion.anyOrder) {
+    const [first, last] = motion.closed && turnsFully ? [0, TURN] : shortestArc(own);
+    const angles = own.map((angle) => (angle > last + 1e-9 ? angle - TURN : angle));
+    order.sort((a, b) => angles[a] - angles[b]);
+    return { angles, sense: 1, low: first, high: last, order };
+  }
+  const given = own ?? travels(motion).map((travel) => motion.direction * travel);
+  const sense = given.at(-1) < 0 ? -1 : 1, last = Math.abs(given.at(-1) ?? 0);
+  return { angles: given, sense, low: 0, high: own && motion.closed && turnsFully ? TURN : last, order };
+}
+
+/** Travels from `low` to `high` at which the samples are passed, in the crank's sense; those outside come in by whole turns. */
+export function marksWithin({ angles, sense }, low, high) {
+  return angles.map((angle) => {
+    const travel = sense * angle;
+    if (travel < low - 1e-9) return travel + TURN <= high + 1e-9 ? travel + TURN : null;
+    return travel <= high + 1e-9 ? travel : null;
+  });
+}
+
+/** The difference of two angles in degrees; where the crank angles are free, whole turns do not count. */
+export function angleError(motion, wanted, found) {
+  const gap = wanted - found;
+  return motion.timing === "free" ? gap - TURN * Math.round(gap / TURN) : gap;
+}

@@ -1,0 +1,40 @@
+// The verdict of a solution in words: a mark for the list, and what was judged, with all reasons, for the details.
+
+const DEFECTS = ["order", "branch", "circuit"];
+
+/** A reason as a sentence of its own. */
+const sentence = (reason) => {
+  const short = reason.replaceAll(/(\d) degrees/g, "$1°");
+  return `${short[0].toUpperCase()}${short.slice(1)}${/[.!?]$/.test(short) ? "" : "."}`;
+};
+
+/** The names of what keeps a linkage from making its motion as a machine: "order", "branch", "circuit". */
+export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);
+
+/** {kind, sign, text}: what the list says of a solution; null without a verdict. */
+export function mark(verdict) {
+  if (!verdict) return null;
+  const { reasons = [] } = verdict, wrong = defects(verdict);
+  if (wrong.length) return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
+  if (!reasons.length && verdict.buildable && verdict.within_tolerance !== false) return { kind: "good", sign: "✓", text: verdict.within_tolerance ? "buildable, within tolerance" : "buildable" };
+  const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
+  const first = reasons.length ? sentence(reasons[0]).replace(/\.$/, "") : verdict.buildable ? "outside the tolerance" : "not buildable";
+  return { kind: "poor", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
+}
+
+/** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
+export function judged(verdict, motion) {
+  const free = motion.timing === "free";
+  const passes = !free ? "the crank passes the samples at the angles given" : motion.anyOrder ? "a crank that turns one way passes all samples" : "a crank that turns one way passes the samples in the order given";
+  const rows = [
+    ["Order", verdict.order, verdict.order ? passes : passes.replace("passes", "does not pass")],
+    ["Branch", verdict.branch, verdict.branch ? "all samples lie on one branch" : "samples lie on different branches: a dead position comes between"],
+    ["Circuit", verdict.circuit, verdict.circuit ? "all samples, and all between, lie on one circuit" : "samples lie on different circuits: it would have to be taken apart"],
+  ];
+  if (verdict.within_tolerance !== null) rows.push(["Tolerance", verdict.within_tolerance, verdict.within_tolerance ? "every sample keeps it" : "not every sample keeps it"]);
+  rows.push(["Buildable", verdict.buildable, verdict.buildable ? "no practical limit is broken" : "a practical limit is broken"]);
+  return rows;
+}
+
+/** All reasons as sentences. */
+export const reasons = (verdict) => (verdict.reasons ?? []).map(sentence);
