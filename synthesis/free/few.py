@@ -22,10 +22,10 @@ def sampled_dyads(body: Body, count: int, random: np.random.Generator) -> Dyads:
         points = _burmester_points(body, count, random)
     else:
         points = np.concatenate([_cloud(count - count // 2, random), _near_poles(body, count // 2, random)])
+    points = points[np.abs(points) < FARTHEST]  # a pole is at infinity where two poses have the same rotation
     places = body.places(points)
     centre = _between(places, random) if poses == 2 else _circumcentre(places[:, 0], places[:, 1], places[:, 2])
-    size = np.maximum(np.abs(points), np.abs(centre))
-    proper = np.isfinite(size) & (size < FARTHEST)
+    proper = np.isfinite(centre) & (np.abs(centre) < FARTHEST)
     return body.with_radius(points[proper], centre[proper])
 
 
@@ -42,6 +42,7 @@ def _near_poles(body: Body, count: int, random: np.random.Generator) -> Complexe
     first, second = first[pick], second[pick]
     with np.errstate(divide="ignore", invalid="ignore"):
         pole = (body.position[second] - body.position[first]) / (body.turned[first] - body.turned[second])
+    pole = np.where(np.isfinite(pole), pole, np.inf)
     return pole + 10.0 ** random.uniform(-3, 0, count) * np.exp(2j * np.pi * random.uniform(0, 1, count))
 
 

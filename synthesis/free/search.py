@@ -106,7 +106,8 @@ def search_free(
     elif not poses.ordered:
         raise FieldError("/order", "'any' needs rotation and position at three samples or more: a path has an order")
     reached = Status.of(solutions, tolerance) is Status.REACHED
-    if not by_dyads or (poses.full.size < poses.samples and not reached and poses.ordered and not work.expired()):
+    unfinished = not solutions or (poses.full.size < poses.samples and not reached)
+    if not by_dyads or (unfinished and poses.ordered and not work.expired()):
         chart, begin = GrashofChart(), work.elapsed
         found = search_path(poses, chart, screens(limits.family), tolerance, work)
         for seconds, objective in found.trace:

@@ -188,6 +188,25 @@ def test_paths_are_found_with_their_cognates() -> None:
     assert caught.value.field == "/order"
 
 
+@pytest.mark.parametrize(
+    ("rotation", "position"),
+    [
+        ([0, 0], [[0, 0], [10, 5]]),
+        ([0, 0, 0], [[0, 0], [10, 5], [30, 0]]),
+        ([0] * 6, [[0, 0], [10, 5], [30, 0], [40, 3], [50, 9], [70, 1]]),
+        ([0, 10, 20], [[0, 0], [10, 0], [20, 0]]),
+        ([0, 10, 20, 30, 40, 50], [[0, 0], [10, 0], [20, 0], [30, 0], [40, 0], [50, 0]]),
+        ([0, 90], [[0, 0], [0, 0.0001]]),
+        (None, [[0, 0], [1, 0], [2, 0], [3, 0], [4, 0], [5, 0]]),
+        (None, [[0, 0], [1, 0], [1, 1], [0, 1]]),
+    ],
+)
+def test_translations_lines_and_corners_have_a_closest_linkage(rotation, position) -> None:
+    found = la.synthesize(rotation, position, timing="free", top=2)
+    assert found.solutions and found.status in ("reached", "closest")
+    assert found.best.errors.objective < 0.05
+
+
 def test_time_is_kept(motion) -> None:
     random = np.random.default_rng(1)
     turns, points = 40 * random.standard_normal(12), 30 * random.standard_normal((12, 2))
