@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import Features, Match, Matches, MatchReport, Report, Result
 from linkage_atlas.atlases import Atlas
-from linkage_atlas.finish import finished, read_tolerances, status_of
+from linkage_atlas.finish import cognate_notes, finished, read_tolerances, status_of
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, number, read_limits
 from synthesis.atlas.best import best_rows
@@ -178,6 +178,7 @@ def synthesize(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
             "see `determination` of each solution"
         )
+    notes += cognate_notes(solutions) if motion.samples.rotation is None else []
     if not solutions and went.stopped_by == "budget":
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     total = watch.elapsed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -178,6 +179,15 @@ def _verdict(
             reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
     faults = practical_faults(one, target, excursion)
     return Verdict(passing.order, passing.branch, passing.circuit, within, not faults, (*reasons, *faults))
+
+
+def cognate_notes(solutions: Sequence[Solution]) -> list[str]:
+    """Which solutions of a path draw the same curve by Roberts' theorem."""
+    pairs = itertools.combinations(solutions, 2)
+    alike = [(one.rank, other.rank) for one, other in pairs if one.linkage.is_cognate_of(other.linkage)]
+    return [
+        f"solutions {a} and {b} are Roberts cognates: different linkages that draw the same curve" for a, b in alike
+    ]
 
 
 def _in_unit(errors: Errors, radian: float) -> Errors:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from linkage_atlas.motions import Motion, column, number, radians_in
 from synthesis.errors import FieldError
 from synthesis.fourbar import drawing, files
+from synthesis.fourbar.cognates import are_cognates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval, Target
 
@@ -203,6 +204,11 @@ class FourBar:
     def turns_fully(self) -> bool:
         """Whether the crank can turn fully."""
         return self._linkage.turns_fully
+
+    def is_cognate_of(self, other: FourBar) -> bool:
+        """Whether both are Roberts cognates: different linkages whose body points draw the same curve."""
+        both = self._linkage, other._linkage
+        return all(one.mounted for one in both) and are_cognates(*both)
 
     # -- how it moves -------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,48 @@
+"""Roberts' cognates draw the same curve, and are recognised among the answers to a path."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from synthesis.fourbar.cognates import cognates
+from synthesis.fourbar.linkage import Linkage
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_cognate_passes_all_points_of_the_curve(seed) -> None:
+    random = np.random.default_rng(seed)
+    lengths = np.sort(random.uniform(20, 100, 4))
+    lengths[3] = lengths[1] + lengths[2] - lengths[0] - random.uniform(0.05, 0.9) * (lengths[1] - lengths[0])
+    place = complex(*random.uniform(-50, 50, 2))
+    point = random.uniform(10, 80), random.uniform(-3, 3)
+    assert lengths[0] + lengths[3] < lengths[1] + lengths[2], "it closes everywhere"
+    one = Linkage(tuple(lengths.tolist()), 1, 0.3, place, random.uniform(-3, 3), point, None)
+    curve = one.joints(np.linspace(0, 1.0, 9)).body_point
+    for links, (first, second) in cognates(one):
+        # the other linkage closes at every point: its two dyads reach it with a coupler triangle that keeps its shape
+        assert abs(first - second) == pytest.approx(links[3])
+    # driven like the first one: the crank of the second cognate turns by the same angles from the third pivot
+    crank, coupler, rocker, _ = cognates(one)[1][0]
+    third = cognates(one)[1][1][0]
+    part = point[0] / lengths[1] * np.exp(1j * point[1])
+    joints = one.joints(np.linspace(0, 1.0, 9))
+    pin = third + (1 - part) * (joints.crank_pin - one.pivot_a)
+    other = one.pivot_b + curve - joints.coupler_pin
+    assert np.abs(pin - third) == pytest.approx(crank)
+    assert np.abs(other - one.pivot_b) == pytest.approx(rocker)
+    assert np.abs(other - pin) == pytest.approx(coupler)
+    arm = (curve - pin) / (other - pin)
+    assert np.abs(arm - arm[0]).max() < 1e-9, "the point is fixed to the coupler"
+
+
+def test_the_answers_to_a_path_name_their_cognates() -> None:
+    linkage = la.FourBar(19, 72, 64, 80, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point=(50, 30))
+    points = linkage.joints(np.linspace(0, 300, 12)).body_point
+    found = la.synthesize(position=points, timing="free", top=4)
+    exact = [one for one in found.solutions if one.errors.objective < 1e-9]
+    assert len(exact) == 2
+    assert exact[0].linkage.is_cognate_of(exact[1].linkage) and exact[1].linkage.is_cognate_of(exact[0].linkage)
+    assert not exact[0].linkage.is_cognate_of(exact[0].linkage)
+    assert any("solutions 1 and 2 are Roberts cognates" in note for note in found.report.notes)
