@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,28 +25,45 @@ _TRANSMISSION_STEP = np.deg2rad(5.0)
 """Exact answers whose transmission angles differ by less are ranked by how compact they are."""
 
 
-class _Mounted:
+class _Mounted(NamedTuple):
     """Candidates in the user's unit of length."""
 
-    def __init__(self, poses: Poses, pool: Pool, chart: Chart) -> None:
+    poses: Poses
+    cost: Floats
+    branch: Floats
+    links: Floats
+    pivot: Complexes
+    turn: Floats
+    """Ground angles."""
+    coupler: Complexes
+    start: Floats
+    crank: Floats
+    """(n, N): crank angles from the first sample, of all samples that were asked for."""
+    offset: Floats
+
+    @classmethod
+    def of(cls, poses: Poses, pool: Pool, chart: Chart) -> _Mounted:
+        """The candidates of a pool."""
         timed = pool.timed
-        self.poses, self.branch, self.cost = poses, timed.branch, pool.cost
         a, z1, z2 = timed.pose.T
-        lengths = chart.shape(timed.shape).lengths
-        scale = poses.length_scale
-        self.links = lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None]
-        self.pivot, self.turn, self.coupler = poses.middle + scale * a, np.angle(z1), scale * z2
-        self.start = timed.angles[:, 0]
-        self.crank = poses.whole(timed.angles - self.start[:, None])
-        self.offset = timed.offset
+        lengths, scale = chart.shape(timed.shape).lengths, poses.length_scale
+        start = timed.angles[:, 0]
+        return cls(
+            poses,
+            pool.cost,
+            timed.branch,
+            lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None],
+            poses.middle + scale * a,
+            np.angle(z1),
+            scale * z2,
+            start,
+            poses.whole(timed.angles - start[:, None]),
+            timed.offset,
+        )
 
     def take(self, places: Any) -> _Mounted:
         """Some of them."""
-        part = object.__new__(_Mounted)
-        part.poses = self.poses
-        for name in ("branch", "cost", "links", "pivot", "turn", "coupler", "start", "crank", "offset"):
-            setattr(part, name, getattr(self, name)[places])
-        return part
+        return _Mounted(self.poses, *(column[places] for column in self[1:]))
 
     @property
     def pivots(self) -> list[Complexes]:
@@ -110,7 +127,7 @@ def solutions_of(
     """
     if not pool.cost.size:
         return []
-    every = _Mounted(poses, pool.take(np.isfinite(pool.cost)), chart)
+    every = _Mounted.of(poses, pool.take(np.isfinite(pool.cost)), chart)
     target = every.target
     kept = limits.kept_by(target, every.links, every.start, every.pivots)
     kept &= np.all(np.isfinite(every.links) & (every.links > 0), axis=1)
