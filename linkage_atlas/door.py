@@ -45,7 +45,7 @@ def screens(family: str) -> tuple[PathScreen, ...]:
 
 
 def prepare() -> None:
-    """Make now what the first request would make: the coarse tables of the searches (about 0.1 s)."""
+    """Make now what the first request would make: the coarse tables of the searches (about 0.3 s)."""
     seed_tables()
     screens("full_crank")
 
