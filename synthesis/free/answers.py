@@ -131,6 +131,9 @@ def solutions_of(
     target = every.target
     kept = limits.kept_by(target, every.links, every.start, every.pivots)
     kept &= np.all(np.isfinite(every.links) & (every.links > 0), axis=1)
+    if poses.ordered:
+        used = np.abs(pool.timed.angles[np.isfinite(pool.cost)][:, [0, -1]] @ [-1.0, 1.0])
+        kept &= used <= poses.span_max * (1 + 1e-9)
     every = every.take(np.flatnonzero(kept))
     ranked = every.take(every.order(tolerance)[: 8 * top + 20])
     found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]

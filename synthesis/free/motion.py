@@ -177,8 +177,10 @@ class _Motion:
     def four_bars(self, dyads: Dyads, repair: bool = False, most: int = 150) -> Timed:
         """The four-bars of pairs of dyads, with an angle at every sample; of many, those that fit the rest best."""
         timed = four_bars(self.poses, self.body, dyads, self.family, repair)
-        if not self.mixed or not timed.branch.size:
+        if not self.mixed:
             return timed
+        if not timed.branch.size:
+            return timed._replace(angles=np.empty((0, self.poses.samples)))
         found = aligned(self.problem, timed, self.poses.full)
         return found.timed.take(np.argsort(found.cost, kind="stable")[:most])
 

@@ -25,6 +25,8 @@ Complexes = NDArray[np.complex128]
 _STARTS, _SAMPLES, _HARMONICS = 18, 64, 6
 _EACH = 60
 _SPAN_CELL = 0.6
+_WITHIN_SPAN = 0.95
+"""Part of the largest span that is allowed which a guess may take up."""
 
 
 class Timing(NamedTuple):
@@ -137,7 +139,8 @@ class PathScreen:
     def timing_of(self, poses: Poses) -> Floats:
         """Guesses of the crank angles from the first sample on, (guesses, N)."""
         ways = (way_along(poses, power) for power in self.timing.powers)
-        return np.array([sign * span * way for way in ways for span in self.timing.spans for sign in (1.0, -1.0)])
+        spans = sorted({min(span, _WITHIN_SPAN * poses.span_max) for span in self.timing.spans})
+        return np.array([sign * span * way for way in ways for span in spans for sign in (1.0, -1.0)])
 
 
 def way_along(poses: Poses, power: float) -> Floats:

@@ -87,6 +87,14 @@ def test_half_of_the_rotations_may_be_missing(samples) -> None:
         assert checked(case, found, rotation).min() < EXACT, seed
 
 
+def test_dyads_of_which_no_pair_will_do_are_no_error() -> None:
+    case = free_case(0, 8)
+    rotation = [float(np.rad2deg(turn)) if k in (0, 3, 7) else None for k, turn in enumerate(case.rotation)]
+    for limit in (0.2, 5.0):
+        found = la.synthesize(rotation, case.position, timing="free", crank_span_max=limit, budget=1.0)
+        assert all(abs(one.crank_angle[-1]) <= limit * (1 + 1e-9) for one in found.solutions)
+
+
 def same_linkages(one: la.Result, other: la.Result, scale: float = 1.0) -> None:
     """The exact linkages of both answers are the same, whatever their rank."""
     first, second = ([s.linkage.links for s in r.solutions if s.errors.objective < EXACT] for r in (one, other))
