@@ -165,7 +165,8 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     public = [
         row
         | {
-            "known": ", ".join(f"{name} {value}" for name, value in row["best_known"].items()),
+            "known": ", ".join(f"{name} {value}" for name, value in row["best_known"].items() if name != "who"),
+            "longest": max(row["links"]) if row["links"] else None,
             "turn": report.significant(row["rotation_rms_deg"]),
         }
         for row in results.get("public", [])
