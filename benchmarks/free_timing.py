@@ -139,7 +139,7 @@ def public_case(path: Path) -> list[dict[str, Any]]:
                 "citation": told["citation"],
                 "samples": position.size,
                 "family": family,
-                "best_known": told["best_known"],
+                "best_known": {name: value for name, value in told["best_known"].items() if name != "who"},
                 "position_rms": found.best.errors.position_rms if found.solutions else None,
                 "sse": position.size * found.best.errors.position_rms**2 if found.solutions else None,
                 "rotation_rms_deg": np.rad2deg(found.best.errors.rotation_rms) if told.get("rotation") else None,
@@ -165,7 +165,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     public = [
         row
         | {
-            "known": ", ".join(f"{name} {value}" for name, value in row["best_known"].items() if name != "who"),
+            "known": ", ".join(f"{name} {value}" for name, value in row["best_known"].items()),
             "longest": max(row["links"]) if row["links"] else None,
             "turn": report.significant(row["rotation_rms_deg"]),
         }
