@@ -76,7 +76,9 @@ def command() -> Iterator:
 
 def start(*arguments: object, **options) -> subprocess.Popen:
     """The command line in a process of its own."""
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
+    # shells start background jobs with SIGINT ignored, which children inherit: what is tested here is that it interrupts
+    usual = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL), "text": True}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | usual | options
     return subprocess.Popen([sys.executable, "-m", "data_build", *map(str, arguments)], cwd=ROOT, **pipes)
 
 
