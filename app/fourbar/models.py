@@ -15,7 +15,6 @@ Curve = Annotated[list[Number], Field(min_length=MIN_SAMPLES, max_length=MAX_SAM
 Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Path = Annotated[list[Point], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)]
 SampledCurve = Annotated[list[Number | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]

@@ -82,7 +82,7 @@ class _Mounted(NamedTuple):
         """Places, best first: by J; of exact ones by transmission angle, and then the most compact first."""
         objective = np.sqrt(self.cost)
         rest = np.where(objective < tolerance, 0.0, objective)
-        used = self.target.interval.after(self.start)
+        used = self.poses.used(self.crank).interval.after(self.start)
         transmission = np.nan_to_num(transmission_angle_over(self.links, used))
         middle, scale = self.poses.middle, self.poses.length_scale
         far = np.max(np.abs(np.array(self.pivots) - middle), axis=0) / scale
@@ -128,8 +128,7 @@ def solutions_of(
     if not pool.cost.size:
         return []
     every = _Mounted.of(poses, pool.take(np.isfinite(pool.cost)), chart)
-    target = every.target
-    kept = limits.kept_by(target, every.links, every.start, every.pivots)
+    kept = limits.kept_by(poses.used(every.crank), every.links, every.start, every.pivots)
     kept &= np.all(np.isfinite(every.links) & (every.links > 0), axis=1)
     if poses.ordered:
         used = np.abs(pool.timed.angles[np.isfinite(pool.cost)][:, [0, -1]] @ [-1.0, 1.0])

@@ -17,7 +17,6 @@ from synthesis.free.poses import Poses
 from synthesis.free.rows import JointProblem, Rows, Timed, Turned
 from synthesis.mechanism import BodyAngles, Chart
 from synthesis.search.schedule import PENALTIES
-from synthesis.target import Target
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
@@ -41,6 +40,7 @@ class LimitedJoint(JointProblem):
     def __init__(self, poses: Poses, chart: Chart, limits: Limits, penalty: float) -> None:
         super().__init__(poses, chart)
         self.limits, self.penalty = limits, penalty
+        self.plain = JointProblem(poses, chart)
 
     def posed(self, timed: Timed, turned: Turned) -> Timed:
         """The candidates as they are: their pose is an unknown."""
@@ -54,7 +54,7 @@ class LimitedJoint(JointProblem):
         actual = lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None]
         pivots = FOURBAR.pivots(actual, self.poses.middle + scale * a, np.angle(z1))
         start = timed.angles[:, 0]
-        used = Target(None, None, scale, crank=timed.angles - start[:, None], found=True)
+        used = self.poses.used(timed.angles - start[:, None])
         with np.errstate(divide="ignore", invalid="ignore"):
             slacks = self.limits.slacks(used, actual, start, pivots)
         return np.nan_to_num(slacks, nan=-1.0, neginf=-1e3, posinf=1e3)
@@ -80,7 +80,7 @@ class LimitedJoint(JointProblem):
 
     def evaluate(self, timed: Timed, turned: Turned) -> Rows:
         """Rows and derivatives, those of the limits by differences."""
-        plain = JointProblem.evaluate(_Plain(self), timed, turned)
+        plain = self.plain.evaluate(timed, turned)
         broken = self._broken(timed)
         by_unknown = np.zeros((len(broken), self.columns + 1, broken.shape[1]))
         by_unknown[:, -1] = broken
@@ -103,13 +103,6 @@ class LimitedJoint(JointProblem):
     def moved(self, timed: Timed, step: Floats, turn: Floats) -> Timed:
         """Candidates after a step."""
         return super().moved(timed, step, turn[:, : self.poses.samples])
-
-
-class _Plain(JointProblem):
-    """The same problem without its limits' rows."""
-
-    def __init__(self, limited: LimitedJoint) -> None:
-        self.__dict__.update(limited.__dict__)
 
 
 def within_limits(poses: Poses, chart: Chart, limits: Limits, pool: Pool, work: Work) -> Pool:

@@ -73,6 +73,10 @@ class Poses(Samples):
             given &= part is not None if weights is None else weights > 0
         return np.flatnonzero(given)
 
+    def used(self, crank: Floats) -> Target:
+        """Crank angles (n, N) and length scale alone: all that limits need to know of the request."""
+        return Target(None, None, self.length_scale, crank=crank, found=True)
+
     def timed(self, crank: Floats, rotation: Floats | None) -> Target:
         """The request with crank angles from the first sample, of one linkage or of several.
 
