@@ -5,6 +5,7 @@ Different seeds find more than many seeds: the best rows of a dense table lie in
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.mechanism import Mechanism
+from synthesis.search.windows import Windows
 from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
@@ -74,6 +76,11 @@ class SeedTables:
             )
             for lengths in mechanism.tables
         ]
+
+    @cache
+    def windows(self, family: str) -> Windows:
+        """The windows of a family's types for a search within limits; made by the first that asks."""
+        return Windows(self.mechanism, self.mechanism.bounded_types(family))
 
     @property
     def nbytes(self) -> int:
