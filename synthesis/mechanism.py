@@ -119,6 +119,10 @@ class Constrained(NamedTuple):
 class Constraints(Protocol):
     """The limits of a request in a unit of length."""
 
+    @property
+    def any(self) -> bool:
+        """Whether there are any."""
+
     def __call__(self, placed: Placed) -> Constrained:
         """The constraints at linkages in that unit."""
 
@@ -225,6 +229,9 @@ class Mechanism(Protocol):
 
     def bounded_types(self, family: str) -> Floats:
         """Lengths (T, d) of coarse types of a family for that, those next to its bounds among them."""
+
+    def keeps(self, target: Target, limits: Any, placed: Placed) -> Flags:
+        """Which linkages, placed in the user's unit, keep limits, (n,)."""
 
     def within(self, target: Target, limits: Any, solutions: list[Any]) -> list[Any]:
         """The solutions that keep limits, checked on their own numbers."""

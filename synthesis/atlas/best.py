@@ -9,6 +9,7 @@ from synthesis.atlas.scan import Scan
 from synthesis.atlas.windows import Floats, ScanReport, Windows
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import Solution
+from synthesis.mechanism import Placed
 from synthesis.pose import fit_positions
 from synthesis.ranking import distinct
 from synthesis.target import Target
@@ -72,12 +73,12 @@ def _first_of_each(target: Target, windows: Windows) -> NDArray[np.intp]:
 
 def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> NDArray[np.bool_]:
     lengths, start = scan.lengths[windows.row], scan.start_angles(windows)
-    if limits.only_family:
-        return limits.family_holds(target, lengths, start)
-    if target.position is None:
-        return limits.kept_by(target, lengths / lengths[:, 3:], start, ())
-    fit = fit_positions(target, scan.angles(target, windows))
-    scale = np.abs(fit.crank_vector) / lengths[:, 0]
-    links = lengths * np.maximum(scale, np.finfo(float).tiny)[:, None]
-    pivots = scan.mechanism.pivots(links, fit.pivot, np.angle(fit.crank_vector) - start)
-    return limits.kept_by(target, links, start, pivots)
+    placed = Placed(lengths, windows.branch.astype(float), target.interval.after(start))
+    if not limits.only_family and target.position is not None:
+        fit = fit_positions(target, scan.angles(target, windows))
+        scale = np.maximum(np.abs(fit.crank_vector) / lengths[:, 0], np.finfo(float).tiny)
+        turned = np.angle(fit.crank_vector) - start
+        placed = placed._replace(
+            lengths=lengths * scale[:, None], pivot=fit.pivot, turned=turned, coupler=fit.coupler_vector
+        )
+    return scan.mechanism.keeps(target, limits, placed)

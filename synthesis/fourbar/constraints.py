@@ -41,6 +41,11 @@ class Constraints:
     def __init__(self, limits: Limits, middle: complex = 0j, scale: float = 1.0) -> None:
         self.limits, self.middle, self.scale = limits, middle, scale
 
+    @property
+    def any(self) -> bool:
+        """Whether there are any."""
+        return not self.limits.only_family
+
     def __call__(self, placed: Placed) -> Constrained:
         """The constraints at linkages."""
         columns, limits = _Columns(placed), self.limits

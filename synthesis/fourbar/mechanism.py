@@ -14,8 +14,8 @@ from synthesis.fourbar.kinematics import close_loop, coupler_angle, wrap
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import Solution, assess, four, mounted
-from synthesis.fourbar.within import bounded_types, ways, within
-from synthesis.mechanism import Bounded
+from synthesis.fourbar.within import bounded_types, keeps, ways, within
+from synthesis.mechanism import Bounded, Placed
 from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
@@ -68,6 +68,10 @@ class FourBar:
     def bounded_types(self, family: str) -> Floats:
         """Coarse types of a family, change points among them."""
         return bounded_types(family)
+
+    def keeps(self, target: Target, limits: Limits, placed: Placed) -> NDArray[np.bool_]:
+        """Which linkages keep limits."""
+        return keeps(target, limits, placed)
 
     def within(self, target: Target, limits: Limits, solutions: list[Solution]) -> list[Solution]:
         """The solutions that keep limits."""

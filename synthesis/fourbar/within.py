@@ -14,7 +14,7 @@ from synthesis.fourbar.kinematics import transmission_angle_over
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.solution import Solution
 from synthesis.mechanism import Bounded, Box, Boxes, Placed
-from synthesis.target import Target
+from synthesis.target import Samples, Target
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -29,9 +29,13 @@ _KEPT = 1e-9
 """To which, over the length scale, an answer must keep a given length or place."""
 
 
-def ways(target: Target, limits: Limits) -> list[Bounded]:
-    """How four-bars within limits are looked for: among full cranks, and then, where any family will do, among all."""
-    posed = target.position is not None and not limits.on_shape
+def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bounded]:
+    """How four-bars within limits are looked for: among full cranks, and then, where any family will do, among all.
+
+    ``posed``: whether the pose is an unknown beside the shape; default: where limits concern it.
+    """
+    if posed is None:
+        posed = target.position is not None and not limits.on_shape
     middle, scale, boxes = 0j, 1.0, None
     if posed:
         assert target.position is not None
@@ -90,21 +94,30 @@ def bounded_types(family: str) -> Floats:
     return lengths[in_family(family, lengths)]
 
 
-def kept(limits: Limits, placed: Placed, middle: complex = 0j, scale: float = 1.0) -> Flags:
-    """Which linkages, placed in the user's unit, keep limits, (n,)."""
+def keeps(target: Samples, limits: Limits, placed: Placed) -> Flags:
+    """Which linkages, placed in the user's unit, keep limits, (n,).
+
+    Parameters
+    ----------
+    target : Samples
+        Whose mean position and length scale the constraints are measured in.
+    limits : Limits
+    placed : Placed
+    """
     if limits.family == "any":
         holds = transmission_angle_over(placed.lengths, placed.used) > 0
     else:
         holds = in_family(limits.family, placed.lengths)
     if limits.only_family:
         return holds
+    middle, scale = 0j, 1.0
     if placed.pivot is not None:
+        assert target.position is not None and placed.coupler is not None
+        middle, scale = complex(target.position_mean(target.position)), target.length_scale
         placed = placed._replace(
             lengths=placed.lengths / scale, pivot=(placed.pivot - middle) / scale, coupler=placed.coupler / scale
         )
-        found = Constraints(limits, middle, scale)(placed)
-    else:
-        found = Constraints(limits)(placed)
+    found = Constraints(limits, middle, scale)(placed)
     inside = np.where(found.equal, np.abs(found.values) <= _KEPT, found.values >= 0)
     return holds & np.all(inside, axis=1)
 
@@ -114,19 +127,17 @@ def within(target: Target, limits: Limits, solutions: list[Solution]) -> list[So
     if not solutions:
         return []
     linkages = [one.linkage for one in solutions]
-    start = np.array([one.start for one in linkages])
     placed = Placed(
         np.array([one.links for one in linkages]),
         np.array([float(one.branch) for one in linkages]),
-        target.interval.after(start),
+        target.interval.after(np.array([one.start for one in linkages])),
     )
-    middle, scale = 0j, 1.0
     if target.position is not None:
-        middle, scale = complex(target.position_mean(target.position)), target.length_scale
         turned = np.array([one.ground_angle for one in linkages])
         points = np.array([one.coupler_point for one in linkages])
         coupler = points[:, 0] * np.exp(1j * (points[:, 1] + turned))
-        pivot = np.array([one.pivot_a for one in linkages])
-        placed = placed._replace(pivot=pivot, turned=turned, coupler=coupler)
-    keeps = kept(limits, placed, middle, scale) & np.isfinite([one.errors.objective for one in solutions])
-    return [one for one, keep in zip(solutions, keeps) if keep]
+        placed = placed._replace(
+            pivot=np.array([one.pivot_a for one in linkages]), turned=turned, coupler=coupler
+        )
+    kept = keeps(target, limits, placed) & np.isfinite([one.errors.objective for one in solutions])
+    return [one for one, keep in zip(solutions, kept) if keep]

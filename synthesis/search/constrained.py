@@ -22,6 +22,8 @@ Flags = NDArray[np.bool_]
 MARGIN = 1e-7
 """By which constraints are kept, so that rounding breaks none."""
 _LEAST_DAMPING = 1e-12
+_STALL, _HOPELESS = 1e-9, 1e10
+"""A descent ends where no candidate gains more than this part in a step, or its damping exceeds the other."""
 
 
 class Problem(Protocol):
@@ -116,15 +118,20 @@ def descend(problem: Problem, unknowns: Floats, branch: Floats, plan: Plan, work
         there, _ = _State.at(problem, trial, branch)
         before = here.cost + rho * np.einsum("nc,nc->n", active, active)
         new = _active(there.values, multipliers, rho, equal)
-        decrease = before - there.cost - rho * np.einsum("nc,nc->n", new, new)
-        better = np.where(np.isfinite(here.cost), decrease > 0, np.isfinite(there.cost))
-        gain = np.clip(np.nan_to_num(decrease) / np.maximum(predicted, 1e-300), 0, 1)
+        after = there.cost + rho * np.einsum("nc,nc->n", new, new)
+        closes = np.isfinite(before) & np.isfinite(after)
+        decrease = np.where(closes, before, 0.0) - np.where(closes, after, 0.0)
+        last = here.values.shape[1] == 0 or step >= plan.every * (len(plan.weights) - 1)
+        better = np.where(np.isfinite(before), decrease > 0, np.isfinite(after))
+        gain = np.clip(decrease / np.maximum(predicted, 1e-100), 0, 1)
         damping = np.where(better, damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), damping * growth)
         damping = np.clip(damping, _LEAST_DAMPING, 1e12)
         growth = np.where(better, 2.0, 2 * growth)
         for new_column, column in zip(there, here):
             new_column[~better] = column[~better]
         here = there
+        if last and np.all(better & (decrease <= _STALL * before) | (damping > _HOPELESS)):
+            break
     return Descended(here.unknowns, branch, here.cost, _broken(here.values, equal))
 
 

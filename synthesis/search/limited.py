@@ -33,12 +33,16 @@ _GAIN = 2e-3
 """A round that lowers J by a smaller part has gained nothing; two in a row end the search."""
 _ALIKE = 1e-3
 """Candidates whose J^2 differ by a smaller part lie in one valley."""
+_SAME_LENGTHS = 0.3
+"""Logarithms of lengths by which candidates of one valley differ at most."""
+_OPTIMA = 14
 _KEPT = 1e-9
 """To which an answer must keep equations; other constraints it keeps entirely."""
 
 _DOWN = Plan(15, (0.1, 0.3, 1.0, 3.0, 10.0), 3)
 _ON = Plan(24, (3.0, 10.0, 30.0, 100.0), 4)
 _TO_THE_END = Plan(30, (10.0, 30.0, 100.0, 300.0), 5)
+_STATIONARY = Plan(60, (100.0, 300.0, 1000.0), 8)
 
 
 def search_limited(
@@ -68,7 +72,7 @@ def search_limited(
     """
     run = _Run(target, way, windows, work, note)
     run.search()
-    return _valleys(run.answers, len(run.answers.branch), 1e-6), run.whole, run.used
+    return run.optima(), run.whole, run.used
 
 
 class _Run:
@@ -86,6 +90,8 @@ class _Run:
         nothing = np.empty(0)
         self.pool = Descended(np.empty((0, self.rough.unknowns)), nothing, nothing, nothing)
         self.answers = self.pool
+        self.polished = nothing
+        """Costs in the pool of candidates that were refined on all samples."""
 
     def search(self) -> None:
         """Rounds until they gain nothing."""
@@ -134,9 +140,32 @@ class _Run:
             found = descend(self.rough, found.unknowns, found.branch, _ON, self.work)
             self.pool = self.pool.joined(found)
         best = _valleys(self.pool, int(_POLISHED * share), _ALIKE, slack=1.0)
+        new = ~np.any(np.abs(best.cost[:, None] - self.polished) <= _ALIKE * best.cost[:, None], axis=1)
+        best = best.take(new)
         if len(best.branch):
+            self.polished = np.append(self.polished, best.cost)
             best = descend(self.whole, best.unknowns, best.branch, _TO_THE_END, self.work)
             self.keep(restored(self.whole, best))
+
+    def optima(self) -> Descended:
+        """The answers, the best of them descended to their end, one of each valley."""
+        best = _valleys(self.answers, _OPTIMA, _ALIKE)
+        if len(best.branch):
+            self.keep(restored(self.whole, descend(self.whole, best.unknowns, best.branch, _STATIONARY, self.work)))
+        return self._of_each_valley(self.answers)
+
+    def _of_each_valley(self, found: Descended) -> Descended:
+        """The best of those of nearly the same cost and lengths, best first."""
+        found = _valleys(found, len(found.branch), 1e-6)
+        lengths = np.log(self.whole.chart.shape(found.unknowns[:, : self.whole.size]).lengths)
+        if not isinstance(self.whole, PosedProblem):
+            lengths = lengths - lengths.mean(axis=1, keepdims=True)
+        kept: list[int] = []
+        for k in range(len(found.branch)):
+            same = (found.cost[k] <= found.cost[kept] * (1 + 10 * _ALIKE)) & (found.branch[k] == found.branch[kept])
+            if not np.any(same & np.all(np.abs(lengths[k] - lengths[kept]) < _SAME_LENGTHS, axis=1)):
+                kept.append(k)
+        return found.take(np.array(kept, dtype=int))
 
     def keep(self, found: Descended) -> None:
         """Take those that keep the limits as answers."""

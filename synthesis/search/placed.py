@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
 
+_NONE = np.empty(0, dtype=bool)
 _LONGEST_TURN, _LONGEST_WAY = 0.75, 2.0
 """Longest step of angles and of positions over l."""
 
@@ -51,6 +52,7 @@ class ShapeProblem:
         self.size = len(chart.cell) - 1
         self.projected = ProjectedProblem(target, chart)
         self.unknowns = self.size + 1
+        self.limited = constraints.any
 
     def evaluate(self, unknowns: Floats, branch: Floats) -> Evaluation:
         """Residuals and derivatives."""
@@ -62,6 +64,8 @@ class ShapeProblem:
 
     def constrained(self, unknowns: Floats, branch: Floats) -> Constrained:
         """Constraints, with derivatives by the unknowns, (n, C, unknowns)."""
+        if not self.limited:
+            return Constrained(np.empty((len(unknowns), 0)), np.empty((len(unknowns), 0, self.unknowns)), _NONE, [])
         shape, size = self.chart.shape(unknowns[:, : self.size]), self.size
         found = self.constraints(self.placed(unknowns, branch, shape.lengths))
         by_lengths = shape.jacobian.shape[1]
@@ -70,7 +74,10 @@ class ShapeProblem:
         slopes[:, :, size] = found.slopes[:, :, by_lengths] + found.slopes[:, :, by_lengths + 1]
         if self.unknowns > size + 1:
             slopes[:, :, size + 1 :] = found.slopes[:, :, by_lengths + 2 :]
-        return found._replace(values=np.nan_to_num(found.values, nan=-1.0), slopes=np.nan_to_num(slopes))
+        if not np.isfinite(found.values).all():  # where a linkage does not close
+            found = found._replace(values=np.nan_to_num(found.values, nan=-1.0))
+            slopes = np.nan_to_num(slopes)
+        return found._replace(slopes=slopes)
 
     def stepped(self, unknowns: Floats, step: Floats) -> Floats:
         """Unknowns after a step, each component cut by itself and kept within the chart's bounds."""

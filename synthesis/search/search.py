@@ -173,7 +173,8 @@ class _Search:
     # -- within limits, or where none is exact ------------------------------------------------------------------------
 
     def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any]) -> list[Any]:
-        """Go on within the limits, in one chart after the other; all solutions so far."""
+        """Go on within the limits, in one chart after the other; what it finds, and of the solutions those that are better."""
+        first, solutions = solutions, []
         charts = self.mechanism.charts(self.limits.family)
         for chart, way in zip(charts, self.mechanism.bounded(self.target, self.limits)):
             found, problem, seeds = search_limited(
@@ -196,7 +197,8 @@ class _Search:
                     solutions = solutions + self.polished(_FINISHED, 30)
             if self.done(sorted(solutions, key=lambda one: one.errors.objective)):
                 break
-        return solutions
+        best = min((one.errors.objective for one in solutions), default=np.inf)
+        return solutions + [one for one in first if one.errors.objective < best]
 
     def report(self, solutions: list[Any]) -> SearchReport:
         """How it went, by the objectives of the solutions that are returned."""
@@ -248,7 +250,8 @@ def search(
     run = _Search(tables, target, limits, tolerance, work or Work(), first)
     run.free_search(schedule.FIRST_LOOK)
     # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
-    solutions = run.polished(top + 4, 6 if run.reached else 30)
+    near = bool(run.pool.cost.size) and run.pool.cost.min() < _NEAR**2
+    solutions = run.polished(top + 4, 30 if near and not run.reached else 6)
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
     if not (run.done(solutions) or (solutions and run.reached)):
         solutions = run.bounded_search(tables.windows, solutions)
