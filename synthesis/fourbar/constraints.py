@@ -24,8 +24,8 @@ BEGIN, END, PIVOT, TURNED, COUPLER = 4, 5, 6, 8, 9
 COLUMNS = 11
 """Derivatives as `mechanism.Constrained` has them."""
 _GROUND = 3
-_TRACED = 33
-"""Crank angles at which joints are looked at before their extremes are refined."""
+_TRACED, _REFINEMENTS = 65, 3
+"""Crank angles at which joints are looked at, and how often their extremes are then refined."""
 
 
 class Constraints:
@@ -106,7 +106,7 @@ def _nearest(used: Interval) -> tuple[Floats, Floats]:
 
 
 class _Point(NamedTuple):
-    """A point of linkages, (n,), and its derivatives, (n, 11); moving ones hold (n, K) extremes of each direction."""
+    """A point of linkages, (n,), and its derivatives, (n, 11)."""
 
     place: Complexes
     slope: Complexes
@@ -243,50 +243,53 @@ class _Columns:
 
     def moving_joints(self) -> list[_Point]:
         """Crank pin, coupler pin and body point where each goes farthest to each side over the used interval."""
-        share = np.broadcast_to(np.linspace(0, 1, _TRACED), (self.count, _TRACED))
-        trace = [joint.place for joint in self._joints(share)]
-        farthest, step = [], 1 / (_TRACED - 1)
-        for place in trace:
-            for side in range(4):
-                way = _SIGN[side] * (place.imag if side % 2 else place.real)  # least where it goes farthest
-                farthest.append((way.argmin(axis=1), way))
-        at = np.stack([_refined(k, way, step) for k, way in farthest], axis=1)
-        joints = self._joints(at)
-        return [
-            _Point(joint.place[:, 4 * j + side], joint.slope[:, 4 * j + side], (side,))
-            for j, joint in enumerate(joints)
-            for side in range(4)
-        ]
+        joint, side = np.divmod(np.arange(12), 4)
 
-    def _joints(self, share: Floats) -> list[_Point]:
-        """The moving joints at parts of the used interval (n, K): places (n, K) and derivatives (n, K, 11)."""
+        def ways(places: Complexes) -> Floats:
+            """How far joints (n, 12, K) are from going beyond their side: least where they go farthest."""
+            parts = np.where((side % 2)[:, None] == 1, places.imag, places.real)
+            return parts * np.array(_SIGN)[side][:, None]
+
+        step, rows = 1 / (_TRACED - 1), np.arange(self.count)[:, None, None]
+        share = np.broadcast_to(np.linspace(0, 1, _TRACED), (self.count, _TRACED))
+        trace = ways(self._traced(share).place[:, joint])
+        middle = np.clip(trace.argmin(axis=2), 1, _TRACED - 2)
+        three = middle[:, :, None] + np.arange(-1, 2)
+        at = _least_near(middle * step, trace[rows, np.arange(12)[:, None], three], step)
+        for _ in range(_REFINEMENTS):
+            step /= 8
+            middle = np.clip(at, step, 1 - step)
+            around = self._traced((middle[:, :, None] + step * np.arange(-1, 2)).reshape(self.count, -1)).place
+            own = around[:, joint[:, None], np.arange(36).reshape(12, 3)]
+            at = _least_near(middle, ways(own), step)
+        found = self._traced(at)
+        every = np.arange(12)
+        places, slopes = found.place[:, joint, every], found.slope[:, joint, every]
+        return [_Point(places[:, t], slopes[:, t], (int(side[t]),)) for t in every]
+
+    def _traced(self, share: Floats) -> _Point:
+        """Crank pin, coupler pin, body point at parts of the used interval (n, K): (n, 3, K), derivatives (n, 3, K, 11)."""
         lengths, used = self.placed.lengths, self.placed.used
         turned, coupler, pivot = self.placed.turned, self.placed.coupler, self.placed.pivot
         assert turned is not None and coupler is not None and pivot is not None
         theta1 = used.first[:, None] + share * (used.last - used.first)[:, None]
         closure = close_loop(lengths, theta1)
-        theta2 = closure.coupler_angle(self.placed.branch)
         by_length = closure.coupler_angle_gradient(self.placed.branch)
-        crank, arm = np.exp(1j * (theta1 + turned[:, None])), np.exp(1j * theta2)
+        arm = np.exp(1j * closure.coupler_angle(self.placed.branch))
+        crank, ground = np.exp(1j * (theta1 + turned[:, None])), np.exp(1j * turned)[:, None]
         pin = lengths[:, :1] * crank
-        points = []
-        slope = np.zeros((*share.shape, COLUMNS), dtype=complex)
+        rods = np.stack([0 * pin, lengths[:, 1:2] * ground * arm, coupler[:, None] * arm], axis=1)
+        slope = np.zeros((self.count, 3, share.shape[1], COLUMNS), dtype=complex)
         slope[..., PIVOT], slope[..., PIVOT + 1] = 1.0, 1j
-        slope[..., 0], slope[..., TURNED] = crank, 1j * pin
-        points.append((pivot[:, None] + pin, slope, 1j * pin))
-        for rod, on_ground in ((lengths[:, 1:2] * np.exp(1j * turned)[:, None], True), (coupler[:, None], False)):
-            reach = rod * arm
-            mine, by_theta1 = slope.copy(), 1j * pin + 1j * reach * by_length[..., 4]
-            mine[..., :4] += (1j * reach)[..., None] * by_length[..., :4]
-            if on_ground:
-                mine[..., 1] += reach / lengths[:, 1:2]
-                mine[..., TURNED] += 1j * reach
-            else:
-                mine[..., COUPLER], mine[..., COUPLER + 1] = arm, 1j * arm
-            points.append((pivot[:, None] + pin + reach, mine, by_theta1))
-        for _, mine, by_theta1 in points:
-            mine[..., BEGIN], mine[..., END] = (1 - share) * by_theta1, share * by_theta1
-        return [_Point(place, mine) for place, mine, _ in points]
+        slope[..., :BEGIN] = (1j * rods)[..., None] * by_length[:, None, :, :BEGIN]
+        slope[..., 0] += crank[:, None]
+        slope[:, 1, :, 1] += ground * arm
+        slope[..., TURNED] = (1j * pin)[:, None]
+        slope[:, 1, :, TURNED] += 1j * rods[:, 1]
+        slope[:, 2, :, COUPLER], slope[:, 2, :, COUPLER + 1] = arm, 1j * arm
+        by_theta1 = (1j * pin)[:, None] + 1j * rods * by_length[:, None, :, BEGIN]
+        slope[..., BEGIN], slope[..., END] = (1 - share)[:, None] * by_theta1, share[:, None] * by_theta1
+        return _Point((pivot[:, None] + pin)[:, None] + rods, slope)
 
 
 _SIGN = (1.0, 1.0, -1.0, -1.0)
@@ -299,14 +302,10 @@ def _from_side(point: _Point, box: Box, side: int) -> tuple[Floats, Floats]:
     return sign * (place - box[side]), sign * slope
 
 
-def _refined(least: NDArray[np.intp], values: Floats, step: float) -> Floats:
-    """Parts of the interval where a function is least, from its values at steps (n, K): the vertex of a parabola."""
-    last = values.shape[1] - 1
-    rows, middle = np.arange(len(values)), np.clip(least, 1, last - 1)
-    before, here, after = (values[rows, middle + d] for d in (-1, 0, 1))
+def _least_near(middle: Floats, values: Floats, step: float) -> Floats:
+    """Where a function is least, from its values (..., 3) a step before a place, there, and a step after: a parabola's vertex."""
+    before, here, after = np.moveaxis(values, -1, 0)
     bend = before - 2 * here + after
     with np.errstate(divide="ignore", invalid="ignore"):
-        vertex = np.where(bend > 0, 0.5 * (before - after) / bend, 0.0)
-    inner = (least > 0) & (least < last) | (np.abs(vertex) < 1)
-    return np.clip(np.where(inner, middle + np.clip(vertex, -1, 1), least) * step, 0.0, 1.0)
-
+        vertex = np.where(bend > 0, 0.5 * (before - after) / bend, np.sign(before - after))
+    return np.clip(middle + step * np.clip(np.nan_to_num(vertex), -1, 1), 0.0, 1.0)
