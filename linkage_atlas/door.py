@@ -14,6 +14,7 @@ from linkage_atlas.atlases import Atlas
 from linkage_atlas.finish import cognate_notes, finished, read_tolerances, status_of
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, number, read_limits
+from linkage_atlas.relaxation import what_excludes
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
@@ -26,10 +27,16 @@ from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
-from synthesis.ranking import Status
+from synthesis.ranking import Status, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
+
+
+DIVERSE_LOSS = 2.0
+"""Times the best objective that the objectives of diverse solutions may be."""
+_VARIETY = 6
+"""Times as many solutions among which diverse ones are chosen."""
 
 
 @cache
@@ -70,6 +77,7 @@ def synthesize(
     budget: float | None = None,
     length_scale: float | None = None,
     round_to: float | None = None,
+    diverse: bool = False,
     sensitivity: bool = False,
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
@@ -104,8 +112,10 @@ def synthesize(
     degrees : bool
         Unit of every angle in and out; False: radians.
     limits : mapping, optional
-        transmission_angle_min, pivot_box [xmin, ymin, xmax, ymax], link_min, link_max, and family: full_crank (default),
-        crank_rocker, double_crank or any.
+        transmission_angle_min, transmission_angle_min_turn; pivot_a, pivot_b [x, y], pivot_box, pivot_a_box, pivot_b_box
+        [xmin, ymin, xmax, ymax], keep_out (boxes); link_min, link_max, link_ratio_max, links {"crank": length, ..};
+        coupler_radius_max, envelope (a box); family: full_crank (default), crank_rocker, double_crank or any; preset:
+        "practical", see the limits' page of the documents.
     top : int
         At most so many linkages, different from one another.
     effort : {"refine", "atlas"}
@@ -118,6 +128,8 @@ def synthesize(
         Weighs position errors against rotation errors in radians; default: the largest distance from the mean position.
     round_to : float, optional
         Also give each solution with its links on this grid and the rest fitted anew.
+    diverse : bool
+        Spread the solutions over families, branches and places, the objective at most twice the best, in place of the best ones.
     sensitivity : bool
         Also give the change of the motion per unit of each length.
     atlas : Atlas, optional
@@ -170,7 +182,9 @@ def synthesize(
     allowed = read_tolerances(tolerances, motion)
     if round_to is not None and motion.samples.position is None:
         raise FieldError("/round_to", "needs `position`: without it no length is actual")
-    found, went = _searched(motion, kept, top, tolerance, watch, prepared)
+    found, went = _searched(motion, kept, _VARIETY * top if diverse else top, tolerance, watch, prepared)
+    if diverse:
+        found = spread(found, top, DIVERSE_LOSS, tolerance)
     searched = watch.elapsed
     solutions = finished(found, motion, tolerance, allowed, round_to, sensitivity, atlas)
     if solutions and solutions[0].determination.ill_posed:
@@ -179,11 +193,14 @@ def synthesize(
             "see `determination` of each solution"
         )
     notes += cognate_notes(solutions) if motion.samples.rotation is None else []
-    if not solutions and went.stopped_by == "budget":
+    cut_short = went.stopped_by == "budget"
+    if not solutions and not kept.only_family and effort == "refine" and not cut_short:
+        notes += what_excludes(kept, motion, lambda limits, some: _searched(motion, limits, 3, tolerance, some, prepared), watch)
+    if not solutions and cut_short:
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     total = watch.elapsed
     return Result(
-        status_of(solutions, tolerance, allowed),
+        status_of(solutions, tolerance, allowed, cut_short),
         solutions,
         Report(
             elapsed_ms={
@@ -216,7 +233,7 @@ def _searched(
     counts: dict[str, Any] = {"seeds": None, "windows": None, "exhaustive": None}
     if isinstance(prepared, SeedTables):
         if isinstance(motion.samples, Poses):
-            found, went = search_free(motion.samples, limits, top, tolerance, work, screens)
+            found, went = search_free(motion.samples, limits, top, tolerance, work, screens, prepared.windows)
         else:
             found, went = search(prepared, motion.target, limits, top, tolerance, work)
         stages = {"screen": went.screen_seconds, "refine": work.elapsed - went.screen_seconds}

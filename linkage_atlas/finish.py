@@ -71,12 +71,12 @@ def read_tolerances(tolerances: Mapping[str, ArrayLike] | None, motion: Motion) 
     return Tolerances(found.get("rotation"), found.get("position")) if found else None
 
 
-def status_of(solutions: Sequence[Solution], tolerance: float, allowed: Tolerances | None) -> str:
+def status_of(solutions: Sequence[Solution], tolerance: float, allowed: Tolerances | None, cut_short: bool) -> str:
     """What was found: reached where the best solution keeps the tolerances, or without any, where its objective is small."""
-    if solutions and allowed is not None:
-        return (Status.REACHED if solutions[0].verdict.within_tolerance else Status.CLOSEST).value
     if not solutions:
-        return Status.INFEASIBLE.value
+        return (Status.UNKNOWN if cut_short else Status.INFEASIBLE).value
+    if allowed is not None:
+        return (Status.REACHED if solutions[0].verdict.within_tolerance else Status.CLOSEST).value
     return (Status.REACHED if solutions[0].errors.objective < tolerance else Status.CLOSEST).value
 
 

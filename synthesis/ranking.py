@@ -52,11 +52,12 @@ A = TypeVar("A", bound=Answer)
 
 
 class Status(StrEnum):
-    """What was found."""
+    """What was found; unknown: nothing, before the search ran to its end."""
 
     REACHED = "reached"
     CLOSEST = "closest"
     INFEASIBLE = "infeasible"
+    UNKNOWN = "unknown"
 
     @classmethod
     def of(cls, answers: Sequence[Answer], tolerance: float) -> Status:
@@ -127,3 +128,30 @@ def distinct(answers: Sequence[A], top: int, apart: float = SAME, order: Callabl
         kept.append(answer)
         identities = np.vstack([identities, mine]) if identities.size else mine[None, :]
     return kept
+
+
+def spread(answers: Sequence[A], top: int, loss: float, floor: float) -> list[A]:
+    """Answers as different from one another as can be, the best of them first, the rest by objective.
+
+    Parameters
+    ----------
+    answers : sequence
+        Best first.
+    top : int
+        At most so many.
+    loss : float
+        None has an objective above this many times the best.
+    floor : float
+        Objectives below count as this.
+    """
+    if not answers:
+        return []
+    most = loss * max(answers[0].errors.objective, floor)
+    allowed = [one for one in answers if one.errors.objective <= most]
+    identities = np.array([one.identity for one in allowed])
+    chosen, nearest = [0], np.full(len(allowed), np.inf)
+    while len(chosen) < min(top, len(allowed)):
+        nearest = np.minimum(nearest, np.linalg.norm(identities - identities[chosen[-1]], axis=1))
+        nearest[chosen] = -np.inf
+        chosen.append(int(nearest.argmax()))
+    return [allowed[k] for k in sorted(chosen)]

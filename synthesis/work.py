@@ -52,3 +52,7 @@ class Work:
     def elapsed(self) -> float:
         """Seconds since the beginning."""
         return self._clock() - self._begin
+
+    def part(self, most: float) -> Work:
+        """Work of its own that begins now, with at most so many seconds and at most what is left of these."""
+        return Work(max(0.0, min(most, self._budget - self.elapsed)), self._cancelled, self._clock)

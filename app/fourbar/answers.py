@@ -35,7 +35,8 @@ def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
     return la.synthesize(
         **motion_of(request),
         tolerances=None if request.tolerances is None else request.tolerances.model_dump(exclude_none=True),
-        limits=request.limits.model_dump(),
+        limits=request.limits.model_dump(exclude_none=True),
+        diverse=request.diverse,
         top=request.top,
         effort=request.effort,
         tolerance=request.tolerance,

@@ -15,6 +15,8 @@ Curve = Annotated[list[Number], Field(min_length=MIN_SAMPLES, max_length=MAX_SAM
 Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Box = Annotated[list[Coordinate], Field(min_length=4, max_length=4)]
+MAX_KEEP_OUT = 20
 SampledCurve = Annotated[list[Number | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
@@ -89,17 +91,50 @@ class MatchesReply(ReplyModel):
     report: MatchesReport
 
 
+class LinksRequest(RequestModel):
+    """Lengths that are given."""
+
+    crank: Length | None = None
+    coupler: Length | None = None
+    rocker: Length | None = None
+    ground: Length | None = None
+
+
 class LimitsRequest(RequestModel):
     """What every solution must keep to."""
 
-    transmission_angle_min: Number = Field(0.0, description="Smallest transmission angle over the used interval.")
-    pivot_box: Annotated[list[Coordinate], Field(min_length=4, max_length=4)] | None = Field(
-        None, description="xmin, ymin, xmax, ymax for both fixed pivots."
+    transmission_angle_min: Number | None = Field(
+        None, description="Smallest transmission angle over the used interval."
+    )
+    transmission_angle_min_turn: Number | None = Field(
+        None, description="Smallest transmission angle over the whole turn, where the crank turns fully."
+    )
+    pivot_a: Point | None = Field(None, description="The crank's fixed pivot is given.")
+    pivot_b: Point | None = Field(None, description="The rocker's fixed pivot is given.")
+    pivot_box: Box | None = Field(None, description="xmin, ymin, xmax, ymax for both fixed pivots.")
+    pivot_a_box: Box | None = Field(None, description="The same for the crank's pivot.")
+    pivot_b_box: Box | None = Field(None, description="The same for the rocker's pivot.")
+    keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = Field(
+        None, description="Boxes in which no fixed pivot may lie."
     )
     link_min: Length | None = Field(None, description="Shortest length of any link.")
     link_max: Length | None = Field(None, description="Longest length of any link.")
+    link_ratio_max: PositiveNumber | None = Field(None, description="Longest link over the shortest, at most.")
+    links: LinksRequest | None = Field(None, description="Lengths that are given.")
+    coupler_radius_max: Length | None = Field(None, description="Farthest place of the body point from the crank pin.")
+    envelope: Box | None = Field(
+        None, description="A box for all joints and the body point over the used interval: xmin, ymin, xmax, ymax."
+    )
     family: Literal["full_crank", "crank_rocker", "double_crank", "any"] = Field(
         "full_crank", description="`any`: closes over the used interval without changing its branch."
+    )
+    preset: Literal["practical"] | None = Field(
+        None,
+        description=(
+            "`practical`: transmission angle at least 35 degrees over the used interval and 15 over the turn, longest link at "
+            "most 10 times the shortest, no link and no distance of a pivot from the motion's middle above 10 times the "
+            "motion's extent; a field given beside it replaces its value."
+        ),
     )
 
 
@@ -157,6 +192,10 @@ class SynthesizeRequest(CrankMotion):
     )
     round_to: Length | None = Field(
         None, description="Also report each solution with its links rounded to this grid and the rest fitted anew."
+    )
+    diverse: Flag = Field(
+        False,
+        description="Solutions spread over families, branches and places, J at most twice the best, in place of the best ones.",
     )
     sensitivity: Flag = Field(False, description="Also report the change of the motion per unit of each length.")
 
@@ -280,6 +319,6 @@ class SynthesizeReport(ReplyModel):
 
 
 class SynthesizeReply(ReplyModel):
-    status: Literal["reached", "closest", "infeasible"]
+    status: Literal["reached", "closest", "infeasible", "unknown"]
     solutions: list[SolutionReply]
     report: SynthesizeReport

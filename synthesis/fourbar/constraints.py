@@ -24,8 +24,10 @@ BEGIN, END, PIVOT, TURNED, COUPLER = 4, 5, 6, 8, 9
 COLUMNS = 11
 """Derivatives as `mechanism.Constrained` has them."""
 _GROUND = 3
-_TRACED, _REFINEMENTS = 65, 3
-"""Crank angles at which joints are looked at, and how often their extremes are then refined."""
+_TRACED = {True: (65, 3), False: (25, 1)}
+"""Crank angles at which joints are looked at, and how often their extremes are then refined: exactly, and in a search."""
+SPARE = 1e-4
+"""By which the envelope of a search is smaller."""
 
 
 class Constraints:
@@ -36,10 +38,12 @@ class Constraints:
     limits : Limits
     middle, scale : complex, float
         Positions of the placed linkages are measured from the middle, and all their lengths over the scale.
+    exact : bool
+        Whether the joints' extremes are found to rounding; otherwise to a part of `SPARE`, by which the envelope is smaller.
     """
 
-    def __init__(self, limits: Limits, middle: complex = 0j, scale: float = 1.0) -> None:
-        self.limits, self.middle, self.scale = limits, middle, scale
+    def __init__(self, limits: Limits, middle: complex = 0j, scale: float = 1.0, exact: bool = True) -> None:
+        self.limits, self.middle, self.scale, self.exact = limits, middle, scale, exact
 
     @property
     def any(self) -> bool:
@@ -85,8 +89,9 @@ class Constraints:
         if limits.coupler_radius_max is not None:
             columns.near("coupler_radius_max", columns.coupler, 0j, limits.coupler_radius_max / self.scale)
         if limits.envelope is not None:
-            box = self._box(limits.envelope)
-            for point in (columns.pivot_a, columns.pivot_b, *columns.moving_joints()):
+            box, spare = self._box(limits.envelope), 0.0 if self.exact else SPARE
+            box = box[0] + spare, box[1] + spare, box[2] - spare, box[3] - spare
+            for point in (columns.pivot_a, columns.pivot_b, *columns.moving_joints(*_TRACED[self.exact])):
                 columns.inside("envelope", point, box)
 
     def _point(self, point: complex) -> complex:
@@ -241,7 +246,7 @@ class _Columns:
 
     # -- joints that move ---------------------------------------------------------------------------------------------
 
-    def moving_joints(self) -> list[_Point]:
+    def moving_joints(self, traced: int, refinements: int) -> list[_Point]:
         """Crank pin, coupler pin and body point where each goes farthest to each side over the used interval."""
         joint, side = np.divmod(np.arange(12), 4)
 
@@ -250,35 +255,39 @@ class _Columns:
             parts = np.where((side % 2)[:, None] == 1, places.imag, places.real)
             return parts * np.array(_SIGN)[side][:, None]
 
-        step, rows = 1 / (_TRACED - 1), np.arange(self.count)[:, None, None]
-        share = np.broadcast_to(np.linspace(0, 1, _TRACED), (self.count, _TRACED))
-        trace = ways(self._traced(share).place[:, joint])
-        middle = np.clip(trace.argmin(axis=2), 1, _TRACED - 2)
+        step, rows = 1 / (traced - 1), np.arange(self.count)[:, None, None]
+        share = np.broadcast_to(np.linspace(0, 1, traced), (self.count, traced))
+        trace = ways(self._traced(share)[0][:, joint])
+        middle = np.clip(trace.argmin(axis=2), 1, traced - 2)
         three = middle[:, :, None] + np.arange(-1, 2)
         at = _least_near(middle * step, trace[rows, np.arange(12)[:, None], three], step)
-        for _ in range(_REFINEMENTS):
+        for _ in range(refinements):
             step /= 8
             middle = np.clip(at, step, 1 - step)
-            around = self._traced((middle[:, :, None] + step * np.arange(-1, 2)).reshape(self.count, -1)).place
+            around = self._traced((middle[:, :, None] + step * np.arange(-1, 2)).reshape(self.count, -1))[0]
             own = around[:, joint[:, None], np.arange(36).reshape(12, 3)]
             at = _least_near(middle, ways(own), step)
-        found = self._traced(at)
+        places, slopes = self._traced(at, slopes=True)
+        assert slopes is not None
         every = np.arange(12)
-        places, slopes = found.place[:, joint, every], found.slope[:, joint, every]
+        places, slopes = places[:, joint, every], slopes[:, joint, every]
         return [_Point(places[:, t], slopes[:, t], (int(side[t]),)) for t in every]
 
-    def _traced(self, share: Floats) -> _Point:
-        """Crank pin, coupler pin, body point at parts of the used interval (n, K): (n, 3, K), derivatives (n, 3, K, 11)."""
+    def _traced(self, share: Floats, slopes: bool = False) -> tuple[Complexes, Complexes | None]:
+        """Crank pin, coupler pin, body point at parts of the used interval (n, K): (n, 3, K), and derivatives (n, 3, K, 11)."""
         lengths, used = self.placed.lengths, self.placed.used
         turned, coupler, pivot = self.placed.turned, self.placed.coupler, self.placed.pivot
         assert turned is not None and coupler is not None and pivot is not None
         theta1 = used.first[:, None] + share * (used.last - used.first)[:, None]
         closure = close_loop(lengths, theta1)
-        by_length = closure.coupler_angle_gradient(self.placed.branch)
         arm = np.exp(1j * closure.coupler_angle(self.placed.branch))
         crank, ground = np.exp(1j * (theta1 + turned[:, None])), np.exp(1j * turned)[:, None]
         pin = lengths[:, :1] * crank
         rods = np.stack([0 * pin, lengths[:, 1:2] * ground * arm, coupler[:, None] * arm], axis=1)
+        places = (pivot[:, None] + pin)[:, None] + rods
+        if not slopes:
+            return places, None
+        by_length = closure.coupler_angle_gradient(self.placed.branch)
         slope = np.zeros((self.count, 3, share.shape[1], COLUMNS), dtype=complex)
         slope[..., PIVOT], slope[..., PIVOT + 1] = 1.0, 1j
         slope[..., :BEGIN] = (1j * rods)[..., None] * by_length[:, None, :, :BEGIN]
@@ -289,7 +298,7 @@ class _Columns:
         slope[:, 2, :, COUPLER], slope[:, 2, :, COUPLER + 1] = arm, 1j * arm
         by_theta1 = (1j * pin)[:, None] + 1j * rods * by_length[:, None, :, BEGIN]
         slope[..., BEGIN], slope[..., END] = (1 - share)[:, None] * by_theta1, share[:, None] * by_theta1
-        return _Point((pivot[:, None] + pin)[:, None] + rods, slope)
+        return places, slope
 
 
 _SIGN = (1.0, 1.0, -1.0, -1.0)

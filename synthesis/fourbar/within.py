@@ -25,8 +25,8 @@ _EDGE = 1e-5
 _ANY = (1.0, 1.7, 3.0, 4.5)
 """Length ratios of types of all families."""
 _EVERYWHERE: Box = (-np.inf, -np.inf, np.inf, np.inf)
-_KEPT = 1e-9
-"""To which, over the length scale, an answer must keep a given length or place."""
+_KEPT = 1e-12
+"""To which, over the largest number involved, an answer must keep a given length or place."""
 
 
 def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bounded]:
@@ -41,7 +41,7 @@ def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bou
         assert target.position is not None
         middle, scale = complex(target.position_mean(target.position)), target.length_scale
         boxes = _boxes(limits, middle, scale)
-    constraints = Constraints(limits, middle, scale)
+    constraints = Constraints(limits, middle, scale, exact=False)
     on_shape = Constraints(limits.of_shape if posed else limits)
     charts = [GrashofChart(scaled=not posed), *([LengthsChart()] if limits.family == "any" else [])]
     return [Bounded(chart, constraints, on_shape, boxes) for chart in charts]
@@ -118,7 +118,8 @@ def keeps(target: Samples, limits: Limits, placed: Placed) -> Flags:
             lengths=placed.lengths / scale, pivot=(placed.pivot - middle) / scale, coupler=placed.coupler / scale
         )
     found = Constraints(limits, middle, scale)(placed)
-    inside = np.where(found.equal, np.abs(found.values) <= _KEPT, found.values >= 0)
+    size = np.maximum(placed.lengths.max(axis=1, keepdims=True), 1 + abs(middle) / scale)
+    inside = np.where(found.equal, np.abs(found.values) <= _KEPT * size, found.values >= 0)
     return holds & np.all(inside, axis=1)
 
 

@@ -119,9 +119,9 @@ class LimitedJoint(JointProblem):
         cost = np.einsum("nrk,nrk->n", residual, residual)
         return np.where(np.isfinite(cost) & (body.possible if body.possible is not True else True), cost, np.inf)
 
-    def evaluate(self, timed: Timed, turned: Turned) -> Rows:
-        """Rows and derivatives."""
-        plain, broken = self.plain.evaluate(timed, turned), self._broken(timed)
+    def derivatives(self, timed: Timed, turned: Turned) -> Rows:
+        """Rows and their derivatives."""
+        plain, broken = self.plain.derivatives(timed, turned), self._broken(timed)
         columns = np.zeros((len(broken.rows), self.columns + 1, broken.rows.shape[1]))
         columns[:, : self.size + 6] = broken.slopes.transpose(0, 2, 1)
         columns[:, -1] = broken.rows

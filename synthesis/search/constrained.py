@@ -22,6 +22,8 @@ Flags = NDArray[np.bool_]
 MARGIN = 1e-7
 """By which constraints are kept, so that rounding breaks none."""
 _LEAST_DAMPING = 1e-12
+_EXACT = 1e-15
+"""To which equations are solved."""
 _STALL, _HOPELESS = 1e-9, 1e10
 """A descent ends where no candidate gains more than this part in a step, or its damping exceeds the other."""
 
@@ -183,13 +185,13 @@ def _within_equations(system: Floats, right: Floats, rows: Floats, gap: Floats) 
     return plain + (spread @ forces)[:, :, 0]
 
 
-def restored(problem: Problem, found: Descended, rounds: int = 4) -> Descended:
+def restored(problem: Problem, found: Descended, rounds: int = 8) -> Descended:
     """Candidates moved onto the limits that they break by the shortest way: Newton steps on those constraints."""
     unknowns, branch = found.unknowns, found.branch
     for _ in range(rounds):
         constrained = problem.constrained(unknowns, branch)
         equal, values = constrained.equal, constrained.values - MARGIN * ~constrained.equal
-        wrong = np.where(equal, values != 0, values < 0)
+        wrong = np.where(equal, np.abs(values) > _EXACT, values < 0)
         if not wrong.any():
             break
         rows = np.where(wrong[:, :, None], constrained.slopes, 0.0)
