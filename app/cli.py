@@ -113,6 +113,12 @@ _FILE_HELP = (
 def _add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     parser.add_argument("file", nargs="?", default="-", help=_FILE_HELP[query.from_csv is not None])
     parser.add_argument("--example", choices=sorted(query.examples), help="answer a bundled example instead")
+    if query.practical is not None:
+        parser.add_argument(
+            "--no-preset",
+            action="store_true",
+            help="keep to no limits but those of the request; otherwise to the practical ones (limits.preset) too",
+        )
     parser.add_argument("--json", action="store_true", help="print the reply as JSON, not as a table")
     parser.add_argument("--atlas", type=Path, help="the atlas file, for queries that read it (default: atlas.h5)")
     if query.exports:
@@ -145,6 +151,8 @@ def _run_query(options: argparse.Namespace, query: Query) -> int:
         request = query.request.model_validate(query.from_csv(text.decode("utf-8", "replace")))
     else:
         request = query.request.model_validate_json(text)
+    if query.practical is not None and not (options.example or options.no_preset):
+        request = query.practical(request)
     resources = ServiceResources(_settings(options))
     if query.exports and options.export:
         name = options.export.suffix.lstrip(".").lower()

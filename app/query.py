@@ -111,6 +111,8 @@ class Query:
         Format (``svg``, ``dxf``, ...) to `Export`; over HTTP a POST of the same body to ``path.format``.
     from_csv : callable, optional
         ``from_csv(text) -> request body`` of a CSV file, which the command then takes too.
+    practical : callable, optional
+        ``practical(request) -> request`` within limits that one can build, which the command asks for unless told otherwise.
     """
 
     path: str
@@ -123,3 +125,4 @@ class Query:
     examples: Mapping[str, dict[str, Any]]
     exports: Mapping[str, Export] = field(default_factory=dict)
     from_csv: Callable[[str], dict[str, Any]] | None = None
+    practical: Callable[[Any], Any] | None = None

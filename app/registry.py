@@ -6,7 +6,7 @@ import json
 from importlib.resources import files
 from typing import Any
 
-from app.fourbar.answers import answer_match, answer_synthesize
+from app.fourbar.answers import answer_match, answer_synthesize, practical_request
 from app.fourbar.csv_request import request_from_csv
 from app.fourbar.export import SYNTHESIZE_EXPORTS
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
@@ -63,6 +63,7 @@ def fourbar_queries() -> tuple[Query, ...]:
             },
             SYNTHESIZE_EXPORTS,
             request_from_csv,
+            practical_request,
         ),
     )
 

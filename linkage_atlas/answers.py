@@ -161,6 +161,7 @@ class Solution:
             "determination": {
                 "ill_posed": self.determination.ill_posed,
                 "resolution": self.determination.resolution,
+                "at_limits": list(self.determination.at_limits),
                 "length_uncertainty": [
                     value if np.isfinite(value) else None for value in self.determination.length_uncertainty.tolist()
                 ],

@@ -186,7 +186,7 @@ def synthesize(
     if diverse:
         found = spread(found, top, DIVERSE_LOSS, tolerance)
     searched = watch.elapsed
-    solutions = finished(found, motion, tolerance, allowed, round_to, sensitivity, atlas)
+    solutions = finished(found, motion, tolerance, kept, allowed, round_to, sensitivity, atlas)
     if solutions and solutions[0].determination.ill_posed:
         notes.append(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "

@@ -18,6 +18,8 @@ from synthesis.errors import FieldError
 from synthesis.fourbar import solution as answers
 from synthesis.fourbar.determination import Sensitivity, determinations, sensitivities
 from synthesis.fourbar.excursion import excursions
+from synthesis.fourbar.held import determinations_within
+from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.practical import practical_faults
 from synthesis.fourbar.rounding import round_solution
@@ -26,7 +28,7 @@ from synthesis.fourbar.verdict import verdicts
 from synthesis.free.answers import in_turn
 from synthesis.free.poses import Poses
 from synthesis.ranking import Errors, Status
-from synthesis.target import Target
+from synthesis.target import Samples, Target
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +39,15 @@ class Tolerances:
 
     rotation: Floats | None
     position: Floats | None
+
+    def objective(self, samples: Samples) -> float:
+        """The objective of a motion that is off by as much as is allowed at every sample."""
+        square = 0.0
+        if self.rotation is not None:
+            square += float(np.mean(self.rotation**2))
+        if self.position is not None:
+            square += float(np.mean((self.position / samples.length_scale) ** 2))
+        return float(np.sqrt(square))
 
     def shares(self, target: Target, linkage: Linkage) -> Floats:
         """Each sample's largest error over what is allowed, (N,); a missing part counts as kept."""
@@ -84,6 +95,7 @@ def finished(
     found: list[answers.Solution],
     motion: Motion,
     tolerance: float,
+    limits: Limits,
     allowed: Tolerances | None,
     round_to: float | None,
     sensitivity: bool,
@@ -94,8 +106,11 @@ def finished(
         return []
     linkages: list[Linkage] = [one.linkage for one in found]
     target = motion.with_angles(linkages, [one.crank for one in found])
-    resolutions = [max(one.errors.objective, tolerance) for one in found]
-    fixed = determinations(target, linkages, resolutions)
+    if limits.only_family:
+        fixed = determinations(target, linkages, [max(one.errors.objective, tolerance) for one in found])
+    else:
+        resolution = tolerance if allowed is None else max(tolerance, allowed.objective(motion.samples))
+        fixed = determinations_within(target, linkages, resolution, limits)
     changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
     passed, excursions = _passed(found, motion, target)
     solutions = [

@@ -54,3 +54,11 @@ def motion_of(request: SynthesizeRequest) -> dict[str, Any]:
     names += ("timing", "order", "closed", "crank_span_max")
     weights = None if request.weights is None else request.weights.model_dump(exclude_none=True)
     return {name: getattr(request, name) for name in names} | {"weights": weights}
+
+
+def practical_request(request: SynthesizeRequest) -> SynthesizeRequest:
+    """The request within the practical limits, unless it says itself whether it wants them."""
+    if "preset" in request.limits.model_fields_set:
+        return request
+    limits = request.limits.model_copy(update={"preset": "practical"})
+    return request.model_copy(update={"limits": limits})

@@ -238,8 +238,9 @@ class DeterminationReply(ReplyModel):
         description="A length is not even fixed to a thousandth by the motion at this resolution."
     )
     resolution: float = Field(
-        description="Error of the motion that is considered: the objective, at least the tolerance."
+        description="Error of the motion that is considered: the objective, at least the tolerance; within limits the tolerance."
     )
+    at_limits: list[str] = Field(description="Limits without which the motion would be met better.")
     length_uncertainty: list[float | None] = Field(
         description="Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."
     )
