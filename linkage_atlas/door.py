@@ -32,7 +32,6 @@ from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
 
-
 DIVERSE_LOSS = 2.0
 """Times the best objective that the objectives of diverse solutions may be."""
 _VARIETY = 6
@@ -195,7 +194,9 @@ def synthesize(
     notes += cognate_notes(solutions) if motion.samples.rotation is None else []
     cut_short = went.stopped_by == "budget"
     if not solutions and not kept.only_family and effort == "refine" and not cut_short:
-        notes += what_excludes(kept, motion, lambda limits, some: _searched(motion, limits, 3, tolerance, some, prepared), watch)
+        notes += what_excludes(
+            kept, motion, lambda limits, some: _searched(motion, limits, 3, tolerance, some, prepared), watch
+        )
     if not solutions and cut_short:
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     total = watch.elapsed

@@ -37,7 +37,7 @@ def what_excludes(limits: Limits, motion: Motion, search: Search, work: Work) ->
     """
     watch = work.part(_SECONDS)
     names = _given(limits)
-    notes = []
+    notes: list[str] = []
     for name in names:
         if watch.expired():
             return notes
@@ -62,7 +62,12 @@ def _given(limits: Limits) -> list[str]:
 
 def _without(limits: Limits, name: str) -> Limits:
     """The limits without one of them; a family gives way to any."""
-    return replace(limits, **{name: "any" if name == "family" else getattr(Limits(), name)})
+    return _changed(limits, name, "any" if name == "family" else getattr(Limits(), name))
+
+
+def _changed(limits: Limits, name: str, value: Any) -> Limits:
+    changes: dict[str, Any] = {name: value}
+    return replace(limits, **changes)
 
 
 def _sentence(limits: Limits, name: str, motion: Motion, search: Search, watch: Work) -> str:
@@ -88,11 +93,11 @@ def _eased(limits: Limits, name: str, part: float, extent: float) -> Limits | No
     """The limits with one that has given way by a part of all that it can; None where it cannot in degrees."""
     value = getattr(limits, name)
     if name in ("transmission_angle_min", "transmission_angle_min_turn", "link_min"):
-        return replace(limits, **{name: value * (1 - part)})
+        return _changed(limits, name, value * (1 - part))
     if name in ("link_max", "link_ratio_max", "coupler_radius_max"):
-        return replace(limits, **{name: value / (1 - part)})
+        return _changed(limits, name, value / (1 - part))
     if name in ("pivot_box", "pivot_a_box", "pivot_b_box", "envelope"):
-        return replace(limits, **{name: _grown(value, part / (1 - part) * extent)})
+        return _changed(limits, name, _grown(value, part / (1 - part) * extent))
     return None
 
 

@@ -21,6 +21,9 @@ SAME = 1e-6
 APART = 1e-2
 """Refined solutions that agree to this belong to one valley of the objective; only its best is worth a user's look."""
 
+_AS_GOOD, _ALIKE = 0.02, 0.25
+"""Parts by which objectives, and numbers of order one, of two answers in one valley differ at most."""
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -113,20 +116,32 @@ def _objective(answer: Answer) -> Any:
     return answer.errors.objective
 
 
-def distinct(answers: Sequence[A], top: int, apart: float = SAME, order: Callable[[A], Any] = _objective) -> list[A]:
-    """The best ``top`` that differ from one another by more than ``apart``, by objective; ties keep their order."""
+def distinct(
+    answers: Sequence[A],
+    top: int,
+    apart: float = SAME,
+    order: Callable[[A], Any] = _objective,
+    exact: float = np.inf,
+) -> list[A]:
+    """The best ``top`` that differ from one another by more than ``apart``, by objective; ties keep their order.
+
+    Where objectives are not ``exact``, an answer about as good as a better one and alike it lies in that one's valley, on its
+    way to the same optimum, and is left out.
+    """
     kept: list[A] = []
-    identities = np.empty((0, 0))
+    identities, objectives = np.empty((0, 0)), np.empty(0)
     for answer in sorted(answers, key=order):
         if len(kept) == top:
             break
-        mine = answer.identity
+        mine, objective = answer.identity, answer.errors.objective
         if kept:
-            near = np.abs(identities - mine) <= apart * np.maximum(1.0, np.abs(mine))
-            if near.all(axis=1).any():
+            gap = np.max(np.abs(identities - mine) / np.maximum(1.0, np.abs(mine)), axis=1)
+            same_valley = (objective >= exact) & (objective <= (1 + _AS_GOOD) * objectives) & (gap <= _ALIKE)
+            if np.any((gap <= apart) | same_valley):
                 continue
         kept.append(answer)
         identities = np.vstack([identities, mine]) if identities.size else mine[None, :]
+        objectives = np.append(objectives, objective)
     return kept
 
 

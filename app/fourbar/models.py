@@ -121,7 +121,9 @@ class LimitsRequest(RequestModel):
     link_max: Length | None = Field(None, description="Longest length of any link.")
     link_ratio_max: PositiveNumber | None = Field(None, description="Longest link over the shortest, at most.")
     links: LinksRequest | None = Field(None, description="Lengths that are given.")
-    coupler_radius_max: Length | None = Field(None, description="Farthest place of the body point from the crank pin.")
+    coupler_radius_max: Length | None = Field(
+        None, description="Farthest place of the body point from the crank pin."
+    )
     envelope: Box | None = Field(
         None, description="A box for all joints and the body point over the used interval: xmin, ymin, xmax, ymax."
     )

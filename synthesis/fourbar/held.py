@@ -67,9 +67,7 @@ def determinations_within(
         Error of the motion, in the objective's measure, that counts as none.
     limits : Limits
     """
-    return [
-        _determination(_one_of(target, k), linkage, resolution, limits) for k, linkage in enumerate(linkages)
-    ]
+    return [_determination(_one_of(target, k), linkage, resolution, limits) for k, linkage in enumerate(linkages)]
 
 
 def _one_of(target: Target, place: int) -> Target:
@@ -141,7 +139,7 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
     used = target.interval.after(np.array([one.start for one in linkages]))
     placed = Placed(links, np.array([float(one.branch) for one in linkages]), used)
     turned = np.array([one.ground_angle for one in linkages])
-    coupler = np.zeros(count, dtype=complex)
+    coupler: NDArray[Any] = np.zeros(count, dtype=complex)
     if posed:
         assert target.position is not None
         middle, scale = complex(target.position_mean(target.position)), target.length_scale

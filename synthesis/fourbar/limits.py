@@ -30,7 +30,16 @@ LINKS = ("crank", "coupler", "rocker", "ground")
 _ANGLES = ("transmission_angle_min", "transmission_angle_min_turn")
 _BOXES = ("pivot_box", "pivot_a_box", "pivot_b_box", "envelope")
 _ON_SHAPE = ("family", *_ANGLES, "link_ratio_max")
-_MOUNTED = ("pivot_box", "pivot_a", "pivot_b", "pivot_a_box", "pivot_b_box", "coupler_radius_max", "envelope", "keep_out")
+_MOUNTED = (
+    "pivot_box",
+    "pivot_a",
+    "pivot_b",
+    "pivot_a_box",
+    "pivot_b_box",
+    "coupler_radius_max",
+    "envelope",
+    "keep_out",
+)
 
 
 def in_family(family: str, lengths: Floats) -> NDArray[np.bool_]:
@@ -137,7 +146,9 @@ class Limits:
                 raise FieldError("/limits/links/ground", f"the given pivots are {apart:.6g} apart")
             low, high = self.link_min or 0.0, self.link_max or np.inf
             if not low <= apart <= high:
-                raise FieldError("/limits/pivot_b", "the given pivots are nearer than link_min or farther than link_max")
+                raise FieldError(
+                    "/limits/pivot_b", "the given pivots are nearer than link_min or farther than link_max"
+                )
         for name, point, box in (
             ("pivot_a", self.pivot_a, self.box("pivot_a_box")),
             ("pivot_b", self.pivot_b, self.box("pivot_b_box")),
@@ -176,7 +187,9 @@ class Limits:
             return None if box is None else (box[0], -box[3], box[2], -box[1])
 
         boxes = {name: flipped(getattr(self, name)) for name in _BOXES}
-        points = {name: None if (p := getattr(self, name)) is None else p.conjugate() for name in ("pivot_a", "pivot_b")}
+        points = {
+            name: None if (p := getattr(self, name)) is None else p.conjugate() for name in ("pivot_a", "pivot_b")
+        }
         reach = None if (r := self.pivot_reach) is None else r._replace(middle=r.middle.conjugate())
         keep_out = tuple((x0, -y1, x1, -y0) for x0, y0, x1, y1 in self.keep_out)
         return replace(self, **boxes, **points, pivot_reach=reach, keep_out=keep_out)  # type: ignore[arg-type]

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.kinematics import close_loop, coupler_angle, wrap
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import Solution, assess, four, mounted
 from synthesis.fourbar.within import bounded_types, keeps, ways, within
 from synthesis.mechanism import Bounded, Placed

@@ -13,7 +13,7 @@ from synthesis.fourbar.grashof_chart import GrashofChart, LengthsChart
 from synthesis.fourbar.kinematics import transmission_angle_over
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.solution import Solution
-from synthesis.mechanism import Bounded, Box, Boxes, Placed
+from synthesis.mechanism import Bounded, BoundedChart, Box, Boxes, Placed
 from synthesis.target import Samples, Target
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,9 @@ def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bou
         boxes = _boxes(limits, middle, scale)
     constraints = Constraints(limits, middle, scale, exact=False)
     on_shape = Constraints(limits.of_shape if posed else limits)
-    charts = [GrashofChart(scaled=not posed), *([LengthsChart()] if limits.family == "any" else [])]
+    charts: list[BoundedChart] = [GrashofChart(scaled=not posed)]
+    if limits.family == "any":
+        charts.append(LengthsChart())
     return [Bounded(chart, constraints, on_shape, boxes) for chart in charts]
 
 
@@ -137,8 +139,6 @@ def within(target: Target, limits: Limits, solutions: list[Solution]) -> list[So
         turned = np.array([one.ground_angle for one in linkages])
         points = np.array([one.coupler_point for one in linkages])
         coupler = points[:, 0] * np.exp(1j * (points[:, 1] + turned))
-        placed = placed._replace(
-            pivot=np.array([one.pivot_a for one in linkages]), turned=turned, coupler=coupler
-        )
+        placed = placed._replace(pivot=np.array([one.pivot_a for one in linkages]), turned=turned, coupler=coupler)
     kept = keeps(target, limits, placed) & np.isfinite([one.errors.objective for one in solutions])
     return [one for one, keep in zip(solutions, kept) if keep]

@@ -144,7 +144,7 @@ def solutions_of(
     ranked = every.take(every.order(tolerance)[: 8 * top + 20])
     found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
     place = {id(one): rank for rank, one in enumerate(found)}
-    return distinct(found, top, APART, order=lambda one: place[id(one)])
+    return distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:

@@ -25,7 +25,7 @@ from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
 from synthesis.free.rows import JointProblem, Rows, Timed, Turned
 from synthesis.least_squares import Evaluation
-from synthesis.mechanism import BodyAngles, Bounded, Chart, Constrained, Placed
+from synthesis.mechanism import BodyAngles, Chart, Constrained, Constraints, Placed
 from synthesis.search.constrained import MARGIN, Descended, restored
 from synthesis.search.placed import PosedProblem
 from synthesis.search.windows import Windows
@@ -40,7 +40,7 @@ _SEEDS = 24
 """Windows of each guess."""
 _BEFORE = 60
 """Candidates of the search without limits that go on."""
-_PLAN = ((0.3, 12, 120), (3.0, 12, 60), (30.0, 15, 40), (300.0, 40, 30))
+_PLAN = ((0.3, 12, 120), (3.0, 12, 60), (30.0, 15, 40), (300.0, 40, 30), (300.0, 120, 14))
 """Weight of broken limits, steps, and how many candidates go on."""
 _BY_ANGLE = ("transmission_angle_min", "envelope")
 """Limits that depend on where the crank begins and ends."""
@@ -53,16 +53,17 @@ class LimitedJoint(JointProblem):
     ----------
     poses : Poses
         With positions.
-    way : Bounded
-        The limits, over the length scale; in a chart whose scale is free.
+    chart : Chart
+    constraints : Constraints
+        The limits, over the length scale.
     penalty : float
         Its square weighs squared violations against J squared.
     """
 
-    def __init__(self, poses: Poses, way: Bounded, penalty: float) -> None:
-        super().__init__(poses, way.chart)
-        self.constraints, self.penalty = way.constraints, penalty
-        self.plain = JointProblem(poses, way.chart)
+    def __init__(self, poses: Poses, chart: Chart, constraints: Constraints, penalty: float) -> None:
+        super().__init__(poses, chart)
+        self.constraints, self.penalty = constraints, penalty
+        self.plain = JointProblem(poses, chart)
 
     def posed(self, timed: Timed, turned: Turned) -> Timed:
         """The candidates as they are: their pose is an unknown."""
@@ -176,7 +177,7 @@ class _AtTheirAngles:
 
     @property
     def unknowns(self) -> Floats:
-        """(n, k + 6)"""
+        """Shape and pose, (n, k + 6)."""
         pose = self.timed.pose
         return np.hstack([self.timed.shape, np.stack([pose.real, pose.imag], axis=2).reshape(len(pose), 6)])
 
@@ -222,23 +223,18 @@ def within_limits(poses: Poses, limits: Limits, pool: Pool, windows: Windows, wo
     windows : Windows
     work : Work
     """
-    way = free_way(poses, limits)
+    chart, constraints = chart_of(limits.family), ways(poses, limits, posed=True)[-1].constraints
     timed = pool.best(_BEFORE).timed.joined(*_guessed(poses, limits, windows))
     for weight, steps, most in _PLAN:
         if not timed.branch.size or work.expired():
             break
-        found = refine(LimitedJoint(poses, way, weight), timed, steps, 0.0, work, all_of_them=True)
+        found = refine(LimitedJoint(poses, chart, constraints, weight), timed, steps, 0.0, work, all_of_them=True)
         timed = Pool.of(found).best(most).timed
-    problem = LimitedJoint(poses, way, 1.0)
+    problem = LimitedJoint(poses, chart, constraints, 1.0)
     still = _AtTheirAngles(problem, timed)
     nothing = np.empty(0)
     moved = restored(still, Descended(still.unknowns, timed.branch, nothing, nothing))
     return Pool(still.at(moved.unknowns), moved.cost)
-
-
-def free_way(poses: Poses, limits: Limits) -> Bounded:
-    """The limits over the length scale, in the chart of the family, whose scale the pose takes up."""
-    return ways(poses, limits)[-1]._replace(chart=chart_of(limits.family))
 
 
 def _guessed(poses: Poses, limits: Limits, windows: Windows) -> list[Timed]:

@@ -35,7 +35,6 @@ from synthesis.search.windows import Windows
 from synthesis.work import Work
 
 
-
 def bounded_windows(family: str) -> Windows:
     """The windows that a search within limits begins with."""
     return Windows(FOURBAR, FOURBAR.bounded_types(family))

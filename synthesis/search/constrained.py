@@ -89,7 +89,9 @@ class _State(NamedTuple):
         cost, stack = problem.evaluate(unknowns, branch)
         stack = np.where(np.isfinite(cost)[:, None, None], stack, 0.0)
         found = problem.constrained(unknowns, branch)
-        return cls(unknowns, cost, stack @ stack.transpose(0, 2, 1), found.values - MARGIN * ~found.equal, found.slopes), found.equal
+        return cls(
+            unknowns, cost, stack @ stack.transpose(0, 2, 1), found.values - MARGIN * ~found.equal, found.slopes
+        ), found.equal
 
 
 def descend(problem: Problem, unknowns: Floats, branch: Floats, plan: Plan, work: Work) -> Descended:
@@ -170,16 +172,24 @@ def _trial(
         rows = here.slopes[:, equal] * free[:, None, :]
         step = _within_equations(system, right, rows, -here.values[:, equal])
     else:
-        step = np.linalg.solve(system, right[:, :, None])[:, :, 0]
+        step = _solved(system, right[:, :, None])[:, :, 0]
     trial = problem.stepped(here.unknowns, step)
     moved = trial - here.unknowns
     predicted = -np.einsum("nm,nm->n", moved, 2 * gradient + (hessian @ moved[:, :, None])[:, :, 0])
     return trial, predicted
 
 
+def _solved(system: Floats, right: Floats) -> Floats:
+    """Solutions of damped systems; of least norm where one is singular to rounding."""
+    try:
+        return np.asarray(np.linalg.solve(system, right))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(system, hermitian=True) @ right)
+
+
 def _within_equations(system: Floats, right: Floats, rows: Floats, gap: Floats) -> Floats:
     """Steps that solve the system among those that meet linearised equations; redundant equations do no harm."""
-    base = np.linalg.solve(system, np.concatenate([right[:, :, None], rows.transpose(0, 2, 1)], axis=2))
+    base = _solved(system, np.concatenate([right[:, :, None], rows.transpose(0, 2, 1)], axis=2))
     plain, spread = base[:, :, 0], base[:, :, 1:]
     forces: Any = np.linalg.pinv(rows @ spread, rcond=1e-12) @ (gap - (rows @ plain[:, :, None])[:, :, 0])[:, :, None]
     return plain + (spread @ forces)[:, :, 0]

@@ -188,5 +188,3 @@ def _valleys(found: Descended, count: int, alike: float, slack: float = 0.0) -> 
             kept.append(place)
             last = merit[place]
     return found.take(np.array(kept, dtype=int))
-
-

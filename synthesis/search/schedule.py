@@ -29,21 +29,7 @@ class Hops(NamedTuple):
     copies: int
 
 
-class Grid(NamedTuple):
-    """The chart's own types at ``starts`` evenly spaced starts, the best ``most`` of each branch."""
-
-    starts: int
-    most: int
-
-
-class NearestToLimits(NamedTuple):
-    """Types of the coarsest table at ``starts`` starts that break the limits least, whatever their motion."""
-
-    starts: int
-    most: int
-
-
-Source = Fresh | Best | Hops | Grid | NearestToLimits
+Source = Fresh | Best | Hops
 
 
 class Round(NamedTuple):
@@ -51,7 +37,7 @@ class Round(NamedTuple):
 
     sources: tuple[Source, ...]
     iterations: int
-    """Steps of the descent; within limits each penalty has its own number."""
+    """Steps of the descent."""
     reason: str
 
 

@@ -24,7 +24,7 @@ from synthesis.search import schedule
 from synthesis.search.limited import search_limited
 from synthesis.search.projected import ProjectedProblem
 from synthesis.search.schedule import Round
-from synthesis.search.seeds import Candidates, SeedTables, grid
+from synthesis.search.seeds import Candidates, SeedTables
 from synthesis.search.windows import Windows
 from synthesis.target import Target
 from synthesis.work import Work
@@ -100,9 +100,6 @@ class _Search:
                 unknowns = np.repeat(best.unknowns, source.copies, axis=0)
                 unknowns = unknowns + self.random.standard_t(3, size=size) * self.chart.hop
                 return Candidates(unknowns, np.repeat(best.branch, source.copies), np.full(len(unknowns), np.inf))
-            case schedule.Grid():
-                unknowns = grid(self.chart.unknowns(self.chart.types), source.starts)
-                return self._each_branch(unknowns, source.most, 0.7, lambda branch, cost: cost)
 
     def _fresh(self, index: int, count: int) -> Candidates:
         if index not in self.screened:
@@ -113,16 +110,6 @@ class _Search:
         self.taken[index] = count
         places = [np.flatnonzero(table.branch == branch)[before:count] for branch in self.mechanism.branches]
         return table.take(np.concatenate(places))
-
-    def _each_branch(self, unknowns: Floats, count: int, cell: float, order: Any) -> Candidates:
-        """The first ``count`` of each branch by an order of those that close, at most one a cell."""
-        parts = []
-        for branch in self.mechanism.branches:
-            side = np.full(len(unknowns), float(branch))
-            cost = self.problem.evaluate(unknowns, side, derivatives=False).cost
-            ranked = np.where(np.isfinite(cost), order(side, cost), np.inf)
-            parts.append(Candidates(unknowns, side, ranked).thinned(count, cell))
-        return parts[0].joined(*parts[1:])
 
     # -- rounds -------------------------------------------------------------------------------------------------------
 
@@ -246,7 +233,7 @@ def search(
     clockwise = target.clockwise
     if clockwise:  # a mirror image: one search serves both
         target, limits = target.mirrored(), limits.mirrored()
-    first, *further = tables.mechanism.charts(limits.family)
+    first = tables.mechanism.charts(limits.family)[0]
     run = _Search(tables, target, limits, tolerance, work or Work(), first)
     run.free_search(schedule.FIRST_LOOK)
     # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
@@ -255,6 +242,6 @@ def search(
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
     if not (run.done(solutions) or (solutions and run.reached)):
         solutions = run.bounded_search(tables.windows, solutions)
-    solutions = distinct(solutions, top, APART)
+    solutions = distinct(solutions, top, APART, exact=tolerance)
     report = run.report(solutions)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report

@@ -5,7 +5,6 @@ Different seeds find more than many seeds: the best rows of a dense table lie in
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +67,7 @@ class SeedTables:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
+        self._windows: dict[str, Windows] = {}
         chart = mechanism.charts("full_crank")[0]
         self.tables = [
             SeedTable(
@@ -77,10 +77,11 @@ class SeedTables:
             for lengths in mechanism.tables
         ]
 
-    @cache
     def windows(self, family: str) -> Windows:
         """The windows of a family's types for a search within limits; made by the first that asks."""
-        return Windows(self.mechanism, self.mechanism.bounded_types(family))
+        if family not in self._windows:
+            self._windows[family] = Windows(self.mechanism, self.mechanism.bounded_types(family))
+        return self._windows[family]
 
     @property
     def nbytes(self) -> int:
@@ -106,9 +107,3 @@ class SeedTables:
         # one number a cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
         return parts.take(np.sort(first))
-
-
-def grid(shapes: Floats, starts: int) -> Floats:
-    """Unknowns of all of some shapes at evenly spaced starts, (shapes x starts, k + 1)."""
-    start = np.arange(starts) * (TURN / starts)
-    return np.hstack([np.repeat(shapes, starts, axis=0), np.tile(start, len(shapes))[:, None]])

@@ -85,12 +85,12 @@ class Windows:
             reach = boxes.reach(lengths)
             miss = np.where(reach[0] > _SPARE * reach[1], np.inf, miss)
         windows, sides, angles = [], [], []
-        for side, branch in enumerate(self.mechanism.branches):
+        for side, sign in enumerate(self.mechanism.branches):
             near = np.flatnonzero(miss < _MISS)
             angle = self.angles(side, target.crank, near)
             closed = np.isfinite(angle).all(axis=1)
             windows.append(near[closed])
-            sides.append(np.full(closed.sum(), float(branch)))
+            sides.append(np.full(closed.sum(), float(sign)))
             angles.append(angle[closed])
         window, branch, angle = np.concatenate(windows), np.concatenate(sides), np.concatenate(angles)
         fits = _Fits.of(target, angle)
@@ -100,9 +100,9 @@ class Windows:
             best = _least(merit, _POSED)
             window, branch, fits = window[best], branch[best], fits.take(best)
             chosen = lengths[window]
-            rho = chosen[:, 0] / chosen[:, -1] * np.exp(1j * start[window])
-            merit, pivot, ground, coupler = fits.within(rho, boxes, (reach[0][window], reach[1][window]))
-            merit = merit + fits.rotation + miss[window] ** 2
+            rho: Complexes = chosen[:, 0] / chosen[:, -1] * np.exp(1j * start[window])
+            error, pivot, ground, coupler = fits.within(rho, boxes, (reach[0][window], reach[1][window]))
+            merit = error + fits.rotation + miss[window] ** 2
             best = _least(merit, _CHECKED)
             window, branch, merit = window[best], branch[best], merit[best]
             pivot, ground, coupler = pivot[best], ground[best], coupler[best]
@@ -117,7 +117,9 @@ class Windows:
         order = np.argsort(merit, kind="stable")
         order = order[np.isfinite(merit[order])]
         place = problem.chart.place(unknowns[:, : problem.size])
-        cells = np.floor(np.hstack([place, unknowns[:, [problem.size]] / 0.6, branch[:, None]])[order]).astype(np.int64)
+        cells = np.floor(np.hstack([place, unknowns[:, [problem.size]] / 0.6, branch[:, None]])[order]).astype(
+            np.int64
+        )
         # one number a cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
         order = order[np.sort(first)]
@@ -168,11 +170,14 @@ class _Fits(NamedTuple):
             rotation = mean((gap - mean(gap)[:, None]) ** 2)
         nothing = np.zeros(len(angle))
         if target.position is None:
-            return cls(rotation, *[nothing] * 7, np.zeros((len(angle), 3), dtype=complex))
+            no, share = nothing + 0j, np.zeros((len(angle), 3), dtype=complex)
+            return cls(rotation, nothing, nothing, no, nothing, no, no, nothing, share)
         mean = target.position_mean
         turned = np.exp(1j * target.crank)
         place = (target.position - mean(target.position)) / target.length_scale
-        share = np.exp(-1j * angle) @ np.stack([mean.weighted(c) / mean.total for c in (turned**0, turned, place)], axis=1)
+        share = np.exp(-1j * angle) @ np.stack(
+            [mean.weighted(c) / mean.total for c in (turned**0, turned, place)], axis=1
+        )
         one, own, held = share.T
         along, across = mean(turned), mean(np.conj(turned) * place)
         one_one, turned_turned = 1 - np.abs(one) ** 2, 1 - np.abs(own) ** 2

@@ -32,7 +32,9 @@ def make_limited(kind: str, seed: int, samples: int = 32) -> Case:
         return Case(kind, seed, base.request | {"limits": _just_kept(random, base.truth)}, base.truth)
     if kind == "boxed":
         limits["transmission_angle_min"] = random.uniform(30, 40)
-        limits["pivot_box"] = _box(position.mean(axis=0) + 0.5 * extent * random.standard_normal(2), 2 * extent, random)
+        limits["pivot_box"] = _box(
+            position.mean(axis=0) + 0.5 * extent * random.standard_normal(2), 2 * extent, random
+        )
     else:
         own = transmission_angle(base.truth, base.request)
         limits["transmission_angle_min"] = float(np.clip(own + random.uniform(5, 25), 20, 45))

@@ -264,9 +264,7 @@ def _broken_places(
 def _in_box(places: Any, box: Sequence[float], spare: float = 0.0) -> bool:
     xmin, ymin, xmax, ymax = box
     x, y = np.real(places), np.imag(places)
-    return bool(
-        np.all((x >= xmin - spare) & (x <= xmax + spare) & (y >= ymin - spare) & (y <= ymax + spare))
-    )
+    return bool(np.all((x >= xmin - spare) & (x <= xmax + spare) & (y >= ymin - spare) & (y <= ymax + spare)))
 
 
 def _unit(request: Mapping[str, Any]) -> Any:

@@ -41,7 +41,9 @@ def placed(seed: int, count: int = 30) -> Placed:
     """Random full cranks in random poses."""
     random = np.random.default_rng(seed)
     chart = GrashofChart(scaled=False)
-    unknowns = random.uniform(0.1, 1.0, (count, 4)) * np.column_stack([random.choice([-1, 1], count), np.ones((count, 3))])
+    unknowns = random.uniform(0.1, 1.0, (count, 4)) * np.column_stack(
+        [random.choice([-1, 1], count), np.ones((count, 3))]
+    )
     first = random.uniform(0, 6, count)
     return Placed(
         chart.shape(unknowns).lengths,
@@ -109,7 +111,8 @@ def test_they_say_what_a_dense_look_says(seed, name) -> None:
     dense = {
         "transmission_angle_min": lambda: np.cos(0.6) - np.cos(transmission_angle_over(links, linkages.used)),
         "transmission_angle_min_turn": lambda: (
-            np.cos(0.3) - np.cos(transmission_angle_over(links, Interval(0 * links[:, 0], 0 * links[:, 0] + 2 * np.pi)))
+            np.cos(0.3)
+            - np.cos(transmission_angle_over(links, Interval(0 * links[:, 0], 0 * links[:, 0] + 2 * np.pi)))
         ),
         "link_min": lambda: links.min(axis=1) - 0.7,
         "link_max": lambda: 1.8 - links.max(axis=1),
@@ -120,7 +123,9 @@ def test_they_say_what_a_dense_look_says(seed, name) -> None:
         "pivot_box": lambda: np.minimum(inside(a, limits.pivot_box), inside(b, limits.pivot_box))[:, 0],
         "pivot_a_box": lambda: inside(a, limits.pivot_a_box)[:, 0],
         "pivot_b_box": lambda: inside(b, limits.pivot_b_box)[:, 0],
-        "pivot_reach": lambda: np.minimum(0.8 - abs(a - limits.pivot_reach[0]), 1.1 - abs(b - limits.pivot_reach[0]))[:, 0],
+        "pivot_reach": lambda: np.minimum(0.8 - abs(a - limits.pivot_reach[0]), 1.1 - abs(b - limits.pivot_reach[0]))[
+            :, 0
+        ],
         "keep_out": lambda: -np.max([inside(p, box)[:, 0] for p in (a, b) for box in limits.keep_out], axis=0),
         "coupler_radius_max": lambda: 0.6 - abs(linkages.coupler),
         "envelope": lambda: inside(joints, limits.envelope).min(axis=1),
