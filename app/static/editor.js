@@ -87,12 +87,15 @@ export class Editor {
     set($("wanted"), motion.wanted);
     set($("family"), limits.family);
     set($("transmission"), limits.transmission || "");
+    $("practical").checked = limits.practical;
+    $("transmission").placeholder = limits.practical ? "35" : "0";
     set($("link-min"), limits.min);
     set($("link-max"), limits.max);
     set($("round"), motion.round);
     set($("top"), motion.top);
     for (let k = 0; k < 4; k++) set($(`box-${k}`), limits.box?.[k]);
     const active = [];
+    if (limits.practical) active.push("practical");
     if (limits.family !== "full_crank") active.push($("family").selectedOptions[0]?.textContent);
     if (limits.transmission) active.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
     if (limits.min || limits.max) active.push("link lengths");
@@ -230,6 +233,7 @@ export class Editor {
       for (const pose of motion.poses) for (const name of ["wr", "wp", "er", "ep"]) delete pose[name];
     }));
     this.#bind("wanted", (motion, value) => { motion.wanted = value; });
+    this.#bind("practical", (motion, value) => { motion.limits.practical = value; });
     this.#bind("family", (motion, value) => { motion.limits.family = value; });
     this.#bind("transmission", (motion, value) => { motion.limits.transmission = value ?? 0; });
     this.#bind("link-min", (motion, value) => { motion.limits.min = value; });

@@ -37,6 +37,7 @@ export function toRequest(motion) {
   if (tolerances) request.tolerances = tolerances;
   request.top = motion.top;
   const asked = { ...limits.extra };
+  if (limits.practical) asked.preset = "practical";
   if (limits.family !== "full_crank") asked.family = limits.family;
   if (limits.transmission > 0) asked.transmission_angle_min = limits.transmission;
   if (limits.box && places) asked.pivot_box = limits.box;
@@ -101,11 +102,11 @@ export function fromRequest(body) {
   fixTravels(motion);
   spread(weights, motion.poses, ["wr", "wp"], 1, "weights");
   motion.tolerance = spread(tolerances, motion.poses, ["er", "ep"], unit, "tolerances");
-  const { family, transmission_angle_min, pivot_box, link_min, link_max, ...more } = limits;
+  const { family, transmission_angle_min, pivot_box, link_min, link_max, preset, ...more } = limits;
   motion.limits = {
     family: family ?? "full_crank",
     transmission: (transmission_angle_min ?? 0) * unit,
-    box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, extra: more,
+    box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, practical: preset === "practical", extra: more,
   };
   motion.round = round_to ?? null;
   motion.top = top ?? 8;

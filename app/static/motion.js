@@ -1,6 +1,6 @@
 // The requested motion as plain values: poses, crank angles, limits; its faults; its undo history.
 
-const LIMITS = { family: "full_crank", transmission: 0, box: null, min: null, max: null, extra: {} };
+const LIMITS = { family: "full_crank", transmission: 0, box: null, min: null, max: null, practical: true, extra: {} };
 
 /**
  * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each pose).

@@ -24,7 +24,7 @@ BEGIN, END, PIVOT, TURNED, COUPLER = 4, 5, 6, 8, 9
 COLUMNS = 11
 """Derivatives as `mechanism.Constrained` has them."""
 _GROUND = 3
-_TRACED = {True: (65, 3), False: (25, 1)}
+_TRACED = {True: (257, 3), False: (25, 1)}
 """Crank angles at which joints are looked at, and how often their extremes are then refined: exactly, and in a search."""
 SPARE = 1e-4
 """By which the envelope of a search is smaller."""

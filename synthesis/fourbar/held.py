@@ -88,21 +88,23 @@ def _determination(target: Target, linkage: Linkage, resolution: float, limits: 
     pushes = rows.touched[0] & (rows.equal | (force > _PUSHES * (rest @ rest)))
     names = tuple(dict.fromkeys(name for name, on in zip(rows.names, pushes) if on))
     face = _null_space(rows.slopes[0, pushes], unknowns)
-    hessian = derivatives.T @ derivatives
+    along = derivatives @ face
+    inner = along.T @ along
     if not target.found:
-        hessian = _half_hessian(target, linkage, limits, free, unknowns, np.where(pushes, force, 0.0))
+        inner = _half_hessian(target, linkage, limits, free, face, np.where(pushes, force, 0.0))
+    if not np.all(np.isfinite(inner)):  # so near a change point that no step leads along the limits
+        return Determination(1e17, np.full(4, np.inf), resolution, names)
     uncertainty = np.zeros(4)
-    inner = face.T @ hessian @ face
     values, vectors = np.linalg.eigh((inner + inner.T) / 2)
     if face.shape[1]:
         if values[0] <= 1e-12 * values[-1]:
             moves = np.abs(face @ vectors[:, values <= 1e-12 * values[-1]]).max(axis=1) > 1e-6
             uncertainty[:free] = np.where(moves[:free], np.inf, 0.0)
         else:
-            change = face @ np.linalg.solve(inner, face.T @ derivatives.T)
+            change = face @ np.linalg.solve(inner, along.T)
             uncertainty[:free] = resolution * np.linalg.norm(change[:free], axis=1)
     uncertainty[uncertainty > FREE] = np.inf
-    singular = np.linalg.svd(derivatives @ face, compute_uv=False) if face.shape[1] else np.ones(1)
+    singular = np.linalg.svd(along, compute_uv=False) if face.shape[1] else np.ones(1)
     condition = float(singular[0] / max(singular[-1], singular[0] * 1e-17)) if singular[0] > 0 else 1e17
     return Determination(condition, uncertainty, resolution, names)
 
@@ -139,11 +141,12 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
     used = target.interval.after(np.array([one.start for one in linkages]))
     placed = Placed(links, np.array([float(one.branch) for one in linkages]), used)
     turned = np.array([one.ground_angle for one in linkages])
-    coupler: NDArray[Any] = np.zeros(count, dtype=complex)
+    coupler: NDArray[np.complex128] = np.zeros(count, dtype=np.complex128)
     if posed:
         assert target.position is not None
         middle, scale = complex(target.position_mean(target.position)), target.length_scale
-        coupler = np.array([_coupler(one) for one in linkages]) * np.exp(1j * turned) / scale
+        own = np.array([_coupler(one) for one in linkages])
+        coupler = np.asarray(own * np.exp(1j * turned) / scale, dtype=np.complex128)
         pivot = (np.array([one.pivot_a for one in linkages]) - middle) / scale
         placed = placed._replace(lengths=links / scale, pivot=pivot, turned=turned, coupler=coupler)
     found = Constraints(limits, middle, scale)(placed)
@@ -198,15 +201,18 @@ def _null_space(rows: Floats, unknowns: int) -> Floats:
 
 
 def _half_hessian(
-    target: Target, linkage: Linkage, limits: Limits, free: int, unknowns: int, force: Floats
+    target: Target, linkage: Linkage, limits: Limits, free: int, face: Floats, force: Floats
 ) -> Floats:
-    """M of the module's head, by central differences of half the Lagrangian's gradient."""
-    moved = [_moved(target, linkage, step, free) for step in _STEP * np.vstack([np.eye(unknowns), -np.eye(unknowns)])]
+    """Z' M Z of the module's head, by central differences of half the Lagrangian's gradient along the face."""
+    moved = [_moved(target, linkage, step, free) for step in _STEP * np.vstack([face.T, -face.T])]
+    if not moved:
+        return np.empty((0, 0))
     matrices, rest = derivative_matrix(target, moved)[0], _residuals(target, moved)
     gradients = -(matrices[:, : rest.shape[1]].transpose(0, 2, 1) @ rest[:, :, None])[:, :, 0]
     if force.any():
-        gradients -= 0.5 * force @ _limit_rows(target, moved, limits, free, unknowns).slopes
-    return (gradients[:unknowns] - gradients[unknowns:]) / (2 * _STEP)
+        gradients -= 0.5 * force @ _limit_rows(target, moved, limits, free, len(face)).slopes
+    size = face.shape[1]
+    return ((gradients[:size] - gradients[size:]) @ face) / (2 * _STEP)
 
 
 def _moved(target: Target, linkage: Linkage, step: Floats, free: int) -> Linkage:

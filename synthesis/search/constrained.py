@@ -195,7 +195,7 @@ def _within_equations(system: Floats, right: Floats, rows: Floats, gap: Floats) 
     return plain + (spread @ forces)[:, :, 0]
 
 
-def restored(problem: Problem, found: Descended, rounds: int = 8) -> Descended:
+def restored(problem: Problem, found: Descended, rounds: int = 12) -> Descended:
     """Candidates moved onto the limits that they break by the shortest way: Newton steps on those constraints."""
     unknowns, branch = found.unknowns, found.branch
     for _ in range(rounds):
@@ -207,6 +207,9 @@ def restored(problem: Problem, found: Descended, rounds: int = 8) -> Descended:
         rows = np.where(wrong[:, :, None], constrained.slopes, 0.0)
         gap = np.where(wrong, np.where(equal, -values, 0.1 * MARGIN - values), 0.0)
         steps = (np.linalg.pinv(rows, rcond=1e-9) @ gap[:, :, None])[:, :, 0]
+        held = problem.held(unknowns, -steps)
+        if held.any():
+            steps = (np.linalg.pinv(np.where(held[:, None], 0.0, rows), rcond=1e-9) @ gap[:, :, None])[:, :, 0]
         unknowns = problem.stepped(unknowns, steps)
     cost = problem.evaluate(unknowns, branch).cost
     constrained = problem.constrained(unknowns, branch)

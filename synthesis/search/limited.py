@@ -36,7 +36,7 @@ _ALIKE = 1e-3
 _SAME_LENGTHS = 0.3
 """Logarithms of lengths by which candidates of one valley differ at most."""
 _OPTIMA = 14
-_KEPT = 1e-9
+_KEPT = 1e-13
 """To which an answer must keep equations; other constraints it keeps entirely."""
 
 _DOWN = Plan(15, (0.1, 0.3, 1.0, 3.0, 10.0), 3)

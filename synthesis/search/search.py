@@ -161,9 +161,12 @@ class _Search:
 
     def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any]) -> list[Any]:
         """Go on within the limits, in one chart after the other; what it finds, and of the solutions those that are better."""
+        charts, ways = self.mechanism.charts(self.limits.family), self.mechanism.bounded(self.target, self.limits)
+        if not ways:
+            self.free_search(schedule.TO_THE_END)
+            return solutions + self.polished(_FINISHED, 30)
         first, solutions = solutions, []
-        charts = self.mechanism.charts(self.limits.family)
-        for chart, way in zip(charts, self.mechanism.bounded(self.target, self.limits)):
+        for chart, way in zip(charts, ways):
             found, problem, seeds = search_limited(
                 self.target, way, windows(self.limits.family), self.work, self.note
             )

@@ -100,8 +100,10 @@ class Windows:
             best = _least(merit, _POSED)
             window, branch, fits = window[best], branch[best], fits.take(best)
             chosen = lengths[window]
-            rho: Complexes = chosen[:, 0] / chosen[:, -1] * np.exp(1j * start[window])
-            error, pivot, ground, coupler = fits.within(rho, boxes, (reach[0][window], reach[1][window]))
+            turned: Complexes = np.exp(1j * start[window])
+            error, pivot, ground, coupler = fits.within(
+                turned * (chosen[:, 0] / chosen[:, -1]), boxes, (reach[0][window], reach[1][window])
+            )
             merit = error + fits.rotation + miss[window] ** 2
             best = _least(merit, _CHECKED)
             window, branch, merit = window[best], branch[best], merit[best]
@@ -170,7 +172,8 @@ class _Fits(NamedTuple):
             rotation = mean((gap - mean(gap)[:, None]) ** 2)
         nothing = np.zeros(len(angle))
         if target.position is None:
-            no, share = nothing + 0j, np.zeros((len(angle), 3), dtype=complex)
+            share: Complexes = np.zeros((len(angle), 3), dtype=np.complex128)
+            no = share[:, 0]
             return cls(rotation, nothing, nothing, no, nothing, no, no, nothing, share)
         mean = target.position_mean
         turned = np.exp(1j * target.crank)
