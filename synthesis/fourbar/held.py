@@ -200,9 +200,7 @@ def _null_space(rows: Floats, unknowns: int) -> Floats:
     return vectors[rank:].T
 
 
-def _half_hessian(
-    target: Target, linkage: Linkage, limits: Limits, free: int, face: Floats, force: Floats
-) -> Floats:
+def _half_hessian(target: Target, linkage: Linkage, limits: Limits, free: int, face: Floats, force: Floats) -> Floats:
     """Z' M Z of the module's head, by central differences of half the Lagrangian's gradient along the face."""
     moved = [_moved(target, linkage, step, free) for step in _STEP * np.vstack([face.T, -face.T])]
     if not moved:
