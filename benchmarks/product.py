@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import time
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,13 @@ def target_of(request: dict[str, Any]) -> Target:
     """A request as the numerics see it."""
     names = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
     return Motion.of(**{name: request.get(name) for name in names}).target
+
+
+class ProcessorWork(Work):
+    """Work whose time is that of the processor, which other work does not stretch."""
+
+    def __init__(self, budget: float | None = None) -> None:
+        super().__init__(budget, clock=time.process_time)
 
 
 def limits_of(request: dict[str, Any]) -> Limits:

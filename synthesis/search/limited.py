@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 _SAMPLES = 16
 _SEEDS, _FURTHER = 60, 100
 """Seeds of the first round, and of each later one."""
+_FIRST = 24
+"""Seeds that may be answers at once."""
 _VALLEYS, _POLISHED = 24, 10
 _ORIGINS, _COPIES = 8, 8
 _ROUNDS = 6
@@ -128,9 +130,9 @@ class _Run:
 
     def first_answers(self) -> None:
         """The best seeds, where they keep the limits or can be moved onto them."""
-        unknowns, branch = self.seeds.unknowns[:_SEEDS], self.seeds.branch[:_SEEDS]
+        unknowns, branch = self.seeds.unknowns[:_FIRST], self.seeds.branch[:_FIRST]
         if len(branch):
-            self.keep(restored(self.whole, Descended(unknowns, branch, np.empty(0), np.empty(0))))
+            self.keep(restored(self.whole, Descended(unknowns, branch, np.empty(0), np.empty(0)), 4))
 
     def round(self, unknowns: Floats, branch: Floats, share: float) -> None:
         """Descents from some candidates; the best of the pool is polished on all samples."""

@@ -238,10 +238,13 @@ def search(
         target, limits = target.mirrored(), limits.mirrored()
     first = tables.mechanism.charts(limits.family)[0]
     run = _Search(tables, target, limits, tolerance, work or Work(), first)
-    run.free_search(schedule.FIRST_LOOK)
-    # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
+    # within limits the answer is seldom exact: one round tells
+    run.free_search(schedule.FIRST_LOOK if limits.only_family else schedule.FIRST_LOOK[:1])
     near = bool(run.pool.cost.size) and run.pool.cost.min() < _NEAR**2
-    solutions = run.polished(top + 4, 30 if near and not run.reached else 6)
+    solutions = []
+    if near or limits.only_family:
+        # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
+        solutions = run.polished(top + 4, 30 if near and not run.reached else 6)
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
     if not (run.done(solutions) or (solutions and run.reached)):
         solutions = run.bounded_search(tables.windows, solutions)

@@ -308,7 +308,7 @@ def test_tolerance_decides_the_status(client) -> None:
     assert (strict["status"], strict["report"]["stopped_by"]) == ("closest", "converged")
     impossible = {"crank_span": 10, "effort": "atlas", "limits": {"link_max": 1e-3}}
     none = ask(client, "/v1/synthesize", rotation=ROTATION[:3], **impossible)
-    assert (none["status"], none["solutions"]) == ("infeasible", [])
+    assert (none["status"], none["solutions"]) == ("unknown", [])  # not all windows were looked at
     refined = ask(client, "/v1/synthesize", **EXAMPLE, tolerance=1e-3, top=1)
     assert refined["status"] == "reached" and refined["solutions"][0]["errors"]["objective"] < 1e-3
 
