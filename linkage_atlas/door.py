@@ -221,7 +221,7 @@ def _searched(
             found, went = search(prepared, motion.target, limits, top, tolerance, work)
         stages = {"screen": went.screen_seconds, "refine": work.elapsed - went.screen_seconds}
         return found, _Went(stages, went.trace, went.stopped_by.value, counts | {"seeds": went.seeds})
-    found, scanned = best_rows(prepared, motion.target, limits, top, work)
+    found, scanned = best_rows(prepared, motion.target, limits, top, work, tolerance)
     searched = work.elapsed
     trace = [(searched, found[0].errors.objective)] if found else []
     reached = Status.of(found, tolerance) is Status.REACHED
