@@ -32,6 +32,10 @@ from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
 
 
+FINISHING = 0.1
+"""Part of its budget that an answer may take beyond it, to finish what the search has found."""
+
+
 @cache
 def seed_tables() -> SeedTables:
     """The coarse tables of the search; made by the first that asks."""
@@ -172,7 +176,7 @@ def synthesize(
         raise FieldError("/round_to", "needs `position`: without it no length is actual")
     found, went = _searched(motion, kept, top, tolerance, watch, prepared)
     searched = watch.elapsed
-    solutions = finished(found, motion, tolerance, allowed, round_to, sensitivity, atlas)
+    solutions = finished(found, motion, tolerance, allowed, round_to, sensitivity, atlas, watch.extended(FINISHING))
     if solutions and solutions[0].determination.ill_posed:
         notes.append(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
@@ -181,6 +185,8 @@ def synthesize(
     notes += cognate_notes(solutions) if motion.samples.rotation is None else []
     if not solutions and went.stopped_by == "budget":
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
+    if len(solutions) < len(found):
+        notes.append(f"the time was up: of {len(found)} linkages found the best {len(solutions)} are reported")
     total = watch.elapsed
     return Result(
         status_of(solutions, tolerance, allowed),
@@ -250,6 +256,7 @@ def match(
     degrees: bool = True,
     top: int = 10,
     features: bool = False,
+    budget: float | None = None,
     work: Callable[[float | None], Work] = Work,
 ) -> Matches:
     """The best rows of an atlas by rotation alone: all types, both branches, every whole degree of start.
@@ -263,13 +270,15 @@ def match(
     top : int
     features : bool
         Also give the Haar features of the request and of each match.
+    budget : float, optional
+        Seconds; the best rows of those looked at by then are returned, and the report is not exhaustive.
     work : callable
         As for `synthesize`.
 
     Returns
     -------
     Matches
-        Exactly the best, as if every window had been evaluated. No pose is computed.
+        Exactly the best, as if every window had been evaluated, where the report is exhaustive. No pose is computed.
 
     Raises
     ------
@@ -277,7 +286,8 @@ def match(
         Naming the argument.
     """
     _check_top(top)
-    scan, watch = atlas.scan, work(None)
+    _check_above_zero(budget=budget)
+    scan, watch = atlas.scan, work(budget)
     motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)
     target, radian = motion.target, motion.radian
     wanted = target.rotation
@@ -299,7 +309,12 @@ def match(
     total = watch.elapsed
     stages = {"screen": screened, "rest": total - screened, "total": total}
     elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
-    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, motion.notes(), asked))
+    notes = motion.notes()
+    if not report.exhaustive:
+        notes.append("the scan was cut short: rows that it did not come to may be better")
+    return Matches(
+        matches, MatchReport(elapsed, report.windows, report.evaluated, notes, asked, report.exhaustive)
+    )
 
 
 def _features(crank: Any, curve: Any, radian: float) -> Features:

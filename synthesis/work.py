@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from copy import copy
 
 
 class Cancelled(Exception):
@@ -47,6 +48,12 @@ class Work:
         """Whether the budget is used up. Raises `Cancelled` like `check`."""
         self.check()
         return self.elapsed >= self._budget
+
+    def extended(self, share: float) -> Work:
+        """The same work with its budget grown by a share: what remains to be done once a search has used it up."""
+        longer = copy(self)
+        longer._budget = self._budget * (1 + share)
+        return longer
 
     @property
     def elapsed(self) -> float:

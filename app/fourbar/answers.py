@@ -19,6 +19,7 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
         degrees=request.degrees,
         top=request.top,
         features=request.features,
+        budget=budget_of(request.budget_ms, resources),
         work=resources.work,
     )
     return MatchesReply.model_validate(found.to_dict())
@@ -29,9 +30,13 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> Synth
     return SynthesizeReply.model_validate(solve(request, resources).to_dict())
 
 
+def budget_of(budget_ms: float | None, resources: Resources) -> float:
+    """Seconds that a request may take: what it says, at most what the service allows."""
+    return min(budget_ms or resources.max_budget_ms, resources.max_budget_ms) / 1000
+
+
 def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """The front door's answer to a request."""
-    budget_ms = min(request.budget_ms or resources.max_budget_ms, resources.max_budget_ms)
     return la.synthesize(
         **motion_of(request),
         tolerances=None if request.tolerances is None else request.tolerances.model_dump(exclude_none=True),
@@ -39,7 +44,7 @@ def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
         top=request.top,
         effort=request.effort,
         tolerance=request.tolerance,
-        budget=budget_ms / 1000,
+        budget=budget_of(request.budget_ms, resources),
         round_to=request.round_to,
         sensitivity=request.sensitivity,
         atlas=resources.atlas if request.effort == "atlas" else None,
