@@ -11,7 +11,8 @@ from fastapi import FastAPI, Request, Response
 from fastapi import Path as PathParameter
 
 import linkage_atlas as la
-from app import page, problems
+from app import computed, page, problems
+from app.bodies import Reply
 from app.fourbar import export
 from app.query import Export, Query, ReplyModel
 from app.registry import all_queries, worked_example
@@ -151,22 +152,22 @@ def _route_details(query: Query) -> dict[str, Any]:
 
 
 def _add_query(app: FastAPI, query: Query, resources: ServiceResources) -> None:
-    async def route(request, body):  # type: ignore[no-untyped-def]
-        return await app.state.turnstile.run(request, query.answer, body, resources)
+    def answer(body: Any, resources: Any) -> Response:
+        return Reply(query.answer(body, resources))
 
-    route.__annotations__ = {"request": Request, "body": query.request, "return": query.reply}
-    route.__name__ = query.command.replace(" ", "_")
-    app.post(query.path, response_model=query.reply, **_route_details(query))(route)
+    name = query.command.replace(" ", "_")
+    computed.add(
+        app, query.path, name, query.request, answer, query.is_long, resources, response_model=query.reply, **_route_details(query)
+    )
 
 
 def _add_export(app: FastAPI, query: Query, name: str, export: Export, resources: ServiceResources) -> None:
-    async def route(request, body):  # type: ignore[no-untyped-def]
-        content = await app.state.turnstile.run(request, export.render, body, resources)
-        return Response(content, media_type=export.media_type)
+    def answer(body: Any, resources: Any) -> Response:
+        return Reply(export.render(body, resources), export.media_type)
 
-    route.__annotations__ = {"request": Request, "body": query.request}
-    route.__name__ = f"{query.command.replace(' ', '_')}_{name}"
+    route = f"{query.command.replace(' ', '_')}_{name}"
     details = _route_details(query)
     details["summary"] = f"{query.summary} As {name.upper()}."
     details["responses"] = {**details["responses"], 200: {"content": {export.media_type: {}}}}
-    app.post(f"{query.path}.{name}", response_class=Response, response_model=None, **details)(route)
+    details |= {"response_class": Response, "response_model": None}
+    computed.add(app, f"{query.path}.{name}", route, query.request, answer, query.is_long, resources, **details)

@@ -19,7 +19,7 @@ from starlette.exceptions import HTTPException
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 from starlette.types import Receive, Scope, Send
 
-from linkage_atlas import AtlasError, Cancelled, FieldError
+from linkage_atlas import AtlasError, Cancelled, FieldError, OutOfTime
 
 MAX_ERRORS = 20
 """Errors listed in one reply; a request of a thousand wrong numbers needs no thousand lines."""
@@ -52,6 +52,18 @@ SCHEMA: dict[str, Any] = {
 
 class Overloaded(Exception):
     """More requests wait than the service lets wait."""
+
+
+class Malformed(Exception):
+    """A body that cannot be read: what is wrong, and what is wrong at its place, if that is said in other words."""
+
+    def __init__(self, detail: str, at_place: str | None = None) -> None:
+        super().__init__(detail)
+        self.detail, self.at_place = detail, at_place or detail
+
+
+class NotJson(Exception):
+    """A body that is not declared as JSON."""
 
 
 class NotFound(Exception):
@@ -115,15 +127,18 @@ def install(app: FastAPI) -> None:
     """Register the handlers on an application."""
 
     @app.exception_handler(RequestValidationError)
-    async def _validation(request: Request, error: RequestValidationError) -> Response:
+    async def _validation(_: Request, error: RequestValidationError) -> Response:
         entries = [{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]  # less "body" or "path"
-        first = entries[0]
-        if first["type"] == "json_invalid":
-            return problem(400, "the body is not valid JSON", [{"pointer": "#", "detail": "not valid JSON"}])
-        if not first["loc"] and first["type"] == "model_attributes_type" and not _says_json(request.headers):
-            return problem(415, "send the body with the header `Content-Type: application/json`")
         rows = error_rows(entries)
         return problem(422, f"{rows[0]['pointer'][2:] or 'the body'}: {rows[0]['detail']}", rows)
+
+    @app.exception_handler(Malformed)
+    async def _malformed(_: Request, error: Malformed) -> Response:
+        return problem(400, error.detail, [{"pointer": "#", "detail": error.at_place}])
+
+    @app.exception_handler(NotJson)
+    async def _not_json(_: Request, __: NotJson) -> Response:
+        return problem(415, "send the body with the header `Content-Type: application/json`")
 
     @app.exception_handler(ValidationError)
     async def _model(_: Request, error: ValidationError) -> Response:
@@ -146,6 +161,10 @@ def install(app: FastAPI) -> None:
     async def _overloaded(_: Request, __: Overloaded) -> Response:
         return problem(503, "too many requests are waiting", headers={"Retry-After": "1"})
 
+    @app.exception_handler(OutOfTime)
+    async def _out_of_time(_: Request, __: OutOfTime) -> Response:
+        return problem(503, "the answer took longer than this service allows", headers={"Retry-After": "5"})
+
     @app.exception_handler(Cancelled)
     async def _gone(_: Request, __: Cancelled) -> Response:
         return Response(status_code=499)  # the client is gone; 499 is what proxies log for that
@@ -159,7 +178,7 @@ def install(app: FastAPI) -> None:
         return problem(500, "a fault of the service, not of the request; its log says more")
 
 
-def _says_json(headers: Headers) -> bool:
+def says_json(headers: Headers) -> bool:
     kind = headers.get("content-type", "").partition(";")[0].strip().lower()
     return kind == "application/json" or (kind.startswith("application/") and kind.endswith("+json"))
 

@@ -111,6 +111,9 @@ class Query:
         Format (``svg``, ``dxf``, ...) to `Export`; over HTTP a POST of the same body to ``path.format``.
     from_csv : callable, optional
         ``from_csv(text) -> request body`` of a CSV file, which the command then takes too.
+    is_long : callable
+        ``is_long(request) -> bool``: whether the answer may take more than a fraction of a second. Over HTTP long requests
+        wait for one another and not the short ones for them.
     """
 
     path: str
@@ -123,3 +126,4 @@ class Query:
     examples: Mapping[str, dict[str, Any]]
     exports: Mapping[str, Export] = field(default_factory=dict)
     from_csv: Callable[[str], dict[str, Any]] | None = None
+    is_long: Callable[[Any], bool] = lambda _: False

@@ -12,10 +12,14 @@ class Cancelled(Exception):
     """Nobody waits for the answer any more."""
 
 
+class OutOfTime(Exception):
+    """The budget is used up, and there is no answer yet."""
+
+
 class Work:
     """A budget of time that begins now, and a way to end the work early.
 
-    Long computations ask between their steps: `expired` where the best found so far is an answer, `check` where there
+    Long computations ask between their steps: `expired` where the best found so far is an answer, `go_on` where there
     is none yet.
 
     Parameters
@@ -48,6 +52,11 @@ class Work:
         """Whether the budget is used up. Raises `Cancelled` like `check`."""
         self.check()
         return self.elapsed >= self._budget
+
+    def go_on(self) -> None:
+        """Raise `OutOfTime` where the budget is used up, and `Cancelled` like `check`: for work without an answer until its end."""
+        if self.expired():
+            raise OutOfTime
 
     def extended(self, share: float) -> Work:
         """The same work with its budget grown by a share: what remains to be done once a search has used it up."""

@@ -8,6 +8,9 @@ import linkage_atlas as la
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
 from app.query import Resources
 
+SHORT_MS = 250.0
+"""Budget of a request that is short whatever it asks for."""
+
 
 def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
     """The best rows by rotation alone; no pose is computed."""
@@ -28,6 +31,18 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> SynthesizeReply:
     """Linkages with actual dimensions and pose, best first."""
     return SynthesizeReply.model_validate(solve(request, resources).to_dict())
+
+
+def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
+    """Whether an answer may take more than a fraction of a second."""
+    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
+        return False
+    samples = len(request.rotation or request.position or ())
+    if isinstance(request, MatchRequest):
+        return samples > 256 or request.top > 100
+    limited = not request.limits.model_fields_set <= {"family"} or request.round_to is not None
+    extra = request.timing == "free" or limited or (request.effort == "atlas" and request.position is not None)
+    return samples > 64 or request.top > 20 or extra
 
 
 def budget_of(budget_ms: float | None, resources: Resources) -> float:

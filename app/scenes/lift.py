@@ -169,6 +169,8 @@ def _optimum(optimum: Optimum, published: Published | None, cylinder: CylinderMo
     }
 
 
+LONG_SAMPLES = 2000
+
 NOTES = {
     "discrete": "The sum depends on n through its sample at the start, where the platform is fastest; "
     "as n grows the optimum runs away to ever longer arms.",
@@ -262,6 +264,7 @@ QUERIES = (
             },
         },
         exports={"csv": Export("text/csv; charset=utf-8", motion_csv)},
+        is_long=lambda request: max(request.samples or 0, len(request.times or ())) > LONG_SAMPLES,
     ),
     Query(
         path="/v1/lift/optimize",
@@ -271,6 +274,7 @@ QUERIES = (
         reply=OptimizeReply,
         answer=answer_optimize,
         table=optimize_table,
+        is_long=lambda _: True,
         examples={
             "published": {
                 "cylinder": CYLINDER,
@@ -289,6 +293,7 @@ QUERIES = (
         reply=BatchReply,
         answer=answer_batch,
         table=batch_table,
+        is_long=lambda _: True,
         examples={
             "cylinders": {
                 "cylinders": [

@@ -60,7 +60,7 @@ class MotionRequest(RequestModel):
     samples: Annotated[Count, Field(ge=2, le=MAX_SAMPLES)] | None = Field(
         None, description="Even times from start to end; 201 unless `times` are given."
     )
-    times: Annotated[list[Time], Field(min_length=1, max_length=MAX_SAMPLES)] | None = Field(
+    times: Annotated[list[Time], Field(min_length=1, max_length=MAX_SAMPLES, fail_fast=True)] | None = Field(
         None, description="Times of your own, in place of `samples`."
     )
     include: Annotated[list[Extra], Field(max_length=16)] = Field([], description="What else to compute.")
