@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections.abc import Callable, Coroutine
 from typing import Any
@@ -13,11 +14,31 @@ from fastapi.routing import APIRoute
 
 from app import bodies, problems
 from app.query import RequestModel, Resources
+from app.resources import give_back_memory
 
-READ_AT_ONCE = 2
-"""Large bodies that are parsed at the same time."""
 SMALL = 4096
 """Bytes of a body that is parsed faster than it is handed to another thread."""
+LARGE = 1 << 16
+"""Bytes of a body beyond which few are received at the same time: the others stay with their senders."""
+
+
+class Readers:
+    """How many bodies are received and parsed at the same time."""
+
+    def __init__(self) -> None:
+        self.large = asyncio.Semaphore(16)
+        self.threads = anyio.CapacityLimiter(1)
+
+
+async def _content(request: Request) -> bytes:
+    length = request.headers.get("content-length", "")
+    if length.isdecimal() and int(length) <= LARGE:
+        return await request.body()
+    try:
+        async with request.app.state.readers.large:
+            return await request.body()
+    finally:
+        give_back_memory(every=1.0)
 
 
 class _ComputedRoute(APIRoute):
@@ -38,21 +59,22 @@ def add(
     **details: Any,
 ) -> None:
     """A POST route that answers requests of a model by ``answer(request, resources)`` on a worker thread."""
-    readers = anyio.CapacityLimiter(READ_AT_ONCE)
 
     async def handle(request: Request) -> Response:
-        content = await request.body()
+        content = await _content(request)
         if content and not problems.says_json(request.headers):
             raise problems.NotJson
         if len(content) <= SMALL:
             body = bodies.read_request(content, model)
         else:
-            body = await anyio.to_thread.run_sync(bodies.read_request, content, model, limiter=readers)
+            readers = app.state.readers
+            body = await anyio.to_thread.run_sync(bodies.read_request, content, model, limiter=readers.threads)
         return await app.state.turnstile.run(request, timed, body, resources, is_long(body))
 
     def timed(body: Any, attended: Any) -> Response:
         begin = time.perf_counter()
         reply = answer(body, attended)
+        give_back_memory(every=1.0)
         took = time.perf_counter() - begin
         reply.headers["Server-Timing"] = f"queue;dur={1000 * attended.queued:.1f}, answer;dur={1000 * took:.1f}"
         return reply

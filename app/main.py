@@ -13,6 +13,7 @@ from fastapi import Path as PathParameter
 import linkage_atlas as la
 from app import computed, page, problems
 from app.bodies import Reply
+from app.doors import Doors
 from app.fourbar import export
 from app.query import Export, Query, ReplyModel
 from app.registry import all_queries, worked_example
@@ -29,6 +30,7 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.turnstile = Turnstile(settings.max_concurrent, settings.max_waiting)
+        app.state.readers = computed.Readers()
         resources.prepare()
         stopping = threading.Event()
         behind = threading.Thread(target=resources.prepare_positions, args=[stopping])
@@ -36,6 +38,7 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
         try:
             yield
         finally:
+            app.state.turnstile.stop()
             stopping.set()
             behind.join()
 
@@ -45,8 +48,11 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
         summary="Finds planar linkages for a required motion.",
         lifespan=lifespan,
         redirect_slashes=False,
+        docs_url=None,  # the page has its own, of local files
+        redoc_url=None,
     )
     app.add_middleware(problems.BodyLimit, max_body_size=settings.max_body_bytes)
+    app.add_middleware(Doors, hosts=settings.allowed_hosts)
     problems.install(app)
     for query in all_queries():
         _add_query(app, query, resources)
@@ -157,7 +163,15 @@ def _add_query(app: FastAPI, query: Query, resources: ServiceResources) -> None:
 
     name = query.command.replace(" ", "_")
     computed.add(
-        app, query.path, name, query.request, answer, query.is_long, resources, response_model=query.reply, **_route_details(query)
+        app,
+        query.path,
+        name,
+        query.request,
+        answer,
+        query.is_long,
+        resources,
+        response_model=query.reply,
+        **_route_details(query),
     )
 
 

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
+from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
 from linkage_atlas import AtlasError, Cancelled, FieldError, OutOfTime
@@ -66,6 +67,10 @@ class NotJson(Exception):
     """A body that is not declared as JSON."""
 
 
+class Ending(Exception):
+    """The service ends and computes no further."""
+
+
 class NotFound(Exception):
     """The resource does not exist; the message says which do."""
 
@@ -102,6 +107,16 @@ def problem(
         media_type="application/problem+json",
         headers=headers,
     )
+
+
+def raw(status: int, detail: str) -> bytes:
+    """A problem as the bytes of a whole HTTP reply, for what is refused before it is a request."""
+    reply = problem(status, detail, headers={"Connection": "close", "X-Content-Type-Options": "nosniff"})
+    lines = [
+        f"HTTP/1.1 {status} {HTTPStatus(status).phrase}".encode(),
+        *(b": ".join(row) for row in reply.raw_headers),
+    ]
+    return b"\r\n".join([*lines, b"", bytes(reply.body)])
 
 
 def field_problem(error: FieldError) -> Response:
@@ -160,6 +175,14 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Overloaded)
     async def _overloaded(_: Request, __: Overloaded) -> Response:
         return problem(503, "too many requests are waiting", headers={"Retry-After": "1"})
+
+    @app.exception_handler(Ending)
+    async def _ending(_: Request, __: Ending) -> Response:
+        return problem(503, "the service is ending", headers={"Retry-After": "5"})
+
+    @app.exception_handler(ClientDisconnect)
+    async def _left(_: Request, __: ClientDisconnect) -> Response:
+        return Response(status_code=499)  # it left before it had said what it wanted
 
     @app.exception_handler(OutOfTime)
     async def _out_of_time(_: Request, __: OutOfTime) -> Response:

@@ -70,6 +70,10 @@ class Turnstile:
                 queued = time.perf_counter() - begin
                 attended = _Attended(resources, lambda: gone.is_set() or self._stopping.is_set(), queued)
                 return await anyio.to_thread.run_sync(function, body, attended, limiter=self._threads)
+            except Cancelled:
+                if self._stopping.is_set() and not gone.is_set():
+                    raise problems.Ending from None
+                raise
             finally:
                 watch.cancel()
                 gone.set()  # also where the server gives the request up: the thread then ends soon

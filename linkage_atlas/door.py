@@ -312,9 +312,7 @@ def match(
     notes = motion.notes()
     if not report.exhaustive:
         notes.append("the scan was cut short: rows that it did not come to may be better")
-    return Matches(
-        matches, MatchReport(elapsed, report.windows, report.evaluated, notes, asked, report.exhaustive)
-    )
+    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, notes, asked, report.exhaustive))
 
 
 def _features(crank: Any, curve: Any, radian: float) -> Features:

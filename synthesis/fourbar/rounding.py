@@ -24,9 +24,7 @@ _AROUND = 0.4 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
 _DIFFERENCE = 1e-6
 
 
-def round_solution(
-    target: Target, solution: Solution, grid: float, work: Work | None = None
-) -> Solution | None:
+def round_solution(target: Target, solution: Solution, grid: float, work: Work | None = None) -> Solution | None:
     """The solution with its links rounded to a grid and everything else fitted anew.
 
     Parameters
@@ -62,7 +60,14 @@ def round_solution(
 
     branch = np.full(len(_AROUND), float(old.branch))
     found = minimise(
-        evaluate, np.array([old.start, old.ground_angle]) + _AROUND, branch, _STEPS, 0.0, work, stall=0.0, damping=1e-6
+        evaluate,
+        np.array([old.start, old.ground_angle]) + _AROUND,
+        branch,
+        _STEPS,
+        0.0,
+        work,
+        stall=0.0,
+        damping=1e-6,
     )
     place = found.unknowns[[found.cost.argmin()]]
     start, turn = place[0]
