@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, SkipValidation, Strict
 
 if TYPE_CHECKING:
     from linkage_atlas import Atlas, Work
@@ -17,6 +17,9 @@ Number = Annotated[float, Strict(), AllowInfNan(False)]
 PositiveNumber = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
+Computed = SkipValidation
+"""Long lists that the service has computed itself: checking each number again would hold up everyone."""
+Column = SkipValidation[list[float]]
 AngleUnit = Literal["deg", "rad"]
 
 

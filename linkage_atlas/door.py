@@ -31,7 +31,6 @@ from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
 
-
 FINISHING = 0.1
 """Part of its budget that an answer may take beyond it, to finish what the search has found."""
 

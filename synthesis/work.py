@@ -54,7 +54,7 @@ class Work:
         return self.elapsed >= self._budget
 
     def go_on(self) -> None:
-        """Raise `OutOfTime` where the budget is used up, and `Cancelled` like `check`: for work without an answer until its end."""
+        """Raise `OutOfTime` where the budget is used up (for work without an answer until its end); `Cancelled` like `check`."""
         if self.expired():
             raise OutOfTime
 

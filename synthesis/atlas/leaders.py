@@ -177,10 +177,11 @@ class Leaders:
             Windows that are evaluated at most.
         """
         per_type = 2 * self.numbering.starts
+        total = int(min(types * per_type, most))
         rows = None if alike is None else np.argsort(steps_of(alike), kind="stable")
         done, batch = 0, _TRIED_FIRST
-        while done < min(types * per_type, most):
-            row, within = np.divmod(np.arange(done, min(done + batch, types * per_type)), per_type)
+        while done < total:
+            row, within = np.divmod(np.arange(done, min(done + batch, total)), per_type)
             row = row if rows is None else rows[row]
             ids, known = self.numbering.at_ranks(row, within), None if alike is None else alike[row]
             step = 0.0 if known is None else float(steps_of(known[0]))

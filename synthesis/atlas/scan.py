@@ -354,8 +354,7 @@ class Scan:
                 if complete or cut_short or reached or count >= most:
                     break
                 if count >= _MOST_HELD:  # too many to be held and sorted: the others one by one as they come
-                    for ids, bounds in self._bounds(parts, lambda: min(ceiling, found.worst) + TIE, out_of_time, run):
-                        found.consider(ids, bounds)
+                    self._one_by_one(parts, found, ceiling, out_of_time, run)
                     complete, evaluated = not cut_short, found.evaluated
                     break
                 count = int(min(8 * count, most, max(_MOST_HELD, 4 * top)))
@@ -363,6 +362,13 @@ class Scan:
         if not complete:
             windows = best_of(each_once([first.windows, probed.windows, windows]), top)
         return windows, ScanReport(self.windows, evaluated, complete)
+
+    def _one_by_one(
+        self, parts: list[Descent], found: Leaders, ceiling: float, expired: Callable[[], bool], pool: Executor | None
+    ) -> None:
+        """Evaluate, batch by batch, all windows that may be among the best."""
+        for ids, bounds in self._bounds(parts, lambda: min(ceiling, found.worst) + TIE, expired, pool):
+            found.consider(ids, bounds)
 
     def _alike(self, target: Target) -> Floats | None:
         """The error of each type where it is the same from every start: all samples lie whole turns of the crank apart."""
