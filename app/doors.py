@@ -22,6 +22,8 @@ HEADERS = {
 
 def host_of(value: str) -> str:
     """The host in a Host header, without its port; empty where it is none."""
+    if set(value) & set("@/?#\\"):
+        return ""
     try:
         return urlsplit(f"//{value}").hostname or ""
     except ValueError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -9,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI, Response
 from fastapi import Path as PathParameter
+from pydantic import BeforeValidator
 
 import linkage_atlas as la
 from app import computed, page, problems
@@ -100,6 +102,13 @@ class AtlasTypeReply(ReplyModel):
     details: list[float]
 
 
+def _written_plainly(number: str) -> str:
+    """A whole number in digits alone: ``1_0`` and ``+10`` are no other names of type 10."""
+    if not re.fullmatch("-?[0-9]+", number) and re.fullmatch(r"\s*[+-]?[0-9][0-9_]*(\.0*)?\s*", number):
+        raise problems.NotFound("types are numbered in plain digits")
+    return number
+
+
 def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
     @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_problems(503))
     def atlas() -> AtlasReply:
@@ -108,7 +117,9 @@ def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
     answers = _problems(404, 422, 503)
 
     @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=answers)
-    def dimension_type(number: Annotated[int, PathParameter(ge=1, le=2**53)]) -> AtlasTypeReply:
+    def dimension_type(
+        number: Annotated[int, PathParameter(ge=1, le=2**53), BeforeValidator(_written_plainly)],
+    ) -> AtlasTypeReply:
         """Lengths, family and the Haar average and details of the coupler rotation over the whole turn."""
         try:
             return AtlasTypeReply(**resources.atlas.details_of(number))
