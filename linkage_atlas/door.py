@@ -292,10 +292,11 @@ def match(
     wanted = target.rotation
     assert wanted is not None
     windows, report = scan.best(target, top, work=watch)
-    screened = watch.elapsed
-    matches = []
+    screened, finishing = watch.elapsed, watch.extended(FINISHING)
+    matches: list[Match] = []
     for k, angle in enumerate(scan.angles(target, windows)):
-        watch.check()
+        if matches and finishing.expired():
+            break
         angle = principal(angle)
         kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
         start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
@@ -309,6 +310,8 @@ def match(
     stages = {"screen": screened, "rest": total - screened, "total": total}
     elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
     notes = motion.notes()
+    if len(matches) < windows.row.size:
+        notes.append(f"the time was up: of {windows.row.size} rows the best {len(matches)} are reported")
     if not report.exhaustive:
         notes.append("the scan was cut short: rows that it did not come to may be better")
     return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, notes, asked, report.exhaustive))
