@@ -195,11 +195,13 @@ def crowd(running: service.Service, port: int, seconds: float, with_hostile: boo
 
 def memory(running: service.Service, port: int, count: int) -> dict[str, Any]:
     """Memory after a tenth of so many requests, and after all of them."""
-    path, body = hostile.SHORT["match"]
+    mix = [hostile.SHORT[name] for name in ("needle", "lift", "type")] * 16 + [hostile.SHORT["match"]]
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=hostile.PATIENCE)
-    content, found = json.dumps(body).encode(), []
+    found = []
     for number in range(1, count + 1):
-        connection.request("POST", path, content, {"Content-Type": "application/json"})
+        path, body = mix[number % len(mix)]
+        content = body if body is None or isinstance(body, str) else json.dumps(body)
+        connection.request("GET" if body is None else "POST", path, content, {"Content-Type": "application/json"})
         connection.getresponse().read()
         if number in (count // 10, count):
             found.append((running.memory("VmRSS") or 0) / MEGABYTE)
@@ -248,6 +250,7 @@ def measure(
             results["budgets"] = budgets(running, running.port)
         with service.running(service.serve_command, atlas=atlas) as running:
             results["crowds"] = [crowd(running, running.port, some(600), bad) for bad in (False, True)]
+        print(json.dumps(results["crowds"]), flush=True)
         with service.running(service.serve_command, atlas=atlas) as running:
             results["memory"] = memory(running, running.port, some(100_000))
         with service.running(service.serve_command, atlas=atlas, max_budget_ms=20) as running:
