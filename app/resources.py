@@ -34,7 +34,8 @@ class ServiceResources:
             raise self.failure
         begin = time.perf_counter()
         atlas = la.load_atlas(self.settings.atlas, self.settings.atlas_max_bytes, self.settings.atlas_max_types)
-        atlas.prepare(positions=False)
+        # Prepared by all cores; a scan is of one request among several, and its budget is one of processor time too.
+        atlas.prepare(positions=False, threads=1)
         self.load_seconds = time.perf_counter() - begin
         return atlas
 

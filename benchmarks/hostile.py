@@ -8,6 +8,7 @@ import random
 import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -237,13 +238,13 @@ def _change(values: Any, rng: random.Random, strange: list[Any]) -> None:
         return
     kind = rng.random()
     if kind < 0.6:
-        values[place] = rng.choice(strange)
+        values[place] = deepcopy(rng.choice(strange))
     elif kind < 0.8:
         del values[place]
     elif isinstance(values, list):
-        values.extend(values[:200])
+        values.extend(deepcopy(values[:200]))
     else:
-        values[rng.choice(["x", "top", "rotation", "limits"])] = rng.choice(strange)
+        values[rng.choice(["x", "top", "rotation", "limits"])] = deepcopy(rng.choice(strange))
 
 
 def _scrambled(content: bytearray, rng: random.Random) -> bytes:

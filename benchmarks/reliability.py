@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import http.client
 import json
+import os
 import random
 import signal
 import subprocess
@@ -186,6 +187,7 @@ def crowd(running: service.Service, port: int, seconds: float, with_hostile: boo
         "statuses": statuses,
         "hostile_statuses": dict(seen["hostile"].status),
         "half_closed": dict(seen["half closed"].status),
+        "load": os.getloadavg()[0],
         "short_p50_ms": 1000 * service.quantile(short, 0.5),
         "short_p99_ms": 1000 * service.quantile(short, 0.99),
         "livez_p99_ms": 1000 * service.quantile(seen["beat"].seconds, 0.99),
@@ -275,7 +277,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
          f"{results['bodies']['bodies']:,} bodies", f"{results['bodies']['broken']} otherwise; "
          + ", ".join(f"{count:,} x {status}" for status, count in results["bodies"]["statuses"].items())),
         ("Short requests of 64 clients, one a second each: 99th percentile at most 250 ms", "`crowd`",
-         f"{short['requests']:,} requests in {short['seconds']:.0f} s", f"{short['short_p99_ms']:.0f} ms"),
+         f"{short['requests']:,} requests in {short['seconds']:.0f} s, load average {short['load']:.1f}", f"{short['short_p99_ms']:.0f} ms"),
         ("The same beside one hostile client of each kind: /livez at most 50 ms at the 99th percentile", "`crowd`",
          f"{bad['requests']:,} requests in {bad['seconds']:.0f} s",
          f"/livez {bad['livez_p99_ms']:.0f} ms, short requests {bad['short_p99_ms']:.0f} ms; "
