@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -88,19 +87,12 @@ def _port(text: str) -> int:
     return port
 
 
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
-
-
 def _serve(options: argparse.Namespace) -> int:
-    import uvicorn
-
-    from app.main import create_app
+    from app.server import serve
 
     resources = ServiceResources(_settings(options))
     _ = resources.atlas  # `serve` needs its atlas: fail here, with an exit code
-    signal.signal(signal.SIGTERM, _interrupt)  # uvicorn drains on it, then hands it on: no death by signal then
-    uvicorn.run(create_app(resources=resources), host=options.host, port=options.port, log_level="info")
+    serve(resources, options.host, options.port)
     return EXIT_OK
 
 

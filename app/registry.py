@@ -6,7 +6,7 @@ import json
 from importlib.resources import files
 from typing import Any
 
-from app.fourbar.answers import answer_match, answer_synthesize, practical_request
+from app.fourbar.answers import answer_match, answer_synthesize, is_long, practical_request
 from app.fourbar.csv_request import request_from_csv
 from app.fourbar.export import SYNTHESIZE_EXPORTS
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
@@ -34,6 +34,7 @@ def fourbar_queries() -> tuple[Query, ...]:
             answer_match,
             matches_table,
             {"worked_example": {**rotation_only, "top": 5}},
+            is_long=is_long,
         ),
         Query(
             "/v1/synthesize",
@@ -64,6 +65,7 @@ def fourbar_queries() -> tuple[Query, ...]:
             SYNTHESIZE_EXPORTS,
             request_from_csv,
             practical_request,
+            is_long,
         ),
     )
 

@@ -55,7 +55,7 @@ class General:
         return found.values[0] - 1e-7, found.slopes[0] * side
 
     def penalised(self, points: np.ndarray) -> np.ndarray:
-        """J squared and the squares of what is broken, times 10, at many points whose last two entries choose branch and family."""
+        """J squared and 10 times what is broken, at many points whose last two entries choose branch and family."""
         unknowns, branch = points[:-2].T.copy(), np.where(points[-2] > 0, 1.0, -1.0)
         unknowns[:, 0] *= np.where(points[-1] > 0, 1.0, -1.0)
         cost = self.problem.evaluate(unknowns, branch).cost

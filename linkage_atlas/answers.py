@@ -292,6 +292,7 @@ class MatchReport:
     evaluated: int
     notes: list[str]
     features: Features | None
+    exhaustive: bool = True
 
 
 @dataclass(frozen=True)

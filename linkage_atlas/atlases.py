@@ -45,11 +45,16 @@ class Atlas:
         """Hash of what it holds, however it is packed."""
         return self.stored.content_hash()
 
-    def prepare(self, positions: bool = True, work: Work | None = None) -> None:
-        """Prepare the scan now, also for requests with positions, as far as the work's time allows."""
-        _ = self.scan
+    def prepare(self, positions: bool = True, work: Work | None = None, threads: int | None = None) -> None:
+        """Prepare the scan now, also for requests with positions, as far as the work's time allows.
+
+        Afterwards it scans on so many ``threads``, if that is given.
+        """
+        scan = self.scan
+        if threads is not None:
+            scan.threads = threads
         if positions:
-            self.scan.prepare_positions(work or Work())
+            scan.prepare_positions(work or Work())
 
     def type_of(self, row: int) -> AtlasType:
         """The type of a row, counted from 0."""

@@ -36,6 +36,8 @@ DIVERSE_LOSS = 2.0
 """Times the best objective that the objectives of diverse solutions may be."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
+FINISHING = 0.1
+"""Part of its budget that an answer may take beyond it, to finish what the search has found."""
 
 
 @cache
@@ -185,7 +187,8 @@ def synthesize(
     if diverse:
         found = spread(found, top, DIVERSE_LOSS, tolerance)
     searched = watch.elapsed
-    solutions = finished(found, motion, tolerance, kept, allowed, round_to, sensitivity, atlas)
+    finishing = watch.extended(FINISHING)
+    solutions = finished(found, motion, tolerance, kept, allowed, round_to, sensitivity, atlas, finishing)
     if solutions and solutions[0].determination.ill_posed:
         notes.append(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
@@ -199,6 +202,8 @@ def synthesize(
         )
     if not solutions and cut_short:
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
+    if len(solutions) < len(found):
+        notes.append(f"the time was up: of {len(found)} linkages found the best {len(solutions)} are reported")
     total = watch.elapsed
     return Result(
         status_of(solutions, tolerance, allowed, cut_short),
@@ -239,7 +244,7 @@ def _searched(
             found, went = search(prepared, motion.target, limits, top, tolerance, work)
         stages = {"screen": went.screen_seconds, "refine": work.elapsed - went.screen_seconds}
         return found, _Went(stages, went.trace, went.stopped_by.value, counts | {"seeds": went.seeds})
-    found, scanned = best_rows(prepared, motion.target, limits, top, work)
+    found, scanned = best_rows(prepared, motion.target, limits, top, work, tolerance)
     searched = work.elapsed
     trace = [(searched, found[0].errors.objective)] if found else []
     reached = Status.of(found, tolerance) is Status.REACHED
@@ -268,6 +273,7 @@ def match(
     degrees: bool = True,
     top: int = 10,
     features: bool = False,
+    budget: float | None = None,
     work: Callable[[float | None], Work] = Work,
 ) -> Matches:
     """The best rows of an atlas by rotation alone: all types, both branches, every whole degree of start.
@@ -281,13 +287,15 @@ def match(
     top : int
     features : bool
         Also give the Haar features of the request and of each match.
+    budget : float, optional
+        Seconds; the best rows of those looked at by then are returned, and the report is not exhaustive.
     work : callable
         As for `synthesize`.
 
     Returns
     -------
     Matches
-        Exactly the best, as if every window had been evaluated. No pose is computed.
+        Exactly the best, as if every window had been evaluated, where the report is exhaustive. No pose is computed.
 
     Raises
     ------
@@ -295,16 +303,18 @@ def match(
         Naming the argument.
     """
     _check_top(top)
-    scan, watch = atlas.scan, work(None)
+    _check_above_zero(budget=budget)
+    scan, watch = atlas.scan, work(budget)
     motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)
     target, radian = motion.target, motion.radian
     wanted = target.rotation
     assert wanted is not None
     windows, report = scan.best(target, top, work=watch)
-    screened = watch.elapsed
-    matches = []
+    screened, finishing = watch.elapsed, watch.extended(FINISHING)
+    matches: list[Match] = []
     for k, angle in enumerate(scan.angles(target, windows)):
-        watch.check()
+        if matches and finishing.expired():
+            break
         angle = principal(angle)
         kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
         start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
@@ -317,7 +327,12 @@ def match(
     total = watch.elapsed
     stages = {"screen": screened, "rest": total - screened, "total": total}
     elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
-    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, motion.notes(), asked))
+    notes = motion.notes()
+    if len(matches) < windows.row.size:
+        notes.append(f"the time was up: of {windows.row.size} rows the best {len(matches)} are reported")
+    if not report.exhaustive:
+        notes.append("the scan was cut short: rows that it did not come to may be better")
+    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, notes, asked, report.exhaustive))
 
 
 def _features(crank: Any, curve: Any, radian: float) -> Features:

@@ -29,8 +29,12 @@ from synthesis.free.answers import in_turn
 from synthesis.free.poses import Poses
 from synthesis.ranking import Errors, Status
 from synthesis.target import Samples, Target
+from synthesis.work import Work
 
 Floats = NDArray[np.float64]
+
+_AT_ONCE = 8
+"""Solutions finished between two looks at the time; one where each is rounded."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +104,35 @@ def finished(
     round_to: float | None,
     sensitivity: bool,
     atlas: Atlas | None,
+    work: Work,
 ) -> list[Solution]:
-    """Solutions in the user's unit, with how well they are determined and what else was asked for."""
-    if not found:
-        return []
+    """Solutions in the user's unit, with how well they are determined and what else was asked for.
+
+    Once the work's time is up no further ones are finished: those are left out. The first always is.
+    """
+    at_once = _AT_ONCE if round_to is None else 1
+    solutions: list[Solution] = []
+    for first in range(0, len(found), at_once):
+        if solutions and work.expired():
+            break
+        part = found[first : first + at_once]
+        solutions += _finished(part, motion, tolerance, limits, allowed, round_to, sensitivity, atlas, work)
+    # a linkage that does not work as a machine never comes before one that does
+    solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
+    return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+
+
+def _finished(
+    found: list[answers.Solution],
+    motion: Motion,
+    tolerance: float,
+    limits: Limits,
+    allowed: Tolerances | None,
+    round_to: float | None,
+    sensitivity: bool,
+    atlas: Atlas | None,
+    work: Work,
+) -> list[Solution]:
     linkages: list[Linkage] = [one.linkage for one in found]
     target = motion.with_angles(linkages, [one.crank for one in found])
     if limits.only_family:
@@ -113,7 +142,7 @@ def finished(
         fixed = determinations_within(target, linkages, resolution, limits)
     changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
     passed, excursions = _passed(found, motion, target)
-    solutions = [
+    return [
         _solution(
             one,
             motion,
@@ -125,12 +154,10 @@ def finished(
             allowed,
             round_to,
             atlas,
+            work,
         )
         for k, one in enumerate(found)
     ]
-    # a linkage that does not work as a machine never comes before one that does
-    solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
-    return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
 
 
 def _passed(found: list[answers.Solution], motion: Motion, target: Target) -> tuple[list[Passing], list[Any]]:
@@ -156,9 +183,10 @@ def _solution(
     allowed: Tolerances | None,
     round_to: float | None,
     atlas: Atlas | None,
+    work: Work,
 ) -> Solution:
     radian, turn = motion.radian, one.transmission_angle_min_turn
-    rounded = None if round_to is None else round_solution(own.target, one, round_to)
+    rounded = None if round_to is None else round_solution(own.target, one, round_to, work)
     if change is not None and change.rotation is not None:
         change = Sensitivity(change.rotation / radian, change.position)
     crank = None

@@ -154,6 +154,11 @@ class Target(Samples):
             return Interval(0.0, float(self.crank[-1]))
         return Interval(self.crank.min(axis=-1), self.crank.max(axis=-1))
 
+    @cached_property
+    def repeats_one_crank_angle(self) -> bool:
+        """Whether all rotations that count are wanted at one crank angle, whole turns apart."""
+        return _whole_turns(self.rotation_mean, self.crank)
+
     @property
     def clockwise(self) -> bool:
         """Whether the crank turns clockwise."""
@@ -211,6 +216,13 @@ class Target(Samples):
         return replace(self, **columns)
 
 
+def _whole_turns(mean: Mean, crank: Floats) -> bool:
+    """Whether the crank angles of the samples that count are the same but for whole turns, to their rounding."""
+    turns = crank if mean.weights is None else crank[mean.weights > 0]
+    turns = (turns - turns[0]) / TURN
+    return bool(np.all(np.abs(turns - np.round(turns)) <= 8 * np.finfo(float).eps * np.abs(crank).max()))
+
+
 _COLUMNS = ("crank", "rotation", "position", "rotation_weights", "position_weights")
 
 
@@ -250,7 +262,11 @@ def make_target(
     part, given = read_samples(
         rotation, position, length_scale, rotation_weights, position_weights, crank_angle=crank_angle
     )
-    return Target(**part, crank=_crank(crank_span, given.get("crank_angle"), next(iter(given.values())).size))
+    target = Target(**part, crank=_crank(crank_span, given.get("crank_angle"), next(iter(given.values())).size))
+    if target.position is not None and _whole_turns(target.position_mean, target.crank):
+        field = "/crank_span" if crank_angle is None else "/crank_angle"
+        raise FieldError(field, "all positions are wanted at one crank angle, whole turns apart: they fix no linkage")
+    return target
 
 
 def read_samples(

@@ -8,6 +8,9 @@ import linkage_atlas as la
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
 from app.query import Resources
 
+SHORT_MS = 250.0
+"""Budget of a request that is short whatever it asks for."""
+
 
 def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
     """The best rows by rotation alone; no pose is computed."""
@@ -19,6 +22,7 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
         degrees=request.degrees,
         top=request.top,
         features=request.features,
+        budget=budget_of(request.budget_ms, resources),
         work=resources.work,
     )
     return MatchesReply.model_validate(found.to_dict())
@@ -29,9 +33,25 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> Synth
     return SynthesizeReply.model_validate(solve(request, resources).to_dict())
 
 
+def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
+    """Whether an answer may take more than a fraction of a second."""
+    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
+        return False
+    samples = len(request.rotation or request.position or ())
+    if isinstance(request, MatchRequest):
+        return samples > 256 or request.top > 100
+    limited = not request.limits.model_fields_set <= {"family"} or request.round_to is not None
+    extra = request.timing == "free" or limited or (request.effort == "atlas" and request.position is not None)
+    return samples > 64 or request.top > 20 or extra
+
+
+def budget_of(budget_ms: float | None, resources: Resources) -> float:
+    """Seconds that a request may take: what it says, at most what the service allows."""
+    return min(budget_ms or resources.max_budget_ms, resources.max_budget_ms) / 1000
+
+
 def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """The front door's answer to a request."""
-    budget_ms = min(request.budget_ms or resources.max_budget_ms, resources.max_budget_ms)
     return la.synthesize(
         **motion_of(request),
         tolerances=None if request.tolerances is None else request.tolerances.model_dump(exclude_none=True),
@@ -40,7 +60,7 @@ def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
         top=request.top,
         effort=request.effort,
         tolerance=request.tolerance,
-        budget=budget_ms / 1000,
+        budget=budget_of(request.budget_ms, resources),
         round_to=request.round_to,
         sensitivity=request.sensitivity,
         atlas=resources.atlas if request.effort == "atlas" else None,

@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI, Response
 from pydantic import ConfigDict, Field, Strict
 
 import linkage_atlas as la
-from app.fourbar.answers import motion_of, solve
+from app import computed
+from app.bodies import Reply
+from app.fourbar.answers import is_long, motion_of, solve
 from app.fourbar.models import SynthesizeRequest
 from app.query import Export, Number, RequestModel, Resources
 from linkage_atlas.motions import MAX_SAMPLES, MIN_POSES
@@ -130,8 +132,19 @@ def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[
     files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
     bodies = {name: {"value": {"request": example, "format": name}} for name in ("dxf", "svg", "csv", "mjcf", "json")}
 
-    @app.post(
+    def answer(body: ExportRequest, resources: Resources) -> Response:
+        content, media_type = answer_export(body, resources)
+        ending = "xml" if body.format == "mjcf" else body.format
+        return Reply(content, media_type, {"Content-Disposition": f'attachment; filename="linkage.{ending}"'})
+
+    computed.add(
+        app,
         "/v1/export",
+        "export",
+        ExportRequest,
+        answer,
+        lambda body: body.solution is None and is_long(body.request),
+        resources,
         tags=["synthesize"],
         summary="A linkage as a file: JSON, CSV, SVG, DXF or MJCF.",
         response_class=Response,
@@ -139,11 +152,3 @@ def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[
         responses={**responses, 200: {"content": files}},
         openapi_extra={"requestBody": {"content": {"application/json": {"examples": bodies}}}},
     )
-    async def export(request: Request, body: ExportRequest) -> Response:
-        content, media_type = await app.state.turnstile.run(request, answer_export, body, resources)
-        ending = "xml" if body.format == "mjcf" else body.format
-        return Response(
-            content,
-            media_type=media_type,
-            headers={"Content-Disposition": f'attachment; filename="linkage.{ending}"'},
-        )

@@ -50,6 +50,7 @@ class MatchRequest(CrankMotion):
     features: Flag = Field(
         False, description="Also return Haar average and details of the request and of each match."
     )
+    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
 
 
 class TypeReply(ReplyModel):
@@ -82,6 +83,7 @@ class MatchesReport(ReplyModel):
     elapsed_ms: dict[str, float]
     windows: int = Field(description="Types x starts x branches that the answer is the best of.")
     evaluated: int = Field(description="Windows evaluated sample by sample; the bounds excluded the others.")
+    exhaustive: bool = Field(description="Whether all windows were considered; false where the time cut it short.")
     notes: list[str]
     features: FeaturesReply | None = None
 

@@ -22,7 +22,7 @@ MAX_LIMITED_SAMPLES = 1 << 22
 
 
 def best_rows(
-    scan: Scan, target: Target, limits: Limits, top: int, work: Work | None = None
+    scan: Scan, target: Target, limits: Limits, top: int, work: Work | None = None, tolerance: float = -1.0
 ) -> tuple[list[Solution], ScanReport]:
     """The best rows by the joint objective over rotation and position.
 
@@ -34,6 +34,8 @@ def best_rows(
     top : int
     work : Work, optional
         Once it has expired the scan ends with the best found so far.
+    tolerance : float
+        As good a row is good enough: once the best is, the scan goes no further for the others, see `Scan.best`.
 
     Returns
     -------
@@ -53,7 +55,7 @@ def best_rows(
         most = min(most, MAX_LIMITED_SAMPLES // target.samples)
     wanted = top
     while True:
-        windows, report = scan.best(target, wanted, exact, most, work)
+        windows, report = scan.best(target, wanted, exact, most, work, tolerance)
         chosen = windows.take(_first_of_each(target, windows))
         linkages = scan.mechanism.mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
         solutions = distinct(scan.mechanism.assess(target, linkages, chosen.row.tolist()), top)

@@ -13,6 +13,7 @@ from synthesis.fourbar.solution import Solution, assess, four
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.pose import rotation_residual
 from synthesis.target import TURN, Target
+from synthesis.work import Work
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -23,7 +24,7 @@ _AROUND = 0.4 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
 _DIFFERENCE = 1e-6
 
 
-def round_solution(target: Target, solution: Solution, grid: float) -> Solution | None:
+def round_solution(target: Target, solution: Solution, grid: float, work: Work | None = None) -> Solution | None:
     """The solution with its links rounded to a grid and everything else fitted anew.
 
     Parameters
@@ -33,6 +34,8 @@ def round_solution(target: Target, solution: Solution, grid: float) -> Solution 
     solution : Solution
     grid : float
         Step of the lengths, in the user's unit; a link is at least one step long.
+    work : Work, optional
+        Once it has expired the rest is fitted no better than it is by then.
 
     Returns
     -------
@@ -57,7 +60,14 @@ def round_solution(target: Target, solution: Solution, grid: float) -> Solution 
 
     branch = np.full(len(_AROUND), float(old.branch))
     found = minimise(
-        evaluate, np.array([old.start, old.ground_angle]) + _AROUND, branch, _STEPS, stall=0.0, damping=1e-6
+        evaluate,
+        np.array([old.start, old.ground_angle]) + _AROUND,
+        branch,
+        _STEPS,
+        0.0,
+        work,
+        stall=0.0,
+        damping=1e-6,
     )
     place = found.unknowns[[found.cost.argmin()]]
     start, turn = place[0]

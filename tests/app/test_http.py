@@ -514,7 +514,7 @@ def test_a_number_of_5000_digits_is_refused(field, client) -> None:
         ({"features": "yes"}, "#/features"),
         ({"angle_unit": MARK}, "#/angle_unit"),
         ({"angle_unit": "\ud800"}, "#/angle_unit"),
-        ({"budget_ms": 5}, "#/budget_ms"),
+        ({"budget_ms": 0}, "#/budget_ms"),
         ({"a/b~c d": 5}, "#/a~1b~0c%20d"),
         ({"body": 5}, "#/body"),
         ({"\u00e9": 5}, "#/%C3%A9"),
