@@ -3,7 +3,8 @@
 All vectors are complex numbers in the user's plane, e1, e2, e3 the directions of crank, coupler and rocker there. The loop
 ``A + L1 e1 + L2 e2 = B + L3 e3``, differentiated once and twice by time and multiplied by the conjugate of e3 (or e2), leaves one
 unknown in the real part of each equation (Norton, Design of Machinery, 6.7 and 7.3). Every one of them, and the rod force of
-the rocker, is a quotient over ``sin(theta2 - theta3)``: at a dead position, where coupler and rocker lie on a line, there is none.
+the rocker, is a quotient over ``sin(theta2 - theta3)``: at a dead position, where coupler and rocker lie on a line, there is
+none.
 """
 
 from __future__ import annotations
@@ -123,8 +124,14 @@ def rates(linkage: Linkage, travel: Floats, crank_speed: float) -> Rates:
         if at.point is not None:
             velocity = 1j * (crank_speed * one * e1 + coupler * at.point)
             acceleration = (1j * coupler_change - coupler**2) * at.point - pull * e1
-    columns = (coupler, rocker, coupler_change, rocker_change)
-    return Rates(*(_finite(values) for values in columns), *(_finite_points(v) for v in (velocity, acceleration)))
+    return Rates(
+        _finite(coupler),
+        _finite(rocker),
+        _finite(coupler_change),
+        _finite(rocker_change),
+        None if velocity is None else _known(velocity),
+        None if acceleration is None else _known(acceleration),
+    )
 
 
 def forces(linkage: Linkage, travel: Floats, load: Load) -> Forces:
@@ -175,7 +182,3 @@ def _finite(values: Floats) -> Floats:
 
 def _known(values: Complexes) -> Complexes:
     return np.where(np.isfinite(values), values, complex(np.nan, np.nan))
-
-
-def _finite_points(values: Complexes | None) -> Complexes | None:
-    return None if values is None else _known(values)

@@ -6,8 +6,8 @@ that of a complex least-squares problem in A and z, with a rotation w of modulus
     P_m = A + w (L1 e^{i theta1_m} + z e^{i theta2_m}),    w = e^{i theta4}
 
 Both columns that are free are projected out; then the best w is the direction of an inner product. So one unknown is left, the
-start, which is scanned over the whole turn: no valley is missed that is wider than a step. What the scan finds is refined in all six
-unknowns by least squares, with an augmented Lagrangian where limits are in the way (Nocedal and Wright, 17.4).
+start, which is scanned over the whole turn: no valley is missed that is wider than a step. What the scan finds is refined in
+all six unknowns by least squares, with an augmented Lagrangian where limits are in the way (Nocedal and Wright, 17.4).
 """
 
 from __future__ import annotations
@@ -107,9 +107,7 @@ def scan(target: Target, links: Floats, branch: int, limits: Limits) -> tuple[Fl
     return least[:, 0], np.where(np.isfinite(least), best, np.nan)
 
 
-def _scanned(
-    target: Target, few: Target, links: Floats, branch: int, start: Floats, limits: Limits
-) -> Floats:
+def _scanned(target: Target, few: Target, links: Floats, branch: int, start: Floats, limits: Limits) -> Floats:
     """Squared objectives (n, starts) over a few samples, of links (n, 4) in their best pose at starts (n, starts)."""
     count, starts = start.shape
     wide = np.repeat(links, starts, axis=0)
@@ -134,8 +132,8 @@ def _best_pose(target: Target, links: Floats, branch: int, start: Floats) -> tup
     independent = square > 1e-28
 
     def share(values: Any) -> Complexes:
-        found = mean(np.conj(centred) * values)
-        return np.where(independent, found, 0.0) / np.where(independent, square, 1.0)
+        found: Any = np.where(independent, mean(np.conj(centred) * values), 0.0)
+        return found / np.where(independent, square, 1.0)
 
     def rest(values: Any) -> Complexes:
         return values - np.expand_dims(mean(values), -1) - share(values)[:, None] * centred
@@ -188,9 +186,12 @@ def place(
     if open_rows.size and not limits.only_family:
         assert old.coupler_point is not None
         count = len(links)
+        radius, angle = old.coupler_point
         same = Places(
-            *(np.full(count, value) for value in (old.start, old.ground_angle, old.pivot_a)),
-            np.full(count, old.coupler_point[0] * np.exp(1j * old.coupler_point[1])),
+            np.full(count, old.start),
+            np.full(count, old.ground_angle),
+            np.full(count, old.pivot_a),
+            np.full(count, radius * np.exp(1j * angle)),
         )
         unknowns = np.concatenate([refined[open_rows], same.unknowns(target)])
         tried = np.concatenate([tried[open_rows], np.arange(count)])
@@ -239,7 +240,7 @@ def _refined(target: Target, links: Floats, branch: int, unknowns: Floats) -> Fl
     def evaluate(some: Floats, which: Floats) -> Evaluation:
         return _evaluation(_rows(target, links[which.astype(int)], branch, some))
 
-    return minimise(evaluate, unknowns, np.arange(len(links)), _STEPS, stall=0.0, damping=1e-6).unknowns
+    return minimise(evaluate, unknowns, np.arange(len(links), dtype=float), _STEPS, stall=0.0, damping=1e-6).unknowns
 
 
 def _within(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits) -> Floats:
@@ -262,7 +263,7 @@ def _within(target: Target, links: Floats, branch: int, unknowns: Floats, limits
                 stack[:, k] = np.where(broken > 0, -root * slope / (2 * _DIFFERENCE), 0.0)
             return _evaluation(np.concatenate([_rows(target, own, branch, some), stack], axis=2))
 
-        unknowns = minimise(evaluate, unknowns, np.arange(len(links)), _STEPS // 4, stall=1e-8).unknowns
+        unknowns = minimise(evaluate, unknowns, np.arange(len(links), dtype=float), _STEPS // 4, stall=1e-8).unknowns
         shift = np.maximum(np.nan_to_num(shift - _slacks(target, links, unknowns, limits)), 0.0) / _GROWTH
         weight *= _GROWTH
     return unknowns
@@ -301,9 +302,7 @@ def response_to_lengths(target: Target, linkage: Linkage) -> tuple[Floats, Float
     return triangle[6:10, 6:10], triangle[6:10, 10]
 
 
-def _rows(
-    target: Target, links: Floats, branch: int, unknowns: Floats, *, with_lengths: bool = False
-) -> Floats:
+def _rows(target: Target, links: Floats, branch: int, unknowns: Floats, *, with_lengths: bool = False) -> Floats:
     """The residual of the objective and its derivatives by the six unknowns, (n, 7, rows), the residual last.
 
     With lengths also by their logarithms, (n, 11, rows), behind the six unknowns.

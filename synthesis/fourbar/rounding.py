@@ -11,6 +11,7 @@ import heapq
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,7 +145,7 @@ def _nearest_first(target: Target, solution: Solution, choices: Sequence[Floats]
     triangle, right = response_to_lengths(target, old)
     size = _NEARER * max(float(np.abs(triangle).max()), np.finfo(float).tiny)
     stack = np.concatenate([np.column_stack([triangle, right]), size * np.eye(4, 5)])
-    upper = np.linalg.qr(stack, mode="r")
+    upper: Any = np.linalg.qr(stack, mode="r")
     moved = [np.log(values / length) for values, length in zip(choices, old.links)]
     # a node is a choice for the last links; its children choose the link before, the nearest first
     heap: list[tuple[float, tuple[int, ...], int, list[int], Floats]] = []

@@ -1,16 +1,16 @@
 """How far the body of a four-bar as it is made lies from that of the four-bar as designed: simulated, and to first order.
 
-Whatever the crank angle, three kinds of deviation act. Lengths: crank, coupler, rocker, and the two coordinates of the body point in
-the coupler. Places: both fixed pivots. Play: in each of the four joints the pin lies against the wall of its hole, in a direction
-that does not turn with the crank. Since all are constant over the motion, the four-bar as made is again a four-bar: play of the
-crank's pins moves its pivot A, that of the rocker's pins its pivot B. The drive holds the crank's direction.
+Three kinds of deviation act. Lengths: crank, coupler, rocker, and the two coordinates of the body point in the coupler. Places:
+both fixed pivots. Play: in each of the four joints the pin lies against the wall of its hole, in a direction that does not turn
+with the crank. Since all are constant over the motion, the four-bar as made is again a four-bar: play of the crank's pins moves
+its pivot A, that of the rocker's pins its pivot B. The drive holds the crank's direction.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +121,7 @@ def simulate(
     Study
         Law: with tolerances k times as large, ``linear`` is k times as large, and so is ``simulated`` in the limit of small k.
     """
+    linkage = replace(linkage, pivot_a=0j)  # where it stands takes digits, and changes nothing
     made = _Made.of(linkage, tolerances, count, np.random.default_rng(seed))
     nominal = linkage.joints(travel)
     quantiles: list[list[Floats]] = [[], []]
@@ -190,6 +191,7 @@ class _Made(NamedTuple):
     def of(cls, linkage: Linkage, tolerances: Tolerances, count: int, random: np.random.Generator) -> _Made:
         """So many linkages by chance."""
         lengths = tolerances.links * random.uniform(-1, 1, (count, _LENGTHS))
+        offset: Any
         offset, pivot_a, pivot_b = (
             size * (random.uniform(-1, 1, (count, 2)) @ [1, 1j])
             for size in (tolerances.links, tolerances.pivots, tolerances.pivots)
@@ -199,7 +201,7 @@ class _Made(NamedTuple):
         moved_a = pivot_a + play[:, 0] + play[:, 1]
         moved_b = pivot_b + play[:, 3] - play[:, 2]
         along = np.exp(1j * linkage.ground_angle)
-        # the ground line in its own frame: no digits go to where the linkage stands
+        # the ground line in its own frame, in which it turns by little
         ground = linkage.links[3] + (moved_b - moved_a) / along
         point = complex(0.0)
         if linkage.coupler_point is not None:
@@ -223,7 +225,7 @@ class _Made(NamedTuple):
 
 
 def _derivatives(linkage: Linkage, travel: Floats) -> tuple[Floats, Floats | None]:
-    """Derivatives of the body's rotation (sources, n, 2, 1), and of its place (sources, n, 2, 2), by both coordinates of each source.
+    """Derivatives of the body's rotation (sources, n, 2, 1) and place (sources, n, 2, 2), by both coordinates of each source.
 
     From the loop's differential, its real part after multiplication by the conjugate of e3. A length is a source with a first
     coordinate only; coordinates of the body point are those of the coupler. NaN at a dead position.
@@ -263,7 +265,7 @@ def _variances(tolerances: Tolerances) -> Floats:
 def _linear_quantiles(derivatives: Floats, variances: Floats) -> Floats:
     """Quantiles (n, 3) of the length of a normally distributed error with the covariance that the sources give.
 
-    In the axes of its covariance the error is ``rho (s1 cos psi, s2 sin psi)``, rho Rayleigh distributed and psi even over the turn; so
+    In the axes of its covariance the error is ``rho (s1 cos psi, s2 sin psi)``, rho Rayleigh distributed, psi even; so
     ``P(length > R) = mean over psi of exp(-R^2 / (2 (s1^2 cos^2 psi + s2^2 sin^2 psi)))``, which for s2 = 0 is Craig's form
     of erfc (J. W. Craig, MILCOM 1991).
     """

@@ -202,6 +202,8 @@ def test_a_search_that_is_cut_short_says_so() -> None:
     found = best_from_stock(target, solution, stock, Limits(), 128, Work())
     assert (found.tried, found.combinations, found.exhaustive) == (128, 95**4, False)
     grid = on_grid(target, solution, 1.0)
-    assert found.solution.errors.objective <= grid.errors.objective * (1 + 1e-9), "the nearest lengths are among these"
+    assert found.solution.errors.objective <= grid.errors.objective * (1 + 1e-9), (
+        "the nearest lengths are among these"
+    )
     late = best_from_stock(target, solution, stock, Limits(), 128, Work(0.0))
     assert late.solution is None and late.tried == 0 and late.exhaustive is False
