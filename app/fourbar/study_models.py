@@ -28,7 +28,7 @@ class AnalysisRequest(RequestModel):
     """How fast the crank turns, and what the body carries."""
 
     crank_speed: Bounded = Field(
-        description="Of the crank, constant, in the unit of angle a second; counter-clockwise, so negative for a clockwise motion."
+        description="Constant, in the unit of angle a second, counter-clockwise: negative for a clockwise motion."
     )
     load: LoadRequest | None = Field(None, description="With it: crank torque and pin forces.")
 
