@@ -76,6 +76,7 @@ def round_to_grid(
     tries : int
         At most so many combinations, where the nearest lengths do not do.
     work : Work
+        Asked between steps whether the answer is still wanted; its budget is the search's.
 
     Returns
     -------
@@ -116,12 +117,9 @@ def _best_of(
     order = _nearest_first(target, solution, choices)
     tried, found = 0, []
     while tried < tries and (links := np.array(list(itertools.islice(order, min(_TOGETHER, tries - tried))))).size:
-        if work.expired():
-            break
+        work.check()
         found.append((links, *scan(target, links, old.branch, limits)))
         tried += len(links)
-    if not found:
-        return Rounding(None, 0, every, False)
     links, cost, starts = (np.concatenate(columns) for columns in zip(*found))
     best: Solution | None = None
     refined_all = True
@@ -129,9 +127,10 @@ def _best_of(
     for first in range(0, ranked.size, _PLACED):
         if best is not None and cost[ranked[first]] > _WORSE * best.errors.objective**2:
             break
-        if first >= _MOST_PLACED or work.expired():
+        if first >= _MOST_PLACED:
             refined_all = False
             break
+        work.check()
         some = ranked[first : first + _PLACED]
         for one in place(target, links[some], old.branch, starts[some], old, limits):
             if one is not None and (best is None or one.errors.objective < best.errors.objective):

@@ -16,7 +16,7 @@ from synthesis.fourbar.placement import response_to_lengths, scan
 from synthesis.fourbar.rounding import _nearest_first, best_from_stock, round_to_grid
 from synthesis.fourbar.solution import Solution, assess, mounted
 from synthesis.target import Target, make_target
-from synthesis.work import Work
+from synthesis.work import Cancelled, Work
 
 LAW = settings(derandomize=True, deadline=None, max_examples=12)
 FREE = Limits("any")
@@ -206,4 +206,6 @@ def test_a_search_that_is_cut_short_says_so() -> None:
         "the nearest lengths are among these"
     )
     late = best_from_stock(target, solution, stock, Limits(), 128, Work(0.0))
-    assert late.solution is None and late.tried == 0 and late.exhaustive is False
+    assert late.solution == found.solution, "the time of the search is not that of the choice"
+    with pytest.raises(Cancelled):
+        best_from_stock(target, solution, stock, Limits(), 128, Work(cancelled=lambda: True))
