@@ -192,7 +192,7 @@ export class Board {
     const { view, linkage: { band } } = this, along = band?.filter(Boolean) ?? [];
     const widest = Math.max(0, ...along.map(([, radius]) => radius)) * view.scale;
     if (along.length < 2 || !(widest > 1e-7)) return;
-    const factor = widest >= 3 ? 1 : 10 ** Math.min(9, Math.ceil(Math.log10(6 / widest)));
+    const factor = widest >= 3 ? 1 : roundStep(5 / widest);
     const edges = [[], []];
     along.forEach(([place, radius], k) => {
       const [x, y] = view.at(place), [x0, y0] = view.at(along[Math.max(0, k - 1)][0]), [x1, y1] = view.at(along[Math.min(along.length - 1, k + 1)][0]);

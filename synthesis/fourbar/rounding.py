@@ -31,6 +31,8 @@ _TOGETHER = 64
 _PLACED = 8
 """Combinations that are refined at once."""
 _MOST_PLACED = 64
+_SCANS_OF_PLACING = 16
+"""Within limits a place is found in the time of more scans than this: of few tries fewer are refined, at least `_PLACED`."""
 _WORSE = 2.0
 """A combination whose squared objective in the scan, over fewer samples, is so many times the best one refined is given up."""
 _NEARER = 1e-3
@@ -127,7 +129,7 @@ def _best_of(
     for first in range(0, ranked.size, _PLACED):
         if best is not None and cost[ranked[first]] > _WORSE * best.errors.objective**2:
             break
-        if first >= _MOST_PLACED:
+        if first >= min(_MOST_PLACED, max(_PLACED, tries // _SCANS_OF_PLACING)):
             refined_all = False
             break
         work.check()
