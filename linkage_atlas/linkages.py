@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from linkage_atlas import exports
+from linkage_atlas.exports import kind_of, text_of
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.studies import Analysis, ToleranceStudy, analysed, read_drive, read_manufacture, studied
 from synthesis.errors import FieldError
@@ -355,12 +355,12 @@ class FourBar:
                 raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
             motion = motion.of_solution(self._linkage, column("crank_angle", crank_angle) * self._radian)
         target = motion.target if motion is not None else self._default_motion()
-        return exports.text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates)
+        return text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates)
 
     def save(self, path: str | Path, length_unit: str = "mm") -> None:
         """Write a file; its ending says which: .csv, .svg, .dxf, .plates.dxf, .xml (MJCF, also .mjcf), .pylinkage.json."""
         path = Path(path)
-        path.write_text(self.render(exports.kind_of(path.name), length_unit=length_unit), newline="")
+        path.write_text(self.render(kind_of(path.name), length_unit=length_unit), newline="")
 
     def _default_motion(self) -> Target:
         """What it is drawn over: the motion that it answers, or a whole turn."""

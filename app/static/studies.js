@@ -1,4 +1,4 @@
-// What a designer asks of a solution next, as curves, a band and rows: its analysis, its tolerance study.
+// What a designer asks of a solution next, as curves, a band, and rows of numbers.
 
 import { text } from "./drawing.js";
 
