@@ -7,7 +7,7 @@ ATLAS ?= atlas.h5
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help run test fault audit parts lock lint map report accept poses stability bench docs scenes clean setup
+.PHONY: help run test fault audit parts lock lint map report accept poses limits stability studies bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -24,6 +24,7 @@ help:
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make poses      poses and paths without crank angles: docs/free_timing.md (an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
+	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
 	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
 	@echo "                (forty minutes; needs 17 GB of memory, 3 GB of disk, no other work on the machine)"
@@ -111,6 +112,9 @@ poses: $(READY)
 
 stability: $(READY)
 	$(BIN)/python -m benchmarks.stability
+
+studies: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.studies
 
 clean:
 	rm -rf $(VENV) build *.egg-info $(ATLAS)

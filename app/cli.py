@@ -147,7 +147,9 @@ def _run_query(options: argparse.Namespace, query: Query) -> int:
         request = query.practical(request)
     resources = ServiceResources(_settings(options))
     if query.exports and options.export:
-        name = options.export.suffix.lstrip(".").lower()
+        # of two that fit the longer: plates.dxf before dxf
+        fits = [name for name in query.exports if options.export.name.lower().endswith(f".{name}")]
+        name = max(fits, key=len, default=options.export.suffix.lstrip("."))
         if name not in query.exports:
             raise FieldError("/export", f"the file must end in one of {', '.join(query.exports)}, found '{name}'")
         options.export.write_bytes(query.exports[name].render(request, resources))

@@ -28,6 +28,7 @@ from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule
 from synthesis.fourbar.kinematics import close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.rounding import best_from_stock
 from synthesis.fourbar.solution import Solution, assess, mounted
 from synthesis.least_squares import Minima, minimise
 from synthesis.mechanism import Chart
@@ -90,6 +91,11 @@ def refine(problem: ProjectedProblem, seeds: Any, branch: Any, steps: int, toler
 def solved(target: Target, lengths: Any, branch: Any, start: Any) -> list[Solution]:
     """Linkages of given shapes in their best pose, with their errors."""
     return assess(target, mounted(target, lengths, branch, start))
+
+
+def solution_of(linkage: la.FourBar, target: Target) -> Solution:
+    """A linkage as an answer to a motion."""
+    return assess(target, [linkage._linkage])[0]
 
 
 def table_of(rule: TypeRule, samples: int) -> Table:

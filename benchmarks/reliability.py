@@ -277,7 +277,8 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
          f"{results['bodies']['bodies']:,} bodies", f"{results['bodies']['broken']} otherwise; "
          + ", ".join(f"{count:,} x {status}" for status, count in results["bodies"]["statuses"].items())),
         ("Short requests of 64 clients, one a second each: 99th percentile at most 250 ms", "`crowd`",
-         f"{short['requests']:,} requests in {short['seconds']:.0f} s, load average {short['load']:.1f}", f"{short['short_p99_ms']:.0f} ms"),
+         f"{short['requests']:,} requests in {short['seconds']:.0f} s, load average {short['load']:.1f}",
+         f"{short['short_p99_ms']:.0f} ms"),
         ("The same beside one hostile client of each kind: /livez at most 50 ms at the 99th percentile", "`crowd`",
          f"{bad['requests']:,} requests in {bad['seconds']:.0f} s",
          f"/livez {bad['livez_p99_ms']:.0f} ms, short requests {bad['short_p99_ms']:.0f} ms; "

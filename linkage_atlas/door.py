@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import Features, Match, Matches, MatchReport, Report, Result
 from linkage_atlas.atlases import Atlas
-from linkage_atlas.finish import cognate_notes, finished, read_tolerances, status_of
+from linkage_atlas.finish import Wishes, cognate_notes, finished, read_lengths, read_tolerances, status_of
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, number, read_limits
 from linkage_atlas.relaxation import what_excludes
+from linkage_atlas.studies import check_rows, read_drive, read_manufacture, study_notes
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
@@ -78,8 +79,11 @@ def synthesize(
     budget: float | None = None,
     length_scale: float | None = None,
     round_to: float | None = None,
+    lengths_from: ArrayLike | None = None,
     diverse: bool = False,
     sensitivity: bool = False,
+    analysis: Mapping[str, Any] | None = None,
+    tolerance_study: Mapping[str, Any] | None = None,
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
 ) -> Result:
@@ -128,11 +132,18 @@ def synthesize(
     length_scale : float, optional
         Weighs position errors against rotation errors in radians; default: the largest distance from the mean position.
     round_to : float, optional
-        Also give each solution with its links on this grid and the rest fitted anew.
+        Also give each solution with its links on this grid and the rest fitted anew, within the limits.
+    lengths_from : array_like, shape (n,), optional
+        Instead: with each link of one of these lengths, in the best combination.
     diverse : bool
         Spread the solutions over families, branches and places, the objective at most twice the best, in place of the best ones.
     sensitivity : bool
         Also give the change of the motion per unit of each length.
+    analysis : mapping, optional
+        ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`: also give velocities, accelerations and forces.
+    tolerance_study : mapping, optional
+        ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`: also give what tolerances of
+        manufacture do.
     atlas : Atlas, optional
         For effort "atlas".
     work : callable
@@ -181,19 +192,28 @@ def synthesize(
     )
     notes, kept = motion.notes(), read_limits(limits, motion)
     allowed = read_tolerances(tolerances, motion)
-    if round_to is not None and motion.samples.position is None:
-        raise FieldError("/round_to", "needs `position`: without it no length is actual")
+    wishes = Wishes(
+        kept,
+        round_to,
+        read_lengths(lengths_from),
+        sensitivity,
+        None if analysis is None else read_drive(analysis, motion.samples.position is not None),
+        None if tolerance_study is None else read_manufacture(tolerance_study),
+    )
+    wishes.check_against(motion)
+    if wishes.drive is not None:
+        check_rows(top, None if motion.free else motion.target.interval)
     found, went = _searched(motion, kept, _VARIETY * top if diverse else top, tolerance, watch, prepared)
     if diverse:
         found = spread(found, top, DIVERSE_LOSS, tolerance)
     searched = watch.elapsed
-    finishing = watch.extended(FINISHING)
-    solutions = finished(found, motion, tolerance, kept, allowed, round_to, sensitivity, atlas, finishing)
+    solutions = finished(found, motion, tolerance, allowed, wishes, atlas, watch.extended(FINISHING))
     if solutions and solutions[0].determination.ill_posed:
         notes.append(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
             "see `determination` of each solution"
         )
+    notes += study_notes(wishes.manufacture, solutions)
     notes += cognate_notes(solutions) if motion.samples.rotation is None else []
     cut_short = went.stopped_by == "budget"
     if not solutions and not kept.only_family and effort == "refine" and not cut_short:

@@ -62,10 +62,18 @@ def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
         tolerance=request.tolerance,
         budget=budget_of(request.budget_ms, resources),
         round_to=request.round_to,
+        lengths_from=request.lengths_from,
         sensitivity=request.sensitivity,
+        analysis=analysis_of(request),
+        tolerance_study=None if request.tolerance_study is None else request.tolerance_study.model_dump(),
         atlas=resources.atlas if request.effort == "atlas" else None,
         work=resources.work,
     )
+
+
+def analysis_of(request: SynthesizeRequest) -> dict[str, Any] | None:
+    """What a request says of an analysis."""
+    return None if request.analysis is None else request.analysis.model_dump()
 
 
 def motion_of(request: SynthesizeRequest) -> dict[str, Any]:

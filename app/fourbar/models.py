@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from app.fourbar.study_models import AnalysisReply, AnalysisRequest, ToleranceStudyReply, ToleranceStudyRequest
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel
+from linkage_atlas.finish import MOST_STOCK
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES
 
 MAX_TOP = 1000
@@ -195,13 +197,23 @@ class SynthesizeRequest(CrankMotion):
         "position from the mean position.",
     )
     round_to: Length | None = Field(
-        None, description="Also report each solution with its links rounded to this grid and the rest fitted anew."
+        None,
+        description="Also report each solution with its links rounded to this grid and the rest fitted anew, within the limits.",
+    )
+    lengths_from: Annotated[list[Length], Field(min_length=1, max_length=MOST_STOCK)] | None = Field(
+        None, description="Instead of `round_to`: each link of one of these lengths, in the best combination."
     )
     diverse: Flag = Field(
         False,
         description="Solutions spread over families, branches and places, J at most twice the best, in place of the best ones.",
     )
     sensitivity: Flag = Field(False, description="Also report the change of the motion per unit of each length.")
+    analysis: AnalysisRequest | None = Field(
+        None, description="Also report velocities, accelerations and, with a load, torque and pin forces."
+    )
+    tolerance_study: ToleranceStudyRequest | None = Field(
+        None, description="Also report what tolerances of manufacture do to the body's motion."
+    )
 
 
 class LinksReply(ReplyModel):
@@ -260,13 +272,18 @@ class SensitivityReply(ReplyModel):
 
 
 class RoundedReply(ReplyModel):
-    closes: bool
+    closes: bool = Field(
+        description="Whether a combination of lengths closes within the limits; if not, the rest is null."
+    )
     links: LinksReply | None
     start_angle: float | None
     body_offset: float | None
     mount: MountReply | None
     errors: ErrorsReply | None
-    transmission_angle_min: float | None = Field(description="Over the used interval; limits are not applied again.")
+    transmission_angle_min: float | None = Field(description="Over the used interval.")
+    tried: int = Field(description="Combinations of lengths that were fitted.")
+    combinations: int | None = Field(description="How many there are; null for a grid.")
+    exhaustive: bool | None = Field(description="Whether this is the best of all combinations; null for a grid.")
 
 
 class VerdictReply(ReplyModel):
@@ -310,6 +327,8 @@ class SolutionReply(ReplyModel):
     determination: DeterminationReply
     sensitivity: SensitivityReply | None = None
     rounded: RoundedReply | None = None
+    analysis: AnalysisReply | None = None
+    tolerance_study: ToleranceStudyReply | None = None
 
 
 class SynthesizeReport(ReplyModel):
