@@ -15,9 +15,9 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 _SHAPE_STEP, _ANGLE_STEP = 1.0, 0.6
-"""Longest step of an unknown of the chart, and of a crank angle."""
-_GAP_SHARE = 0.45
-"""Part of the gap to its neighbour by which a crank angle may move in a step, so that the order holds at every step."""
+"""Longest step of an unknown of the chart, and of a crank angle where there is no order."""
+_GAP_SHARE = 0.8
+"""Part by which a gap between neighbouring crank angles may shrink in a step, so that the order holds at every step."""
 
 
 class Timed(NamedTuple):
@@ -235,7 +235,7 @@ class JointProblem:
     # -- steps ------------------------------------------------------------------------------------------------------
 
     def moved(self, timed: Timed, step: Floats, turn: Floats) -> Timed:
-        """Candidates after a step of the common unknowns (n, m) and of the angles (n, N), each cut by itself."""
+        """Candidates after a step of the common unknowns (n, m) and of the angles (n, N), each unknown and gap cut by itself."""
         size = self.size
         pose, offset = timed.pose, timed.offset
         if self.has_position:
@@ -246,18 +246,25 @@ class JointProblem:
             shape = timed.shape + np.clip(step[:, :size], -_SHAPE_STEP, _SHAPE_STEP)
         else:
             shape = self.bounded.stepped(timed.shape, step[:, :size])
-        turn = np.clip(turn, -_ANGLE_STEP, _ANGLE_STEP)
         if self.poses.ordered:
             turn = _within_gaps(timed.angles, turn, self.poses.span_max)
+        else:
+            turn = np.clip(turn, -_ANGLE_STEP, _ANGLE_STEP)
         return Timed(shape, pose, offset, timed.angles + turn, timed.branch)
 
 
 def _within_gaps(angles: Floats, turn: Floats, span_max: float) -> Floats:
-    """Steps of crank angles, cut so that the samples keep their order and the crank stays within its span."""
+    """Steps of crank angles, cut so that the samples keep their order and the crank stays within its span.
+
+    The gaps between neighbours are cut, not the angles: a turn that all of them make together changes no order, and long
+    valleys run that way.
+    """
     way = np.where(angles[:, -1:] >= angles[:, :1], 1.0, -1.0)
-    along = way * angles
-    gaps = np.empty((len(angles), angles.shape[1] + 1))
-    gaps[:, 1:-1] = np.diff(along)
-    gaps[:, 0] = gaps[:, -1] = span_max - (along[:, -1] - along[:, 0])
-    gaps = _GAP_SHARE * np.maximum(gaps, 0.0)
-    return way * np.clip(way * turn, -gaps[:, :-1], gaps[:, 1:])
+    gaps = way * np.diff(angles, axis=1)
+    span = gaps.sum(axis=1, keepdims=True)
+    new = np.maximum(gaps + way * np.diff(turn, axis=1), (1 - _GAP_SHARE) * gaps)
+    longest = span + _GAP_SHARE * np.maximum(span_max - span, 0.0)
+    new *= np.minimum(1.0, longest / np.maximum(new.sum(axis=1, keepdims=True), 1e-300))
+    cut = np.zeros_like(turn)
+    np.cumsum(way * (new - gaps), axis=1, out=cut[:, 1:])
+    return cut + (turn - cut).mean(axis=1, keepdims=True)
