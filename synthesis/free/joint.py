@@ -12,9 +12,9 @@ derivative by phi_i, d_i its damping and n_i = t_i . t_i + d_i, the rows G of th
 
 whose normal matrix is the Schur complement of the full one, so that the step still comes from a QR decomposition. At
 d_i = 0 that is the fit by orthogonal distances, with a large d_i the fit at given crank angles. A, z1, z2 and the offset are
-solved again after every step (variable projection in Kaufman's form: BIT 15 (1975) 49-57), and the steps are bent along the
-residual's curvature (Transtrum and Sethna, arXiv:1201.5885). While the damping is large, the triangle of the QR decomposition
-comes from the normal matrix by Cholesky's method instead, which is faster.
+solved again after every step (variable projection in Kaufman's form: BIT 15 (1975) 49-57), the steps are bent along the
+residual's curvature, and lead uphill too where they go straight on (Transtrum and Sethna, arXiv:1201.5885). While the damping
+is large, the triangle of the QR decomposition comes from the normal matrix by Cholesky's method instead, which is faster.
 """
 
 from __future__ import annotations
@@ -34,6 +34,10 @@ Floats = NDArray[np.float64]
 _LINEAR_DAMPING, _ANGLE_DAMPING = 1e-2, 1e-2
 """Damping of the linear unknowns and of the crank angles relative to that of the shape."""
 _LEAST_DAMPING = 1e-22
+_BOLD = 2
+"""Power of 1 - cos(angle between a step and the one before) by which the cost uphill counts (Transtrum and Sethna, section 5)."""
+_STRAIGHT = 1 - 1e-12
+"""Largest cosine between steps: the cost of what does not close is infinite, however straight the way there."""
 _LEAST_NORMAL = 1e-9
 """Damping from which on a step may come from normal equations: the condition of the damped, scaled matrix is below 1e11."""
 
@@ -85,7 +89,6 @@ def refine(
     work: Work | None = None,
     damping: float | Floats = 1e-3,
     stall: float = 1e-9,
-    bent: bool = True,
     all_of_them: bool = False,
 ) -> Refined:
     """Levenberg-Marquardt over shape, pose and all crank angles of many candidates.
@@ -104,20 +107,20 @@ def refine(
         Of the first step, relative to the squares of the derivatives.
     stall : float
         A step that lowers the cost by a smaller part than this is a candidate's last one.
-    bent : bool
-        Whether steps are bent along the residual's curvature.
     all_of_them : bool
         Stop only when J of every candidate is below the tolerance.
 
     Returns
     -------
     Refined
-        Law: no candidate is worse than its starting point with its best pose; the order of the angles is kept.
+        The best place of each candidate's way. Law: no candidate is worse than its starting point with its best pose; the
+        order of the angles is kept.
     """
     work = work or Work()
     if not timed.branch.size:
         nothing = np.empty(0)
         return Refined(timed, nothing, nothing, np.empty(0, dtype=bool))
+    timed = Timed(*(column.copy() for column in timed))
     turned = problem.turned(timed)
     timed = problem.posed(timed, turned)
     cost, stack, turn = problem.evaluate(timed, turned)
@@ -126,17 +129,17 @@ def refine(
     here, rows = timed.take(place), Rows(cost[place], stack[place], turn[place])
     last = np.full(len(cost), damping) if np.isscalar(damping) else np.array(damping)
     damped, growth = last[place], np.full(place.size, 2.0)
-    done = Refined(timed, cost, last, ~np.isfinite(cost))
+    way = np.zeros((place.size, problem.size))
+    best = Refined(timed, cost, last, ~np.isfinite(cost))
     done_below = max(1e-30, tolerance**2 if all_of_them else 0.0)
     for _ in range(iterations):
-        if not place.size or work.expired() or (not all_of_them and rows.cost.min() <= tolerance**2):
+        if not place.size or work.expired() or (not all_of_them and best.cost.min() <= tolerance**2):
             break
         system = _damped(rows, damped, problem.size)
-        step, angle_step = _step(system)
+        straight, angle_step = _step(system)
         q = system.upper[:, :-1, -1]
-        predicted = np.einsum("nc,nc->n", q, q) + np.einsum("nc,nc->n", system.ridge, step**2)
-        if bent:
-            step, angle_step = _bent(problem, here, system, step, angle_step)
+        predicted = np.einsum("nc,nc->n", q, q) + np.einsum("nc,nc->n", system.ridge, straight**2)
+        step, angle_step = _bent(problem, here, system, straight, angle_step)
         trial = problem.moved(here, step, angle_step)
         turned = problem.turned(trial)
         trial = problem.posed(trial, turned)
@@ -144,22 +147,34 @@ def refine(
         before = rows.cost
         decrease = before - new.cost
         better = decrease > 0
-        refused = ~better
+        # uphill is allowed the farther, the straighter the way goes on: a curved valley is followed above its floor
+        ahead = straight[:, : problem.size]
+        turned_by = 1 - np.clip(_cosine(ahead, way), 0, _STRAIGHT)
+        taken = better | (turned_by**_BOLD * new.cost < best.cost[place])
+        refused = ~taken
         finished = (better & (decrease < stall * before)) | (before < done_below)
         gain = np.clip(decrease / np.maximum(predicted, 1e-300), 0, 1)
         shrunk = np.maximum(damped * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _LEAST_DAMPING)
-        damped, growth = np.where(better, shrunk, damped * growth), np.where(better, 2.0, 2 * growth)
+        damped = np.where(better, shrunk, np.where(taken, damped, damped * growth))
+        growth = np.where(taken, 2.0, 2 * growth)
         for column, values in zip((*trial, *new), (*here, *rows)):
             column[refused] = values[refused]
-        here, rows = trial, new
+        here, rows, way = trial, new, np.where(taken[:, None], ahead, way)
         finished |= damped > 1e10
+        lower = rows.cost < best.cost[place]
+        _put(best, place[lower], Refined(here, rows.cost, damped, finished).take(lower))
         if finished.any():
-            _put(done, place[finished], Refined(here, rows.cost, damped, finished).take(finished))
+            best.ended[place[finished]] = True
             left = ~finished
             place, here, rows = place[left], here.take(left), Rows(*(column[left] for column in rows))
-            damped, growth = damped[left], growth[left]
-    _put(done, place, Refined(here, rows.cost, damped, np.zeros(place.size, dtype=bool)))
-    return done
+            damped, growth, way = damped[left], growth[left], way[left]
+    return best
+
+
+def _cosine(one: Floats, other: Floats) -> Floats:
+    """Of the angle between vectors (n, k); 0 where one of them is zero."""
+    length = np.sqrt(np.einsum("nk,nk->n", one, one) * np.einsum("nk,nk->n", other, other))
+    return np.einsum("nk,nk->n", one, other) / np.where(length > 0, length, 1.0)
 
 
 def _put(all_of_them: Refined, place: NDArray[np.intp], some: Refined) -> None:
