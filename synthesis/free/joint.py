@@ -87,7 +87,7 @@ def refine(
     iterations: int,
     tolerance: float = 0.0,
     work: Work | None = None,
-    damping: float | Floats = 1e-3,
+    damping: float = 1e-3,
     stall: float = 1e-9,
     all_of_them: bool = False,
 ) -> Refined:
@@ -103,7 +103,7 @@ def refine(
         Stop when the least J is below it.
     work : Work, optional
         Once it has expired the descent stops where it is.
-    damping : float or ndarray, shape (n,)
+    damping : float
         Of the first step, relative to the squares of the derivatives.
     stall : float
         A step that lowers the cost by a smaller part than this is a candidate's last one.
@@ -118,8 +118,7 @@ def refine(
     """
     work = work or Work()
     if not timed.branch.size:
-        nothing = np.empty(0)
-        return Refined(timed, nothing, nothing, np.empty(0, dtype=bool))
+        return Refined(timed, np.empty(0))
     timed = Timed(*(column.copy() for column in timed))
     turned = problem.turned(timed)
     timed = problem.posed(timed, turned)
@@ -127,10 +126,9 @@ def refine(
     # the candidates still on their way, and where they stand among all
     place = np.flatnonzero(np.isfinite(cost))
     here, rows = timed.take(place), Rows(cost[place], stack[place], turn[place])
-    last = np.full(len(cost), damping) if np.isscalar(damping) else np.array(damping)
-    damped, growth = last[place], np.full(place.size, 2.0)
+    damped, growth = np.full(place.size, damping), np.full(place.size, 2.0)
     way = np.zeros((place.size, problem.size))
-    best = Refined(timed, cost, last, ~np.isfinite(cost))
+    best = Refined(timed, cost)
     done_below = max(1e-30, tolerance**2 if all_of_them else 0.0)
     for _ in range(iterations):
         if not place.size or work.expired() or (not all_of_them and best.cost.min() <= tolerance**2):
@@ -162,9 +160,9 @@ def refine(
         here, rows, way = trial, new, np.where(taken[:, None], ahead, way)
         finished |= damped > 1e10
         lower = rows.cost < best.cost[place]
-        _put(best, place[lower], Refined(here, rows.cost, damped, finished).take(lower))
+        for column, values in zip((*best.timed, best.cost), (*here, rows.cost)):
+            column[place[lower]] = values[lower]
         if finished.any():
-            best.ended[place[finished]] = True
             left = ~finished
             place, here, rows = place[left], here.take(left), Rows(*(column[left] for column in rows))
             damped, growth, way = damped[left], growth[left], way[left]
@@ -175,12 +173,6 @@ def _cosine(one: Floats, other: Floats) -> Floats:
     """Of the angle between vectors (n, k); 0 where one of them is zero."""
     length = np.sqrt(np.einsum("nk,nk->n", one, one) * np.einsum("nk,nk->n", other, other))
     return np.einsum("nk,nk->n", one, other) / np.where(length > 0, length, 1.0)
-
-
-def _put(all_of_them: Refined, place: NDArray[np.intp], some: Refined) -> None:
-    """Write some candidates back among all."""
-    for column, values in zip((*all_of_them.timed, *all_of_them[1:]), (*some.timed, *some[1:])):
-        column[place] = values
 
 
 def _damped(rows: Rows, damping: Floats, size: int) -> _System:

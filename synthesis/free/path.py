@@ -3,7 +3,7 @@
 Data flow of a request::
 
     poses --(thinned)--> windows of a coarse table at guessed crank angles, best first, spread out -> seeds
-      -> descend in stages, one a valley -> pool -> reached? otherwise the next round of the schedule
+      -> descend -> pool, one a valley -> reached? otherwise the next round of the schedule
       -> crank angles of all samples by the way between those of the few -> polish on all samples -> pool
 
 A valley is a timing: many candidates come to rest along the same long valley, and copies of them would fill every list.
@@ -74,21 +74,10 @@ class _PathSearch:
 
     def descend(self, one: Round) -> None:
         """One round: its seeds' descent, and what it found into the pool."""
-        found = self._draw(one.source)
-        parts = [] if self.pool is None else [self.pool]
-        for stage in one.stages:
-            going = found.take(~found.ended)
-            if stage.most < going.cost.size:
-                going = _valleys(going, stage.most, self.tolerance, _APART)
-            if not going.cost.size or (parts and self.work.expired()):
-                break
-            found = refine(
-                self.problem, going.timed, stage.steps, 0.3 * self.tolerance, self.work, going.damping, one.stall
-            )
-            parts.append(found)
-            if found.cost.min() <= self.tolerance**2:
-                break
-        self.pool = _valleys(parts[0].joined(*parts[1:]), _POOL, self.tolerance, _POOL_APART)
+        seeds = self._draw(one.source)
+        found = refine(self.problem, seeds, one.steps, 0.3 * self.tolerance, self.work, stall=one.stall)
+        found = found if self.pool is None else self.pool.joined(found)
+        self.pool = _valleys(found, _POOL, self.tolerance, _POOL_APART)
 
     @property
     def reached(self) -> bool:
@@ -123,18 +112,17 @@ class _PathSearch:
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 
-    def _draw(self, source: Source) -> Refined:
+    def _draw(self, source: Source) -> Timed:
         match source:
             case Fresh():
                 if source.screen not in self.seeds:
                     self.seeds[source.screen] = self.screens[source.screen].seeds(self.thin, self.chart)
-                return _unrefined(self.seeds[source.screen].take(slice(source.start, source.stop)))
+                return self.seeds[source.screen].take(slice(source.start, source.stop))
             case Best():
                 assert self.pool is not None
-                best = self.pool.take(slice(0, source.most))
-                return best._replace(ended=np.zeros(best.cost.size, dtype=bool))
+                return self.pool.timed.take(slice(0, source.most))
             case Hops():
-                return _unrefined(self._hops(source))
+                return self._hops(source)
 
     def _hops(self, source: Hops) -> Timed:
         assert self.pool is not None
@@ -240,11 +228,6 @@ def _some(poses: Poses, kept: NDArray[np.intp]) -> Poses:
     """The poses at some samples."""
     part: dict[str, Any] = {name: None if (given := getattr(poses, name)) is None else given[kept] for name in _PARTS}
     return replace(poses, **part)
-
-
-def _unrefined(timed: Timed) -> Refined:
-    count = len(timed.branch)
-    return Refined(timed, np.full(count, np.inf), np.full(count, 1e-3), np.zeros(count, dtype=bool))
 
 
 def _valleys(found: Refined, most: int, tolerance: float, apart: float) -> Refined:

@@ -59,19 +59,15 @@ class Refined(NamedTuple):
 
     timed: Timed
     cost: Floats
-    damping: Floats
-    """(n,): with which a later descent may go on."""
-    ended: NDArray[np.bool_]
-    """(n,): whether the descent of a candidate ended by itself, in a minimum or by too small steps."""
 
     def take(self, places: Any) -> Refined:
         """Some of them."""
-        return Refined(self.timed.take(places), *(column[places] for column in self[1:]))
+        return Refined(self.timed.take(places), self.cost[places])
 
     def joined(self, *others: Refined) -> Refined:
         """These and others after them."""
-        own = (np.concatenate(columns) for columns in zip(self[1:], *(other[1:] for other in others)))
-        return Refined(self.timed.joined(*(other.timed for other in others)), *own)
+        cost = np.concatenate([self.cost, *(other.cost for other in others)])
+        return Refined(self.timed.joined(*(other.timed for other in others)), cost)
 
 
 class Turned(NamedTuple):
