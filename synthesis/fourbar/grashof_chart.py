@@ -50,10 +50,11 @@ class GrashofChart:
     longest_step = 0.35
 
     def shape(self, unknowns: Floats) -> FourBarShape:
-        """Shapes at unknowns (n, 4)."""
+        """Shapes at unknowns (n, 4); excesses below zero count as zero."""
         jacobian = np.where((unknowns[:, 0] > 0)[:, None, None], _ROCKER, _DOUBLE)
+        unknowns = np.column_stack([unknowns[:, 0], np.maximum(unknowns[:, 1:], 0.0)])
         lengths = (jacobian @ unknowns[:, :, None])[:, :, 0]
-        least, (x, y, z) = np.abs(unknowns[:, 0]), np.maximum(unknowns[:, 1:].T, 0.0)
+        least, (x, y, z) = np.abs(unknowns[:, 0]), unknowns[:, 1:].T
         return FourBarShape(lengths, x * (4 * least + x + y + z), y * z, jacobian)
 
     def unknowns(self, lengths: ArrayLike) -> Floats:

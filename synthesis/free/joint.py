@@ -119,7 +119,7 @@ def refine(
     work = work or Work()
     if not timed.branch.size:
         return Refined(timed, np.empty(0))
-    timed = Timed(*(column.copy() for column in timed))
+    timed = timed.take(np.arange(len(timed.branch)))  # a copy
     turned = problem.turned(timed)
     timed = problem.posed(timed, turned)
     cost, stack, turn = problem.evaluate(timed, turned)

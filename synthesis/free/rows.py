@@ -18,6 +18,8 @@ _SHAPE_STEP, _ANGLE_STEP = 1.0, 0.6
 """Longest step of an unknown of the chart, and of a crank angle where there is no order."""
 _GAP_SHARE = 0.8
 """Part by which a gap between neighbouring crank angles may shrink in a step, so that the order holds at every step."""
+_TIED = 1e-12
+"""A gap below this shrinks no more: sums of angles would round it away."""
 
 
 class Timed(NamedTuple):
@@ -259,8 +261,10 @@ def _within_gaps(angles: Floats, turn: Floats, span_max: float) -> Floats:
     gaps = way * np.diff(angles, axis=1)
     span = gaps.sum(axis=1, keepdims=True)
     new = np.maximum(gaps + way * np.diff(turn, axis=1), (1 - _GAP_SHARE) * gaps)
-    longest = span + _GAP_SHARE * np.maximum(span_max - span, 0.0)
+    room = span_max - _TIED * gaps.shape[1] - span
+    longest = span + np.where(room > 0, _GAP_SHARE * room, room)
     new *= np.minimum(1.0, longest / np.maximum(new.sum(axis=1, keepdims=True), 1e-300))
+    new = np.maximum(new, np.minimum(gaps, _TIED))
     cut = np.zeros_like(turn)
     np.cumsum(way * (new - gaps), axis=1, out=cut[:, 1:])
-    return cut + (turn - cut).mean(axis=1, keepdims=True)
+    return cut + np.clip((turn - cut).mean(axis=1, keepdims=True), -np.pi, np.pi)

@@ -105,3 +105,55 @@ def test_grashof_chart_gives_the_lengths_back_and_holds_its_bounds() -> None:
     np.testing.assert_allclose(np.abs(pushed).sum(axis=1), 1.0, atol=1e-8)
     assert chart.held(pushed, np.ones((2, 4)))[[0, 1], [1, 3]].all()
     assert not chart.held(pushed, -np.ones((2, 4)))[:, 1:].any()
+    # a trial a little past a bound: once a short link with it came out negative
+    assert chart.shape(np.array([[1e-3, 0.5, -0.01, -0.01]])).lengths.min() > 0
+
+
+def test_all_crank_angles_may_turn_together() -> None:
+    # once each angle was cut by the gap to its neighbour, so that long valleys were followed in tiny steps
+    problem, timed = candidates(GrashofChart(), False)
+    none, turn = np.zeros((2, problem.columns)), np.full(timed.angles.shape, 0.7)
+    np.testing.assert_allclose(problem.moved(timed, none, turn).angles, timed.angles + 0.7, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1.0, 50.0, 1e200])
+def test_any_step_of_the_crank_angles_keeps_their_order(size: float) -> None:
+    problem, timed = candidates(GrashofChart(), False)
+    random = np.random.default_rng(3)
+    for way in (1.0, -1.0):
+        here = timed._replace(angles=way * timed.angles)
+        for _ in range(20):
+            turn = size * random.standard_normal(here.angles.shape)
+            here = problem.moved(here, np.zeros((2, problem.columns)), turn)
+            assert np.all(way * np.diff(here.angles, axis=1) > 0)
+            assert np.all(np.ptp(here.angles, axis=1) <= 2 * np.pi * (1 + 1e-12))  # the sums' rounding
+            here = here._replace(angles=here.angles - here.angles[:, :1])
+
+
+def test_descents_leave_their_starting_points_as_they_were() -> None:
+    problem, timed = candidates(GrashofChart(), False)
+    before = [column.copy() for column in timed]
+    refine(problem, timed, 10)
+    for column, kept in zip(timed, before):
+        np.testing.assert_array_equal(column, kept)
+
+
+def test_a_curved_valley_is_followed_to_its_end() -> None:
+    # a short crank over a small span; by downhill steps with each angle cut by itself none of these arrived
+    random = np.random.default_rng(1)
+    chart, count = GrashofChart(), 40
+    shape = chart.unknowns(np.array([[0.019, 0.14, 0.417, 0.424]]))
+    angles = 0.4 + np.deg2rad(83) * np.sort(random.uniform(0, 1, (1, 12)), axis=1)
+    coupler = chart.at(shape, angles, np.ones(1)).angle[0]
+    position = 0.2 * np.exp(1j * angles[0]) + 1.1 * np.exp(1j * (coupler + 0.4))
+    scale = float(np.max(np.abs(position - position.mean())))
+    problem = JointProblem(Poses(None, position, length_scale=scale), chart)
+    start = Timed(
+        chart.hopped(np.repeat(shape, count, axis=0), random.standard_normal((count, 4))),
+        np.zeros((count, 3), dtype=complex),
+        np.zeros(count),
+        angles + 0.5 * random.standard_normal((count, 1)),
+        np.ones(count),
+    )
+    done = refine(problem, start, 60, 1e-10, all_of_them=True)
+    assert np.mean(done.cost < 1e-18) > 0.4
