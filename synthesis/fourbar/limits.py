@@ -205,12 +205,6 @@ class Limits:
         return Limits(**{name: getattr(self, name) for name in _ON_SHAPE})
 
     @property
-    def of_lengths(self) -> Limits:
-        """Those of the limits that concern the lengths and the start, whatever the place."""
-        names = (*_ON_SHAPE, "link_min", "link_max", "links")
-        return Limits(**{name: getattr(self, name) for name in names})
-
-    @property
     def on_shape(self) -> bool:
         """Whether there are no others, so that a shape's best pose is as good as any."""
         return self == self.of_shape

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.fourbar import constraints as of_limits
 from synthesis.fourbar.constraints import Constraints
 from synthesis.fourbar.kinematics import close_loop, wrap
 from synthesis.fourbar.limits import Limits
@@ -45,7 +46,6 @@ _WEIGHT, _GROWTH = 1.0, 10.0
 """Of a broken limit against the square of the objective, and its growth with each round."""
 _MARGIN = 1e-8
 """How far inside the limits the refinement aims: what rounding leaves of it is inside too."""
-_DIFFERENCE = 1e-6
 
 
 class Places(NamedTuple):
@@ -62,6 +62,17 @@ class Places(NamedTuple):
         size = target.length_scale
         moved = (self.pivot - _middle(target)) / size, self.point / size
         return np.stack([self.start, self.turn, *(part for z in moved for part in (z.real, z.imag))], axis=-1)
+
+    def snapped(self, limits: Limits, ground: Floats) -> Places:
+        """Moved onto fixed pivots that are given, which a descent reaches to a few digits less; with the ground's lengths."""
+        turn, pivot = self.turn, self.pivot
+        if limits.pivot_a is not None:
+            pivot = np.full_like(pivot, limits.pivot_a)
+            if limits.pivot_b is not None:
+                turn = np.full_like(turn, np.angle(limits.pivot_b - limits.pivot_a))
+        elif limits.pivot_b is not None:
+            pivot = limits.pivot_b - ground * np.exp(1j * turn)
+        return self._replace(turn=turn, pivot=pivot)
 
     @classmethod
     def of(cls, target: Target, unknowns: Floats) -> Places:
@@ -82,7 +93,7 @@ def scan(target: Target, links: Floats, branch: int, limits: Limits) -> tuple[Fl
         Actual lengths.
     branch : int
     limits : Limits
-        Starts and links that break one, apart from those of the pivots, are left out.
+        Starts and links that break one of the lengths, the angles or the family are left out; those of places are not looked at.
 
     Returns
     -------
@@ -115,9 +126,10 @@ def _scanned(target: Target, few: Target, links: Floats, branch: int, start: Flo
     wide = np.repeat(links, starts, axis=0)
     flat = start.reshape(-1)
     cost = np.full(flat.size, np.inf)
-    none = np.zeros(len(wide), dtype=complex)
-    at = Placed(wide, np.full(len(wide), float(branch)), target.interval.after(flat), none, none.real, none)
-    places = np.flatnonzero(keeps(target, limits.of_lengths, at))
+    shape = Placed(wide, np.full(flat.size, float(branch)), target.interval.after(flat))
+    inside = keeps(target, limits.of_shape, shape)
+    inside &= (wide.min(axis=1) >= (limits.link_min or 0.0)) & (wide.max(axis=1) <= (limits.link_max or np.inf))
+    places = np.flatnonzero(inside)
     if places.size:
         cost[places] = _best_pose(few, wide[places], branch, flat[places])[0]
     return cost.reshape(count, starts)
@@ -185,7 +197,7 @@ def place(
     own, around = links[tried], _best_pose(target, links[tried], branch, begin)[1]
     best: list[Solution | None] = [None] * len(links)
     refined = _refined(target, own, branch, around.unknowns(target))
-    kept = _offer(best, target, own, branch, tried, refined, limits)
+    kept = _offer(best, target, own, branch, tried, Places.of(target, refined), limits)
     open_rows = np.flatnonzero(~kept)
     if open_rows.size and not limits.only_family:
         assert old.coupler_point is not None
@@ -199,8 +211,8 @@ def place(
         )
         unknowns = np.concatenate([refined[open_rows], same.unknowns(target)])
         tried = np.concatenate([tried[open_rows], np.arange(count)])
-        limited = _within(target, links[tried], branch, unknowns, limits)
-        _offer(best, target, links[tried], branch, tried, limited, limits)
+        limited = Places.of(target, _held_back(target, links[tried], branch, unknowns, limits))
+        _offer(best, target, links[tried], branch, tried, limited.snapped(limits, links[tried, 3]), limits)
     return best
 
 
@@ -210,12 +222,12 @@ def _offer(
     links: Floats,
     branch: int,
     tried: NDArray[np.intp],
-    unknowns: Floats,
+    places: Places,
     limits: Limits,
 ) -> NDArray[np.bool_]:
     """Put into ``best`` what is better and within the limits; returns which candidates are."""
-    places, kept = _at_given_pivots(Places.of(target, unknowns), links, limits), np.zeros(len(tried), dtype=bool)
-    good = np.all(np.isfinite(unknowns), axis=1)
+    kept = np.zeros(len(tried), dtype=bool)
+    good = np.all(np.isfinite(np.stack([np.abs(column) for column in places])), axis=0)
     crank = places.start[:, None] + target.crank
     good &= np.all(close_loop(links, crank).closed, axis=1)
     for k in np.flatnonzero(good):
@@ -247,58 +259,61 @@ def _refined(target: Target, links: Floats, branch: int, unknowns: Floats) -> Fl
     return minimise(evaluate, unknowns, np.arange(len(links), dtype=float), _STEPS, stall=0.0, damping=1e-6).unknowns
 
 
-def _within(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits) -> Floats:
+def _held_back(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits) -> Floats:
     """Candidates (n, 6) after a descent that limits hold back, by the method of multipliers."""
-    shift = np.zeros_like(_slacks(target, links, branch, unknowns, limits))
-    weight = _WEIGHT
+    constraints = Constraints(limits, _middle(target), target.length_scale, exact=False)
+    values, _, equal = _constrained(constraints, target, links, branch, unknowns)
+    shift, weight = np.zeros_like(values), _WEIGHT
     for _ in range(_ROUNDS):
         root = np.sqrt(weight)
 
         def evaluate(some: Floats, which: Floats, root: float = root, shift: Floats = shift) -> Evaluation:
-            own = links[which.astype(int)]
-            wanted = shift[which.astype(int)]
-            ahead = _slacks(target, own, branch, some, limits)
-            broken = root * np.maximum(wanted - ahead, 0.0)
-            stack = np.zeros((len(some), 7, ahead.shape[1]))
-            stack[:, 6] = broken
-            for k in range(6):
-                step = _DIFFERENCE * np.eye(6)[k]
-                ends = (_slacks(target, own, branch, some + sign * step, limits) for sign in (1, -1))
-                slope = np.subtract(*ends)
-                stack[:, k] = np.where(broken > 0, -root * slope / (2 * _DIFFERENCE), 0.0)
-            return _evaluation(np.concatenate([_rows(target, own, branch, some), stack], axis=2))
+            rows = which.astype(int)
+            own, slopes, _ = _constrained(constraints, target, links[rows], branch, some)
+            gap = shift[rows] - own
+            broken = (gap > 0) | np.isnan(gap) | equal
+            stack = np.concatenate([-np.moveaxis(slopes, -1, 1), gap[:, None]], axis=1)
+            stack = root * np.where(broken[:, None], stack, 0.0)
+            return _evaluation(np.concatenate([_rows(target, links[rows], branch, some), stack], axis=2))
 
         unknowns = minimise(evaluate, unknowns, np.arange(len(links), dtype=float), _STEPS // 4, stall=1e-8).unknowns
-        shift = np.maximum(np.nan_to_num(shift - _slacks(target, links, branch, unknowns, limits)), 0.0) / _GROWTH
+        gap = np.nan_to_num(shift - _constrained(constraints, target, links, branch, unknowns)[0])
+        shift = np.where(equal, gap, np.maximum(gap, 0.0)) / _GROWTH
         weight *= _GROWTH
     return unknowns
 
 
-def _slacks(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits) -> Floats:
-    """How far inside the limits, and the margin, candidates are: one column a limit, two an equation."""
-    places, scale = Places.of(target, unknowns), target.length_scale
-    placed = Placed(
-        links / scale,
-        np.full(len(links), float(branch)),
-        target.interval.after(places.start),
-        (places.pivot - _middle(target)) / scale,
-        places.turn,
-        places.point * np.exp(1j * places.turn) / scale,
+def _constrained(
+    constraints: Constraints, target: Target, links: Floats, branch: int, unknowns: Floats
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """How far inside the limits, and the margin, candidates are (n, C), its derivatives (n, C, 6), and which are equations."""
+    places, size = Places.of(target, unknowns), target.length_scale
+    turned = np.exp(1j * places.turn)
+    coupler = places.point / size * turned
+    found = constraints(
+        Placed(
+            links / size,
+            np.full(len(links), float(branch)),
+            target.interval.after(places.start),
+            (places.pivot - _middle(target)) / size,
+            places.turn,
+            coupler,
+        )
     )
-    found = Constraints(limits, _middle(target), scale, exact=False)(placed)
-    return np.concatenate([found.values - _MARGIN * ~found.equal, -found.values[:, found.equal]], axis=1)
-
-
-def _at_given_pivots(places: Places, links: Floats, limits: Limits) -> Places:
-    """The places with the pivots that the limits give, which the descent only comes near to."""
-    a, b, turn = limits.pivot_a, limits.pivot_b, places.turn
-    if a is not None and b is not None:
-        turn = np.full(len(turn), np.angle(b - a))
-    if a is not None:
-        return places._replace(pivot=np.full(len(turn), a), turn=turn)
-    if b is not None:
-        return places._replace(pivot=b - links[:, 3] * np.exp(1j * turn))
-    return places
+    slopes = found.slopes
+    by_coupler = slopes[..., of_limits.COUPLER] - 1j * slopes[..., of_limits.COUPLER + 1]
+    derivatives = np.stack(
+        [
+            slopes[..., of_limits.BEGIN] + slopes[..., of_limits.END],
+            slopes[..., of_limits.TURNED] + (by_coupler * (1j * coupler)[:, None]).real,
+            slopes[..., of_limits.PIVOT],
+            slopes[..., of_limits.PIVOT + 1],
+            (by_coupler * turned[:, None]).real,
+            (by_coupler * (1j * turned)[:, None]).real,
+        ],
+        axis=-1,
+    )
+    return found.values - np.where(found.equal, 0.0, _MARGIN), derivatives, found.equal
 
 
 def response_to_lengths(target: Target, linkage: Linkage) -> tuple[Floats, Floats]:

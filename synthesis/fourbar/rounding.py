@@ -24,6 +24,8 @@ from synthesis.work import Work
 
 Floats = NDArray[np.float64]
 
+GRID_TRIES = 300
+"""Combinations around the nearest that are tried at most; they come in the order of their estimate."""
 AROUND = 3
 """Where the nearest lengths of a grid break a limit, so many steps to each side are looked at."""
 _TOGETHER = 64
@@ -84,16 +86,17 @@ def round_to_grid(
     -------
     Rounding
         The nearest lengths, or where these break a limit in every place the best combination around them. Law: no length is off
-        the grid; where the nearest lengths do, none moved by more than half a step (or up to one step).
+        the grid but those that the limits give; where the nearest lengths do, none moved by more than half a step (or up to one).
     """
-    old = solution.linkage
+    old, given = solution.linkage, _given(limits)
     steps = np.maximum(np.round(np.array(old.links) / grid), 1.0)
-    links = steps[None] * grid
+    links = np.where(np.isnan(given), steps * grid, given)[None]
     starts = scan(target, links, old.branch, limits)[1]
     if (found := place(target, links, old.branch, starts, old, limits)[0]) is not None:
         return Rounding(found, 1)
     near = [np.arange(max(1.0, step - AROUND), step + AROUND + 1) * grid for step in steps]
-    best = _best_of(target, solution, near, limits, tries, work)
+    near = [values if np.isnan(length) else np.array([length]) for values, length in zip(near, given)]
+    best = _best_of(target, solution, near, limits, min(tries, GRID_TRIES), work)
     return Rounding(best.solution, best.tried)
 
 
@@ -107,7 +110,16 @@ def best_from_stock(
     Rounding
         Law: each length is one of the stock; where it is exhaustive no combination is better.
     """
-    return _best_of(target, solution, [np.unique(stock)] * 4, limits, tries, work)
+    choices = [np.unique(stock) if np.isnan(length) else np.array([length]) for length in _given(limits)]
+    return _best_of(target, solution, choices, limits, tries, work)
+
+
+def _given(limits: Limits) -> Floats:
+    """Lengths that the limits give, which are no choice, (4,); NaN for the others."""
+    given = np.array([np.nan if length is None else length for length in limits.links])
+    if limits.pivot_a is not None and limits.pivot_b is not None:
+        given[3] = abs(limits.pivot_b - limits.pivot_a)
+    return given
 
 
 def _best_of(
