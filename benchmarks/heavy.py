@@ -55,7 +55,7 @@ def heavy_objective(
 
 
 def heavy_within(
-    target: product.Target, limits: product.Limits, starts: int = 600, draws: int = 6000, seed: int = 6
+    target: product.Target, limits: product.Limits, starts: int = 300, draws: int = 4000, seed: int = 6
 ) -> float | None:
     """The least J of a linkage within limits that a heavy search finds; None where it finds none.
 
