@@ -23,6 +23,7 @@ help:
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make poses      poses and paths without crank angles: docs/free_timing.md (an hour)"
+	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
@@ -109,6 +110,9 @@ accept: $(READY)
 poses: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,baselines]'
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.free_timing
+
+limits: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.limited
 
 stability: $(READY)
 	$(BIN)/python -m benchmarks.stability
