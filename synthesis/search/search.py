@@ -92,10 +92,13 @@ class _Search:
                 best = self.pool.thinned(source.origins)
                 size = (len(best.branch) * source.copies, len(self.chart.hop))
                 unknowns = np.repeat(best.unknowns, source.copies, axis=0)
-                unknowns = unknowns + self.random.standard_t(3, size=size) * self.chart.hop
+                noise = self.random.standard_t(3, size=size) * self.chart.hop
+                if self.target.start is not None:
+                    noise[:, -1] = 0.0
+                unknowns = unknowns + noise
                 return Candidates(unknowns, np.repeat(best.branch, source.copies), np.full(len(unknowns), np.inf))
             case schedule.Grid():
-                unknowns = grid(self.chart.unknowns(self.chart.types), source.starts)
+                unknowns = grid(self.chart.unknowns(self.chart.types), source.starts, self.target.start)
                 return self._each_branch(unknowns, source.most, 0.7, lambda branch, cost: cost)
             case schedule.NearestToLimits():
                 unknowns = grid(self.chart.unknowns(self.tables.tables[0].scan.lengths), source.starts)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.mechanism import Mechanism
+from synthesis.pose import whole_turns
 from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
@@ -21,6 +22,7 @@ _SAMPLES = 64
 _STARTS = 24
 _SERIES_ERROR = 1e-3
 _HARMONICS = (6, 20)
+_GIVEN_SAMPLES = 8
 
 
 class Candidates(NamedTuple):
@@ -59,6 +61,35 @@ class SeedTable(NamedTuple):
     scan: Scan
     unknowns: Floats
     """Of the types, in the mechanism's first chart."""
+    curves: Floats
+    """Periodic part of theta2 of branch +1 over the turn, the first sample again at its end, (T, samples + 1)."""
+    winding: Floats
+    """Turns of the body in one turn of the crank, (T,)."""
+
+    def errors(self, target: Target) -> tuple[Floats, Floats]:
+        """Squared errors (T, branches, starts) of rotations with a given offset or start, from interpolated curves, and the starts."""
+        assert target.rotation is not None
+        few = target.thinned(_GIVEN_SAMPLES)
+        assert few.rotation is not None
+        starts = np.arange(self.scan.starts) * (TURN / self.scan.starts)
+        if target.start is not None:
+            starts = np.array([target.start % TURN])
+        found = []
+        for branch in self.scan.mechanism.branches:
+            # branch -1 at -theta1 is branch +1 mirrored
+            crank = branch * (starts[:, None] + few.crank)
+            place = crank % TURN * ((self.curves.shape[1] - 1) / TURN)
+            left = np.minimum(place.astype(np.intp), self.curves.shape[1] - 2)
+            before = self.curves[:, left]
+            angle = before + (place - left) * (self.curves[:, left + 1] - before)
+            angle += self.winding[:, None, None] * crank
+            gap = few.rotation - branch * angle
+            mean = few.rotation_mean(gap)
+            rest = few.rotation_mean((gap - mean[..., None]) ** 2)
+            if few.offset is not None:
+                rest += (mean - few.offset - whole_turns(mean - few.offset)) ** 2
+            found.append(rest)
+        return np.stack(found, axis=1), starts
 
 
 class SeedTables:
@@ -67,30 +98,39 @@ class SeedTables:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         chart = mechanism.charts("full_crank")[0]
-        self.tables = [
-            SeedTable(
-                Scan(make_table(mechanism, lengths, _SAMPLES), _STARTS, _SERIES_ERROR, _HARMONICS, cells=False),
-                chart.unknowns(lengths),
+        self.tables = []
+        for lengths in mechanism.tables:
+            table = make_table(mechanism, lengths, _SAMPLES)
+            curves = table.curves()
+            self.tables.append(
+                SeedTable(
+                    Scan(table, _STARTS, _SERIES_ERROR, _HARMONICS, cells=False),
+                    chart.unknowns(lengths),
+                    np.hstack([curves, curves[:, :1]]),
+                    table.winding.astype(float),
+                )
             )
-            for lengths in mechanism.tables
-        ]
 
     @property
     def nbytes(self) -> int:
         """Memory of all tables."""
-        return sum(table.scan.nbytes + table.unknowns.nbytes for table in self.tables)
+        return sum(one.scan.nbytes + one.unknowns.nbytes + one.curves.nbytes for one in self.tables)
 
     def best_starts(self, index: int, target: Target, family: str) -> Candidates:
         """Best start of each type and branch of a table for a target, thinned out over cells of the chart, best first."""
-        scan, shapes = self.tables[index]
-        error = scan.error_table(target)
+        table = self.tables[index]
+        scan, shapes = table.scan, table.unknowns
+        if target.start is None and target.offset is None:
+            error, starts = scan.error_table(target), np.arange(scan.starts) * (TURN / scan.starts)
+        else:
+            error, starts = table.errors(target)
         error[~self.mechanism.in_family(family, scan.lengths)] = np.inf
         best = error.argmin(axis=2)
         cost = np.take_along_axis(error, best[:, :, None], 2)[:, :, 0]
         chart = self.mechanism.charts(family)[0]
         parts = Candidates.none(len(chart.cell))
         for side, branch in enumerate(self.mechanism.branches):
-            start = best[:, side] * (TURN / scan.starts)
+            start = starts[best[:, side]]
             unknowns = np.hstack([shapes, start[:, None]])
             parts = parts.joined(Candidates(unknowns, np.full(len(start), float(branch)), cost[:, side]))
         parts = parts.take(np.isfinite(parts.cost))
@@ -101,7 +141,8 @@ class SeedTables:
         return parts.take(np.sort(first))
 
 
-def grid(shapes: Floats, starts: int) -> Floats:
-    """Unknowns of all of some shapes at evenly spaced starts, (shapes x starts, k + 1)."""
-    start = np.arange(starts) * (TURN / starts)
+def grid(shapes: Floats, starts: int, given: float | None = None) -> Floats:
+    """Unknowns of all of some shapes at evenly spaced starts, or at a given one, (shapes x starts, k + 1)."""
+    start = np.arange(starts) * (TURN / starts) if given is None else np.array([given])
+    starts = start.size
     return np.hstack([np.repeat(shapes, starts, axis=0), np.tile(start, len(shapes))[:, None]])
