@@ -53,6 +53,16 @@ class SearchReport(NamedTuple):
     seeds: int
 
 
+class Starts(NamedTuple):
+    """Shapes and starts of candidates, best first."""
+
+    lengths: Floats
+    """(n, d), any scale."""
+    branch: Floats
+    start: Floats
+    """theta1 at the first sample, (n,)."""
+
+
 class _Search:
     """One request's search, in one chart at a time."""
 
@@ -287,3 +297,23 @@ def search(
             break
     report = run.report(solutions)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report
+
+
+def first_look(tables: SeedTables, target: Target, limits: Limits, count: int, work: Work) -> Starts:
+    """Where good motions lie among full cranks, whatever other limits there are: a few rounds, nothing polished.
+
+    Parameters
+    ----------
+    tables : SeedTables
+    target : Target
+        With a crank that turns counter-clockwise.
+    limits : Limits
+        Of which only the family counts.
+    count : int
+        At most so many.
+    work : Work
+    """
+    run = _Search(tables, target, limits, DEFAULT_TOLERANCE, work, tables.mechanism.charts(limits.family)[0])
+    run.free_search(schedule.FIRST_LOOK)
+    best = run.pool.thinned(count)
+    return Starts(run.chart.shape(best.unknowns[:, :-1]).lengths, best.branch, best.unknowns[:, -1])
