@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_ITERATIONS = 40
+_ITERATIONS = 30
 _SHARE = 0.995
 """Of the way to the nearest constraint that a step takes."""
 

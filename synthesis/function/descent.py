@@ -27,7 +27,8 @@ Ints = NDArray[np.intp]
 
 PENALTY = 10.0
 """nu: what leaving a condition by one radian, or by one in a logarithm, costs."""
-_FIRST_RADIUS, _LARGEST_RADIUS, _LEAST_RADIUS = 0.2, 1.0, 1e-12
+FIRST_RADIUS = 0.2
+_LARGEST_RADIUS, _LEAST_RADIUS = 1.0, 1e-12
 
 
 class Linear(NamedTuple):
@@ -60,6 +61,13 @@ class Descended(NamedTuple):
     """(n,): by how much the worst condition is broken."""
     ended: Flags
     """(n,): whether the linear program foretells no further gain."""
+    radius: Floats
+    """(n,): of a next step."""
+
+    @property
+    def merit(self) -> Floats:
+        """Size and what broken conditions cost, (n,)."""
+        return self.size + PENALTY * self.broken
 
 
 def descend(
@@ -72,7 +80,7 @@ def descend(
     steps: int,
     gain: float,
     work: Work,
-    radius: float = _FIRST_RADIUS,
+    radius: Floats | float = FIRST_RADIUS,
 ) -> Descended:
     """Candidates (n, 5) led to a least error, all at once.
 
@@ -91,7 +99,7 @@ def descend(
     gain : float
         A candidate has ended when its program foretells a smaller part than this to be gained.
     work : Work
-    radius : float
+    radius : ndarray, shape (n,), or float
         Of the first step.
 
     Returns
@@ -101,10 +109,10 @@ def descend(
     """
     unknowns = np.clip(unknowns, *box)
     count, size = len(unknowns), len(free)
-    accuracy = min(1e-3, 1e-2 * gain)
+    accuracy = min(1e-3, 0.1 * gain)
     here = linear(unknowns, np.arange(count))
     merit = _merit(here, largest)
-    radii = np.full(count, radius)
+    radii = np.full(count, radius, dtype=float)
     ended = np.zeros(count, dtype=bool)
     active = np.flatnonzero(np.isfinite(merit))
     for _ in range(steps):
@@ -146,12 +154,30 @@ def descend(
         over = (expected <= gain * merit[active]) | (merit[active] < 1e-15)
         ended[active[over]] = True
         active = active[~over & (radii[active] > _LEAST_RADIUS)]
-    return Descended(unknowns, _size(here.error, largest), _broken(here.condition), ended)
+    return Descended(unknowns, _size(here.error, largest), _broken(here.condition), ended, radii)
 
 
 def _moved(unknowns: Floats, free: Ints, step: Floats) -> Floats:
-    moved = unknowns.copy()
-    moved[:, free] += step
+    """Unknowns after a step that is straight in Freudenstein's numbers, L4/L1, L4/L2 and the one that the squares make.
+
+    The closure is linear in them, so along them valleys are straight where along the ratios they bend: to first order both
+    steps are the same.
+    """
+    change = np.zeros_like(unknowns)
+    change[:, free] = step
+    moved = unknowns + change
+    l1, l2, l3 = np.exp(unknowns[:, :3]).T
+    d1, d2, d3 = change[:, :3].T
+    product, squares = 2 * l1 * l2, (l1 * l1, l2 * l2, l3 * l3)
+    one, two, three = squares
+    number = (one + two + 1 - three) / product
+    number += ((one - two - 1 + three) * d1 + (two - one - 1 + three) * d2 - 2 * three * d3) / product
+    with np.errstate(all="ignore"):
+        l1, l2 = l1 / (1 - d1), l2 / (1 - d2)
+        square = l1 * l1 + l2 * l2 + 1 - 2 * l1 * l2 * number
+        lengths = np.log(np.stack([l1, l2, np.sqrt(square)], axis=1))
+    good = np.all(np.isfinite(lengths), axis=1) & (l1 > 0) & (l2 > 0)
+    moved[good, :3] = lengths[good]
     return moved
 
 

@@ -22,7 +22,7 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four
 from synthesis.function.answers import PEAKS, Generator, exchanged, extremes, finished, look
 from synthesis.function.bounds import FunctionLimits
-from synthesis.function.descent import PENALTY, descend
+from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, descend
 from synthesis.function.problem import Problem
 from synthesis.function.wanted import Wanted
 from synthesis.least_squares import Evaluation, minimise
@@ -48,7 +48,10 @@ _LOOKED = 24
 """Candidates of the first look at full cranks."""
 _SOFT = 0.5
 """Weight of a broken condition beside errors in radians, while the descent finds its valley."""
-_EXCHANGES = 12
+_NEARLY = 1e-3
+"""The same for those behind the best."""
+_LEAST_RADIUS = 1e-5
+_EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
 
 
 class _Search:
@@ -159,10 +162,17 @@ class _Search:
         return out, found.cost
 
     def stepped(
-        self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats, steps: int, gain: float
-    ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Candidates after sequential quadratic steps over places (n, M), their merits, and which have ended."""
-        done = descend(
+        self,
+        unknowns: Floats,
+        branch: Floats,
+        crank: Floats,
+        root: Floats,
+        steps: int,
+        gain: float,
+        radius: Floats | float = FIRST_RADIUS,
+    ) -> Descended:
+        """Candidates after sequential quadratic steps over places (n, M)."""
+        return descend(
             self.problem.linear(branch, crank, root),
             unknowns,
             self.problem.free,
@@ -171,8 +181,8 @@ class _Search:
             steps=steps,
             gain=gain,
             work=self.work,
+            radius=radius,
         )
-        return done.unknowns, done.size + PENALTY * done.broken, done.ended
 
     def run(self, tables: SeedTables) -> list[Generator]:
         """The best candidates, different ones, within the limits."""
@@ -186,34 +196,38 @@ class _Search:
         if not self.seeds:
             return solutions
         unknowns, cost = self.least_squares(unknowns, branch, 17, 12)
-        unknowns, branch = _apart(unknowns, branch, cost, _VALLEYS)
+        best = _apart(unknowns, branch, cost, _VALLEYS)
+        unknowns, branch = unknowns[best], branch[best]
         unknowns, cost = self.least_squares(unknowns, branch, _PLACES if self.largest else SEARCH_SAMPLES, 80)
-        unknowns, branch = _apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
+        best = _apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
+        unknowns, branch = unknowns[best], branch[best]
         solutions = self.kept(unknowns[:8], branch[:8])
         self.note(solutions)
         if Status.of(solutions, self.tolerance) is Status.REACHED:
             return distinct(self.kept(unknowns, branch), self.top, APART)
+        radii = np.full(len(branch), FIRST_RADIUS)
         for count, steps, gain, most in (
             (21, 12, 1e-2, self.top + 10),
             (_PLACES, 25, 1e-4, self.top + 4),
         ):
             crank, root = (np.broadcast_to(one, (len(branch), one.size)) for one in self.places(count))
-            unknowns, cost, ended = self.stepped(unknowns, branch, crank, root, steps, gain)
-            unknowns, branch = _apart(unknowns, branch, cost, most)
+            done = self.stepped(unknowns, branch, crank, root, steps, gain, radii)
+            best = _apart(done.unknowns, branch, done.merit, most)
+            unknowns, branch, radii = done.unknowns[best], branch[best], np.maximum(2 * done.radius[best], _LEAST_RADIUS)
             solutions = distinct(solutions + self.kept(unknowns, branch), self.top, APART)
             self.note(solutions)
-        unknowns = self.levelled(unknowns, branch)
+        unknowns = self.levelled(unknowns, branch, radii)
         solutions = distinct(solutions + self.kept(unknowns, branch), self.top, APART)
         self.note(solutions)
         return solutions
 
-    def levelled(self, unknowns: Floats, branch: Floats) -> Floats:
+    def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
         """Candidates led on over the extremes of their own error curves, which are looked up again after each few steps."""
         if not self.largest:
             crank, root = (np.broadcast_to(one, (len(branch), one.size)) for one in self.places(self.wanted.crank.size))
-            found, _, ended = self.stepped(unknowns, branch, crank, root, 60, LEVELLED)
-            self.settled = bool(ended.any())
-            return found
+            done = self.stepped(unknowns, branch, crank, root, 40, 1e-5, radii)
+            self.settled = bool(done.ended[np.argmin(done.merit)])
+            return done.unknowns
         best, least = unknowns.copy(), np.full(len(branch), np.inf)
         rows = np.arange(len(branch))
         looked, coarse = look(self.wanted), self.places(_FIRST_PLACES)[0]
@@ -230,19 +244,23 @@ class _Search:
             merit = largest - PENALTY * broken
             better = merit < least[rows]
             # no longer falling: the places that the steps saw were all the extremes that there are
-            level = merit >= least[rows] * (1 - LEVELLED)
+            first = rows == np.argmin(least)
+            # those behind the best are alternatives: they may be a little short of level
+            level = (turn >= _EXCHANGES_BEHIND) & ~first
+            level |= merit >= least[rows] * (1 - np.where(first, LEVELLED, _NEARLY))
             best[rows[better]], least[rows[better]] = unknowns[rows[better]], merit[better]
             if turn and level.any():
-                self.settled = self.settled or bool(level[np.argmin(least[rows])])
+                self.settled = self.settled or bool(np.any(level & first))
                 keep = ~level
                 rows, peaks, found = rows[keep], peaks[keep], type(found)(*(one[keep] for one in found))
             if not rows.size or self.work.expired():
                 break
             places = np.sort(np.concatenate([found.crank, peaks[:, -PEAKS:], np.broadcast_to(coarse, (len(rows), coarse.size))], 1))
             peaks = found.crank
-            unknowns[rows] = self.stepped(
-                best[rows], branch[rows], places, self.wanted.weight(places), 15, LEVELLED
-            )[0]
+            done = self.stepped(
+                best[rows], branch[rows], places, self.wanted.weight(places), _EXCHANGE_STEPS, LEVELLED, radii[rows]
+            )
+            unknowns[rows], radii[rows] = done.unknowns, np.maximum(2 * done.radius, _LEAST_RADIUS)
         return best
 
     # -- answers ------------------------------------------------------------------------------------------------------
@@ -268,14 +286,14 @@ class _Search:
             self.trace.append((self.work.elapsed, best))
 
 
-def _apart(unknowns: Floats, branch: Floats, cost: Floats, most: int) -> tuple[Floats, Floats]:
-    """The best ``most`` candidates of those that end in different valleys."""
+def _apart(unknowns: Floats, branch: Floats, cost: Floats, most: int) -> Ints:
+    """Places of the best ``most`` candidates of those that end in different valleys."""
     order = np.argsort(cost, kind="stable")
     order = order[np.isfinite(cost[order])]
     place = np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3]), branch])[order]
     cells = np.round(place / 0.02).astype(np.int64)
     first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[:most]
-    return unknowns[order[first]], branch[order[first]]
+    return order[first]
 
 
 def generate(
