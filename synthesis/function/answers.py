@@ -17,6 +17,8 @@ from synthesis.target import TURN, Interval
 
 Floats = NDArray[np.float64]
 
+_ROUNDING = 1e-13
+"""A turn back between two places that is no more than rounding."""
 _STEPS = 720
 """Steps in which the interval is looked through for extremes of the error; more where there are more samples."""
 PEAKS = 24
@@ -220,3 +222,22 @@ def finished(
         )
         for k, one in enumerate(linkages)
     ]
+
+
+def turns_back(wanted: Wanted, linkages: Sequence[Linkage]) -> list[str | None]:
+    """A sentence for each linkage whose rocker turns back where the wanted output goes one way; None for the others."""
+    steps = np.diff(wanted.output) * np.sign(wanted.output[-1] - wanted.output[0])
+    if not np.all(steps > 0) or not linkages:
+        return [None] * len(linkages)
+    places = look(wanted)
+    made = np.diff(rocker_angles(linkages, places), axis=1) * np.sign(wanted.output[-1] - wanted.output[0])
+    found: list[str | None] = []
+    for row in made:
+        if np.all(row > -_ROUNDING):
+            found.append(None)
+            continue
+        place = int(np.argmin(row))
+        part = abs(places[place] / wanted.crank[-1])
+        degrees = np.rad2deg(-row[row < 0].sum())
+        found.append(f"the rocker turns back by {degrees:.3g} degrees at {100 * part:.3g} % of the interval")
+    return found

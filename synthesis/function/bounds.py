@@ -47,6 +47,8 @@ class FunctionLimits:
         Of each of the four lengths.
     links : tuple of float or None
         Crank, coupler, rocker, ground: lengths that are given. A ground that is not given is 1.
+    one_way : bool
+        The rocker does not turn back within the interval; see `problem.Problem` and `answers.turns_back`.
     """
 
     family: str = "any"
@@ -56,6 +58,7 @@ class FunctionLimits:
     link_min: float | None = None
     link_max: float | None = None
     links: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
+    one_way: bool = False
 
     @property
     def ground(self) -> float:
@@ -66,7 +69,7 @@ class FunctionLimits:
     def only_family(self) -> bool:
         """Whether nothing but the family is limited."""
         numbers = (self.transmission_angle_min, self.transmission_angle_min_turn, self.link_min, self.link_max)
-        return not (any(numbers) or self.link_ratio_max or any(self.links[:_GROUND]))
+        return not (any(numbers) or self.link_ratio_max or any(self.links[:_GROUND]) or self.one_way)
 
     @property
     def given(self) -> Floats:

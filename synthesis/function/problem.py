@@ -14,6 +14,7 @@ from synthesis.pose import whole_turns
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
+_RATES, _LEAST_RATE, _DIFFERENCE = 9, 1e-3, 1e-6
 WIDE = 1e6
 """Largest ratio of lengths where only the samples count."""
 
@@ -66,6 +67,25 @@ class Problem:
         out[:, 4] = best if given is None else given + whole_turns(best - given)
         return out
 
+    def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
+        """How fast the body turns the wanted way, less a little, at some places (n, q), and derivatives (n, q, 4)."""
+        crank = (1 - np.cos(np.linspace(0.0, np.pi, _RATES))) / 2 * self.wanted.crank[-1]
+        way = np.sign(self.wanted.output[-1] - self.wanted.output[0])
+        least = _LEAST_RATE * abs((self.wanted.output[-1] - self.wanted.output[0]) / self.wanted.crank[-1])
+
+        def rate(at: Floats) -> Floats:
+            slope = self.chart.at(at[:, :3], at[:, 3:4] + crank, branch).slope
+            assert slope is not None
+            return way * np.clip(slope[:, 3], -1e3, 1e3)
+
+        value = rate(unknowns)
+        by = np.empty((*value.shape, 4))
+        for k in range(4):
+            step = np.zeros(5)
+            step[k] = _DIFFERENCE
+            by[:, :, k] = (rate(unknowns + step) - rate(unknowns - step)) / (2 * _DIFFERENCE)
+        return value - least, by
+
     def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
         """The errors at crank angles (n, M) times ``root`` (n, M), and the conditions, ready for `descent.descend`."""
         curve = self.wanted.curve(crank)
@@ -80,6 +100,9 @@ class Problem:
             slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
             slope[:, :, 4] = -scale
             condition, by = self.limits.conditions(unknowns[:, :4], self.wanted.interval)
+            if self.limits.one_way:
+                rate, by_rate = self._rates(unknowns, branch[which])
+                condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
             by = np.concatenate([by, np.zeros((*condition.shape, 1))], axis=2)
             return Linear(error, slope[:, :, self.free], condition, by[:, :, self.free])
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four
-from synthesis.function.answers import PEAKS, Generator, exchanged, extremes, finished, look
+from synthesis.function.answers import PEAKS, Generator, exchanged, extremes, finished, look, turns_back
 from synthesis.function.bounds import FunctionLimits
 from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, descend
 from synthesis.function.problem import Problem
@@ -50,6 +50,8 @@ _SOFT = 0.5
 """Weight of a broken condition beside errors in radians, while the descent finds its valley."""
 _NEARLY = 1e-3
 """The same for those behind the best."""
+_AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
+"""Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
 _LEAST_RADIUS = 1e-5
 _EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
 
@@ -67,7 +69,7 @@ class _Search:
             work,
         )
         self.problem = Problem(wanted, limits, largest)
-        self.seeds = 0
+        self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
 
@@ -186,14 +188,17 @@ class _Search:
 
     def run(self, tables: SeedTables) -> list[Generator]:
         """The best candidates, different ones, within the limits."""
-        work = self.work
         looked, looked_side = self.looked(tables)
         grid, side = self.grid()
-        self.screened = work.elapsed
+        self.screened = self.work.elapsed
         unknowns, branch = np.concatenate([looked, grid]), np.concatenate([looked_side, side])
         self.seeds = len(branch)
+        return self.led(unknowns, branch)
+
+    def led(self, unknowns: Floats, branch: Floats) -> list[Generator]:
+        """The best of what beginnings lead to."""
         solutions: list[Generator] = []
-        if not self.seeds:
+        if not len(branch):
             return solutions
         unknowns, cost = self.least_squares(unknowns, branch, 17, 12)
         best = _apart(unknowns, branch, cost, _VALLEYS)
@@ -277,7 +282,10 @@ class _Search:
         ]
         # of least squares the offset is found anew, of the largest error it is the candidate's own
         offsets = unknowns[within, 4] - np.pi if self.largest else None
-        return finished(self.wanted, linkages, self.largest, offsets)
+        found = finished(self.wanted, linkages, self.largest, offsets)
+        if not self.limits.one_way:
+            return found
+        return [one for one, back in zip(found, turns_back(self.wanted, linkages)) if back is None]
 
     def note(self, solutions: list[Generator]) -> None:
         """Add the best objective so far to the trace."""
@@ -345,3 +353,20 @@ def generate(
     else:
         stopped = StoppedBy.CONVERGED if run.settled and not work.expired() else StoppedBy.BUDGET
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds)
+
+
+def refit(wanted: Wanted, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work) -> Generator | None:
+    """A generator with other lengths (4,) near its own, its zeros fitted anew; None where it does not close."""
+    if wanted.clockwise:
+        found = refit(wanted.mirrored(), generator.mirrored(), links, largest, tolerance, work)
+        return None if found is None else found.mirrored()
+    crank, coupler, rocker, ground = (float(one) for one in links)
+    run = _Search(wanted, FunctionLimits(links=(crank, rocker, coupler, ground)), largest, 1, tolerance, work)
+    start = generator.linkage.start + _AROUND
+    if wanted.start is not None:
+        start = np.array([wanted.start])
+    unknowns = np.zeros((start.size, 5))
+    unknowns[:, :3], unknowns[:, 3] = run.problem.given, start
+    branch = np.full(start.size, -float(generator.linkage.branch))
+    places, root = run.places(SEARCH_SAMPLES)
+    return next(iter(run.led(run.problem.with_offset(unknowns, branch, places, root), branch)), None)

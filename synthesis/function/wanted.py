@@ -31,8 +31,8 @@ class Wanted:
     offset : float, optional
         Where it is given; whole turns do not count.
     exact : callable, optional
-        ``exact(crank) -> output`` anywhere in the interval. Default: the cubic spline through the samples, a
-        parabola through three.
+        ``exact(crank) -> output`` anywhere in the interval. Default: the spline of degree five through the samples, of a
+        lower one through less than six.
     """
 
     crank: Floats
@@ -62,11 +62,25 @@ class Wanted:
         """The wanted output at crank angles of any shape."""
         if self.exact is not None:
             return self.exact
-        from scipy.interpolate import CubicSpline
+        return self._spline(5)
 
-        side = -1.0 if self.clockwise else 1.0
-        spline = CubicSpline(side * self.crank, self.output)
+    def _spline(self, degree: int) -> Callable[[Floats], Floats]:
+        """The spline through the samples, the highest odd degree that they allow; a parabola through three."""
+        from scipy.interpolate import make_interp_spline
+
+        side, most = -1.0 if self.clockwise else 1.0, self.crank.size - 1
+        degree = 2 if most == 2 else min(degree, most - (most + 1) % 2)
+        spline = make_interp_spline(side * self.crank, self.output, k=degree)
         return lambda crank: spline(side * crank)
+
+    @cached_property
+    def doubt(self) -> float:
+        """How far the curve between the samples is a matter of opinion: the largest distance of two splines, in radians."""
+        if self.exact is not None or self.crank.size < 4:
+            return 0.0
+        middle = (self.crank[:-1] + self.crank[1:]) / 2
+        less = 3 if self.crank.size >= 6 else 1
+        return float(np.abs(self.curve(middle) - self._spline(less)(middle)).max())
 
     def weight(self, crank: Floats) -> Floats:
         """What an error at crank angles counts beside the largest weight, from 0 to 1, linear between the samples."""
