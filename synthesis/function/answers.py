@@ -113,10 +113,16 @@ def rocker_angles(linkages: Sequence[Linkage], travel: Floats) -> Floats:
 
 
 def look(wanted: Wanted) -> Floats:
-    """Crank angles at which an error curve is looked at before its extremes are refined: denser towards the ends."""
+    """Crank angles at which an error curve is looked at before its extremes are refined.
+
+    They are denser towards the ends, down to a thousand millionth of the interval: there x^p may begin with an infinite slope,
+    and a rocker at a dead position too.
+    """
     steps = max(_STEPS, 2 * wanted.crank.size)
-    even = (1 - np.cos(np.linspace(0.0, np.pi, steps + 1))) / 2
-    return np.union1d(even, np.linspace(0.0, 1.0, steps // 2 + 1)) * wanted.crank[-1]
+    cosine = (1 - np.cos(np.linspace(0.0, np.pi, steps + 1))) / 2
+    near = np.logspace(-9, -3, 49)
+    share = np.unique(np.concatenate([cosine, np.linspace(0.0, 1.0, steps // 2 + 1), near, 1 - near]))
+    return share * wanted.crank[-1]
 
 
 def extremes(error: Callable[[Floats], Floats], crank: Floats, most: int) -> Extremes:
