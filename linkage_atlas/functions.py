@@ -149,6 +149,8 @@ def function(
             for one, generator in zip(solutions, found)
         ]
     notes = _notes(wanted)
+    if not went.settled:
+        notes.append("the best linkage was still getting better, by little, when the steps of the search were used up")
     if largest and found and wanted.doubt > 0.2 * found[0].errors.max:
         notes.append(
             f"between the samples the wanted curve is a spline, in doubt by up to {wanted.doubt / radians_in(degrees):.2g}: "

@@ -16,6 +16,7 @@ from synthesis.target import MAX_SAMPLES, MIN_SAMPLES
 Floats = NDArray[np.float64]
 
 SAMPLES = 101
+_RANGE = 8193
 _OF_ANGLES: dict[str, Callable[[Floats], Floats]] = {"sin": np.sin, "cos": np.cos, "tan": np.tan}
 _PLAIN: dict[str, Callable[[Floats], Floats]] = {
     "log10": np.log10,
@@ -75,7 +76,9 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
         of = None
     else:
         x, y, of = _named(given, degrees)
-    low, high = float(y.min()), float(y.max())
+    # of a named function the dial is as long as the function is high, however it is sampled
+    every = y if of is None else of(np.linspace(x[0], x[-1], _RANGE))
+    low, high = float(every.min()), float(every.max())
     if not high > low:
         raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
     way = np.sign(y[-1] - y[0]) or 1.0

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.kinematics import transmission_angle_over
-from synthesis.fourbar.limits import in_family
 from synthesis.errors import FieldError
+from synthesis.fourbar.kinematics import transmission_angle_over
+from synthesis.fourbar.limits import FAMILIES, in_family
 from synthesis.target import TURN, Interval
 
 Floats = NDArray[np.float64]
@@ -146,6 +146,8 @@ class FunctionLimits:
 
     def check(self) -> None:
         """FieldError for limits that contradict each other or have no meaning."""
+        if self.family not in FAMILIES:
+            raise FieldError("/limits/family", f"wanted one of {', '.join(FAMILIES)}")
         for name in ("transmission_angle_min", "transmission_angle_min_turn"):
             if not 0 <= getattr(self, name) < np.pi / 2:
                 raise FieldError(f"/limits/{name}", "wanted 0 to less than 90 degrees")

@@ -203,12 +203,15 @@ class _Search:
         unknowns, cost = self.least_squares(unknowns, branch, 17, 12)
         best = _apart(unknowns, branch, cost, _VALLEYS)
         unknowns, branch = unknowns[best], branch[best]
+        if not best.size:
+            return solutions
         unknowns, cost = self.least_squares(unknowns, branch, _PLACES if self.largest else SEARCH_SAMPLES, 80)
         best = _apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
         unknowns, branch = unknowns[best], branch[best]
         solutions = self.kept(unknowns[:8], branch[:8])
         self.note(solutions)
         if Status.of(solutions, self.tolerance) is Status.REACHED:
+            self.settled = True
             return distinct(self.kept(unknowns, branch), self.top, APART)
         radii = np.full(len(branch), FIRST_RADIUS)
         for count, steps, gain, most in (
@@ -219,6 +222,8 @@ class _Search:
             done = self.stepped(unknowns, branch, crank, root, steps, gain, radii)
             best = _apart(done.unknowns, branch, done.merit, most)
             unknowns, branch, radii = done.unknowns[best], branch[best], np.maximum(2 * done.radius[best], _LEAST_RADIUS)
+            if not best.size:
+                return solutions
             solutions = distinct(solutions + self.kept(unknowns, branch), self.top, APART)
             self.note(solutions)
         unknowns = self.levelled(unknowns, branch, radii)
@@ -351,8 +356,8 @@ def generate(
     if Status.of(found, tolerance) is Status.REACHED:
         stopped = StoppedBy.TOLERANCE
     else:
-        stopped = StoppedBy.CONVERGED if run.settled and not work.expired() else StoppedBy.BUDGET
-    return found, SearchReport(stopped, run.trace, run.screened, run.seeds)
+        stopped = StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
+    return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 
 
 def refit(wanted: Wanted, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work) -> Generator | None:

@@ -51,6 +51,8 @@ class SearchReport(NamedTuple):
     """Seconds of its work, best objective within the limits."""
     screen_seconds: float
     seeds: int
+    settled: bool = True
+    """False where the best was still getting better when the steps that it is given were used up."""
 
 
 class Starts(NamedTuple):
