@@ -7,7 +7,7 @@ ATLAS ?= atlas.h5
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help run test fault lint map report accept poses stability bench docs scenes clean setup
+.PHONY: help run test fault lint map report accept poses function stability bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -20,6 +20,7 @@ help:
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make poses      poses and paths without crank angles: docs/free_timing.md (an hour)"
+	@echo "make function   function generation: docs/function.md (an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
 	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
@@ -90,6 +91,9 @@ accept: $(READY)
 poses: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,baselines]'
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.free_timing
+
+function: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.function
 
 stability: $(READY)
 	$(BIN)/python -m benchmarks.stability

@@ -1,7 +1,7 @@
 """Function generation: exact functions of random linkages, least largest errors of named functions, and baselines.
 
-``python -m benchmarks.function`` measures all; ``--parts`` some of it, the rest stays as it is. J of exact cases is recomputed from
-the reply's numbers by `tests.oracles.function_cases`; largest errors are those at 2,001 even places of the interval, from the
+``python -m benchmarks.function`` measures all; ``--parts`` some of it, the rest stays as it is. J of exact cases is recomputed
+from the reply's numbers by `tests.oracles.function_cases`; largest errors are those at 2,001 even places, from the
 reply's numbers too. Baselines: scipy's differential evolution over the same five unknowns, and pylinkage's function generation
 through 3 to 5 precision points at every pair of dial zeros of a grid, its best answer.
 """
@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ class Asked(NamedTuple):
     crank_span: float
     known: float | None = None
     """Least largest error known before, in degrees."""
-    limits: dict[str, Any] = {}  # noqa: RUF012: never changed
+    limits: Mapping[str, Any] = MappingProxyType({})
 
 
 def _named(name: str, first: float, last: float, span: float, **more: Any) -> dict[str, Any]:
@@ -109,7 +110,10 @@ def class_list() -> list[tuple[str, int, str]]:
     """Kinds, samples and zeros of all classes."""
     free = [(kind, samples, "free") for kind in CLASSES for samples in SAMPLES]
     return free + [
-        (kind, samples, zeros) for kind in CLASSES for zeros in ("input", "output", "both") for samples in FIXED_SAMPLES
+        (kind, samples, zeros)
+        for kind in CLASSES
+        for zeros in ("input", "output", "both")
+        for samples in FIXED_SAMPLES
     ]
 
 
@@ -152,7 +156,7 @@ def measure_function(asked: Asked) -> dict[str, Any]:
     request: dict[str, Any] = {"function": asked.function, "crank_span": asked.crank_span, "objective": "max"}
     times, replies = Times(), []
     for _ in range(RUNS):
-        found = times.run(answer, {**request, "limits": asked.limits})
+        found = times.run(answer, {**request, "limits": dict(asked.limits)})
         replies.append(json.dumps(found.to_dict()["solutions"]))
     best = found.solutions[0].to_dict()
     return {
@@ -260,8 +264,7 @@ def measure_pylinkage(asked: Asked) -> dict[str, Any]:
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/function.md."""
     classes = [
-        row
-        | {"times": ", ".join(report.significant(row[f"{which}_processor_ms"]) for which in ("median", "p99"))}
+        row | {"times": ", ".join(report.significant(row[f"{which}_processor_ms"]) for which in ("median", "p99"))}
         for row in results["classes"]
     ]
     functions = [

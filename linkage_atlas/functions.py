@@ -37,7 +37,7 @@ def function(
     output: ArrayLike | None = None,
     crank_span: float | None = None,
     *,
-    input: ArrayLike | None = None,  # noqa: A002: the contract's name
+    input: ArrayLike | None = None,
     function: Mapping[str, Any] | None = None,
     objective: Literal["rms", "max"] = "rms",
     input_zero: float | None = None,
@@ -65,9 +65,10 @@ def function(
     input : array_like, shape (N,), optional
         Crank angles in place of ``crank_span``; what counts is the increment from the first.
     function : mapping, optional
-        In place of ``output``: y = f(x) on two linear dials. ``name`` is one of log10, ln, exp, power (with ``exponent``), sin, cos, tan
-        (x in the unit of angle), reciprocal; ``x`` is [first, last]. Or ``table``: [[x, y], ...]. ``output_span``: how far the rocker turns
-        between the least y and the largest, negative: clockwise from the first sample to the last. ``samples``: how many (101).
+        In place of ``output``: y = f(x) on two linear dials. ``name`` is one of log10, ln, exp, power (with ``exponent``),
+        sin, cos, tan (x in the unit of angle), reciprocal; ``x`` is [first, last]. Or ``table``: [[x, y], ...].
+        ``output_span``: how far the rocker turns from the least y to the largest, negative: clockwise from the first sample
+        to the last. ``samples``: how many (101).
     objective : {"rms", "max"}
         Make least the root of the mean square at the samples, or the largest error over the whole interval.
     input_zero, output_zero : float, optional
@@ -80,9 +81,9 @@ def function(
     degrees : bool
         Unit of every angle in and out; False: radians.
     limits : mapping, optional
-        family ("any": closes over the interval, the default; full_crank, crank_rocker, double_crank), transmission_angle_min,
-        transmission_angle_min_turn (where the crank turns fully), link_ratio_max, link_min, link_max, links ({"ground": 100, ...}: lengths
-        that are given; a ground that is not is 1), and preset ("practical").
+        family ("any": closes over the interval, the default; full_crank, crank_rocker, double_crank),
+        transmission_angle_min, transmission_angle_min_turn (where the crank turns fully), link_ratio_max, link_min,
+        link_max, links ({"ground": 100, ...}: lengths that are given; a ground that is not is 1), preset ("practical").
     top : int
         At most so many linkages, different from one another.
     tolerance : float
@@ -150,7 +151,9 @@ def function(
         ]
     notes = _notes(wanted)
     if not went.settled:
-        notes.append("the best linkage was still getting better, by little, when the steps of the search were used up")
+        notes.append(
+            "the best linkage was still getting better, by little, when the steps of the search were used up"
+        )
     if largest and found and wanted.doubt > 0.2 * found[0].errors.max:
         notes.append(
             f"between the samples the wanted curve is a spline, in doubt by up to {wanted.doubt / radians_in(degrees):.2g}: "
@@ -188,7 +191,7 @@ def read_wanted(
     output: ArrayLike | None = None,
     crank_span: float | None = None,
     *,
-    input: ArrayLike | None = None,  # noqa: A002: the contract's name
+    input: ArrayLike | None = None,
     function: Mapping[str, Any] | None = None,
     input_zero: float | None = None,
     output_zero: float | None = None,
@@ -235,7 +238,8 @@ def read_function_limits(limits: Mapping[str, Any] | None, degrees: bool) -> Fun
     for name in given:
         if name not in FUNCTION_LIMITS:
             raise FieldError(f"/limits/{name}", f"there is no such limit; there are {', '.join(FUNCTION_LIMITS)}")
-    radian, numbers = radians_in(degrees), {}
+    radian = radians_in(degrees)
+    numbers: dict[str, Any] = {}
     if "preset" in given:
         if given["preset"] != "practical":
             raise FieldError("/limits/preset", f"wanted 'practical', found {given['preset']!r}")
@@ -266,7 +270,8 @@ def _check_one_way(wanted: Wanted, where: str) -> None:
         place = int(np.argmax(back)) + 1
         at = f"{where}/{place}" if where == "/output" else where
         raise FieldError(
-            at, f"the rocker must not turn back, but sample {place + 1} of the output does not go on from the one before"
+            at,
+            f"the rocker must not turn back, but sample {place + 1} of the output does not go on from the one before",
         )
 
 

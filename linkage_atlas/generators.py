@@ -146,9 +146,9 @@ def _described(linkage: FourBar, offset: float) -> dict[str, Any]:
 class FunctionResult:
     """The answer to `linkage_atlas.function`: linkages, best first, and a report.
 
-    ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits), or
-    "unknown" (none was found before the time was up). ``input`` and ``output`` are the samples that were asked for, ``x`` and ``y``
-    their numbers where a function was named.
+    ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits),
+    or "unknown" (none was found before the time was up). ``input`` and ``output`` are the samples that were asked for,
+    ``x`` and ``y`` their numbers where a function was named.
     """
 
     status: str
@@ -175,7 +175,8 @@ class FunctionResult:
         """A solution as the text of a file: csv (the function at the samples), svg, dxf or mjcf."""
         if len(self.solutions) < rank:
             raise FieldError(
-                "/limits" if not self.solutions else "/rank", f"there are {len(self.solutions)} linkages in this reply"
+                "/limits" if not self.solutions else "/rank",
+                f"there are {len(self.solutions)} linkages in this reply",
             )
         return render_function(self.wanted, self.solutions[rank - 1], kind, length_unit, self.degrees)
 
@@ -252,7 +253,7 @@ def described(asked: Asked, found: list[Generator], sensitivity: bool, curves: b
     solutions = []
     for k, one in enumerate(found):
         faults = practical_faults(one, wanted.target)
-        reasons = [*passed[k].reasons, *([back[k]] if back[k] else []), *faults]
+        reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
         determined, turn = fixed[k], one.transmission_angle_min_turn
         solutions.append(
             FunctionSolution(

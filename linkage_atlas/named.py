@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -94,6 +95,14 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
     return Dials(x, y, crank, scale * (y - first), (high - low) / abs(span), exact)
 
 
+def _power(exponent: float, x: Floats) -> Floats:
+    return np.asarray(np.power(x, exponent))
+
+
+def _of_angle(of: Callable[[Floats], Floats], radian: float, x: Floats) -> Floats:
+    return of(x * radian)
+
+
 def _table(table: Any) -> tuple[Floats, Floats]:
     rows = column("function/table", table)
     if rows.ndim != 2 or rows.shape[1] != 2 or not MIN_SAMPLES <= len(rows) <= MAX_SAMPLES:
@@ -122,18 +131,17 @@ def _named(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, Cal
         raise FieldError("/function/samples", f"wanted a whole number from {MIN_SAMPLES} to {MAX_SAMPLES}")
     if (name == "power") != ("exponent" in given):
         raise FieldError("/function/exponent", "belongs to the function 'power', which needs it")
+    of: Callable[[Floats], Floats]
     if name == "power":
         exponent = number("function/exponent", given["exponent"])
 
-        def of(x: Floats) -> Floats:
-            return np.asarray(np.power(x, exponent))
+        of = partial(_power, exponent)
     elif name in _OF_ANGLES:
         angle, radian = _OF_ANGLES[name], radians_in(degrees)
         if name == "tan" and np.floor(ends[0] * radian / np.pi - 0.5) != np.floor(ends[1] * radian / np.pi - 0.5):
             raise FieldError("/function/x", "tan has a pole between these ends")
 
-        def of(x: Floats) -> Floats:
-            return angle(x * radian)
+        of = partial(_of_angle, angle, radian)
     else:
         of = _PLAIN[name]
     low, high = sorted(ends)

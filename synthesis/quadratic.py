@@ -6,6 +6,8 @@ predictor-corrector (Nocedal and Wright, Numerical Optimization, algorithm 16.4)
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,32 +59,52 @@ def minimise_quadratics(
             running, y, dual, a, at, rest, gap = (one[keep] for one in (running, y, dual, a, at, rest, gap))
         if not running.size:
             break
-        weight = dual / y
-        system = hessian[running] + at @ (weight[:, :, None] * a)
-        # a hair on the diagonal: what no constraint and no curvature holds stays where it is
-        size = np.einsum("nii->ni", system)
-        system[:, np.arange(z.shape[1]), np.arange(z.shape[1])] = size * (1 + 1e-14) + 1e-300
-        scaling = 1 / np.sqrt(np.einsum("nii->ni", system))
-        scaled = system * scaling[:, :, None] * scaling[:, None, :]
-
-        def solve(centre: Floats, second: Floats | float) -> tuple[Floats, Floats, Floats]:
-            """Step of z, slack and multiplier towards complementarity ``centre``."""
-            wanted = (centre[:, None] - second) / y - dual
-            right = np.einsum("nkm,nm->nk", at, wanted) - rest
-            step = scaling * np.linalg.solve(scaled, (right * scaling)[:, :, None])[:, :, 0]
-            along = np.einsum("nmk,nk->nm", a, step)
-            return step, along, wanted - weight * along
-
-        _, along, change = solve(np.zeros(len(y)), 0.0)
+        newton = _Newton.of(hessian[running], a, at, y, dual, rest)
+        _, along, change = newton.solve(np.zeros(len(y)), 0.0)
         both = _longest(y, along), _longest(dual, change)
         ahead = np.einsum("nm,nm->n", y + both[0][:, None] * along, dual + both[1][:, None] * change) / count
         centre = gap * np.clip(ahead / gap, 0.0, 1.0) ** 3
-        step, along, change = solve(centre, along * change)
+        step, along, change = newton.solve(centre, along * change)
         length, dual_length = _SHARE * _longest(y, along), _SHARE * _longest(dual, change)
         z[running] += length[:, None] * step
         slack[running] = y + length[:, None] * along
         multiplier[running] = dual + dual_length[:, None] * change
     return z, multiplier
+
+
+class _Newton(NamedTuple):
+    """The linear systems of one iteration, made ready for two right sides."""
+
+    matrix: Floats
+    transposed: Floats
+    slack: Floats
+    multiplier: Floats
+    weight: Floats
+    rest: Floats
+    scaled: Floats
+    scaling: Floats
+
+    @classmethod
+    def of(
+        cls, hessian: Floats, matrix: Floats, transposed: Floats, slack: Floats, multiplier: Floats, rest: Floats
+    ) -> _Newton:
+        """The systems at slacks and multipliers."""
+        weight = multiplier / slack
+        system = hessian + transposed @ (weight[:, :, None] * matrix)
+        # a hair on the diagonal: what no constraint and no curvature holds stays where it is
+        diagonal = np.arange(system.shape[1])
+        system[:, diagonal, diagonal] = system[:, diagonal, diagonal] * (1 + 1e-14) + 1e-300
+        scaling = 1 / np.sqrt(system[:, diagonal, diagonal])
+        scaled = system * scaling[:, :, None] * scaling[:, None, :]
+        return cls(matrix, transposed, slack, multiplier, weight, rest, scaled, scaling)
+
+    def solve(self, centre: Floats, second: Floats | float) -> tuple[Floats, Floats, Floats]:
+        """Steps of z, slack and multiplier towards complementarity ``centre`` (n,), less what a first step missed."""
+        wanted = (centre[:, None] - second) / self.slack - self.multiplier
+        right = (self.transposed @ wanted[:, :, None])[:, :, 0] - self.rest
+        step = self.scaling * np.linalg.solve(self.scaled, (right * self.scaling)[:, :, None])[:, :, 0]
+        along = (self.matrix @ step[:, :, None])[:, :, 0]
+        return step, along, wanted - self.weight * along
 
 
 def _longest(values: Floats, change: Floats) -> Floats:

@@ -50,7 +50,7 @@ class FunctionOfX(RequestModel):
     x: Pair | None = Field(None, description="First and last x.")
     exponent: Number | None = Field(None, description="Of `power`.")
     output_span: Number = Field(
-        description="How far the rocker turns between the least y and the largest; < 0: clockwise from the first sample to the last."
+        description="How far the rocker turns from the least y to the largest; < 0: clockwise from first sample to last."
     )
     samples: Annotated[Count, Field(ge=MIN_SAMPLES, le=MAX_SAMPLES)] | None = Field(
         None, description="Samples of a named function; default 101."
@@ -81,7 +81,8 @@ class FunctionLimitsRequest(RequestModel):
     link_max: Length | None = Field(None, description="Longest length of any link.")
     links: LinksRequest | None = Field(None, description="Lengths that are given; the ground is 1 otherwise.")
     preset: Literal["practical"] | None = Field(
-        None, description="Transmission angle 35 degrees (15 over the turn), link ratio 10; a field beside it replaces its value."
+        None,
+        description="Transmission angle 35 degrees (15 over the turn), link ratio 10; a field beside it replaces its value.",
     )
 
 
@@ -89,7 +90,8 @@ class FunctionRequest(RequestModel):
     """Which linkage's rocker turns as a wanted function of its crank?"""
 
     output: Curve | None = Field(
-        None, description="Rocker angles at the samples, continuous, up to a constant; falling: against a rising input."
+        None,
+        description="Rocker angles at the samples, continuous, up to a constant; falling: against a rising input.",
     )
     crank_span: Number | None = Field(
         None, description="Crank angle from the first sample to the last, evenly spaced; < 0: clockwise."
@@ -223,7 +225,11 @@ def function_table(reply: FunctionReply) -> str:
     rows = []
     for s in reply.solutions:
         links = [number(v) for v in (s.links.crank, s.links.coupler, s.links.rocker, s.links.ground)]
-        errors = [f"{s.errors.rms:.3g}", f"{s.errors.max:.3g}", "-" if s.errors.max_y is None else f"{s.errors.max_y:.3g}"]
+        errors = [
+            f"{s.errors.rms:.3g}",
+            f"{s.errors.max:.3g}",
+            "-" if s.errors.max_y is None else f"{s.errors.max_y:.3g}",
+        ]
         alternations = "-" if s.errors.alternations is None else str(s.errors.alternations)
         at = (f"{s.branch:+d}", number(s.start_angle), number(s.output_offset), s.family)
         rows.append((s.rank, *links, *at, number(s.transmission_angle_min, 4), *errors, alternations))

@@ -1,1 +1,1 @@
-"""Function generation: which linkage's rocker turns as a wanted function of its crank's angle?"""
+"""Function generation: linkages whose rocker turns as a wanted function of the crank's angle."""

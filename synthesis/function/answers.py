@@ -13,7 +13,7 @@ from synthesis.fourbar.kinematics import FULL_CRANK, Family, close_loop, family,
 from synthesis.fourbar.linkage import Linkage
 from synthesis.function.wanted import Wanted
 from synthesis.pose import rotation_residual, whole_turns
-from synthesis.target import TURN, Interval
+from synthesis.target import Interval
 
 Floats = NDArray[np.float64]
 

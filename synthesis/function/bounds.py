@@ -1,8 +1,8 @@
 """The limits of a function generator as smooth conditions on length ratios and start, with their derivatives.
 
-Unknowns are those of `charts.AnyChart` and the start: x = (ln L1/L4, ln L2/L4, ln L3/L4, theta1'). Every condition is at least 0
-where it is kept. The transmission angle tau at a diagonal r has cos tau = |u|, u = (L2^2 + L3^2 - r^2) / (2 L2 L3), and r grows with
-sin^2(theta1 / 2); so over an interval two values of u decide, and no minimum over crank angles is taken.
+Unknowns are those of `charts.AnyChart` and the start: x = (ln L1/L4, ln L2/L4, ln L3/L4, theta1'). Every condition is at least
+0 where it is kept. The transmission angle tau at a diagonal r has cos tau = |u|, u = (L2^2 + L3^2 - r^2) / (2 L2 L3), and r
+grows with sin^2(theta1 / 2); so over an interval two values of u decide, and no minimum over crank angles is taken.
 """
 
 from __future__ import annotations
@@ -111,7 +111,9 @@ class FunctionLimits:
             lengths = np.concatenate([np.exp(unknowns[:, :3]), np.ones((len(unknowns), 1))], axis=1)
         least = max(self.transmission_angle_min, _CLOSES)
         inner, outer = (_nearest(centre, unknowns[:, 3], interval) for centre in (0.0, np.pi))
-        rows = [_transmission(lengths, least, angle, moves, side) for (angle, moves), side in ((inner, -1), (outer, 1))]
+        rows = [
+            _transmission(lengths, least, angle, moves, side) for (angle, moves), side in ((inner, -1), (outer, 1))
+        ]
         excess = lengths @ _EXCESSES.T
         longer = lengths[:, 0] > lengths[:, 3]
         # the signs of a, b, c that are asked for
@@ -124,7 +126,9 @@ class FunctionLimits:
             value = signs * excess / total
             slope = (signs[:, :, None] * _EXCESSES - value[:, :, None]) / total[:, :, None] * lengths[:, None, :]
             for k in range(3):
-                rows.append((value[:, k] - _MARGIN, np.concatenate([slope[:, k, :3], np.zeros((len(lengths), 1))], 1)))
+                rows.append(
+                    (value[:, k] - _MARGIN, np.concatenate([slope[:, k, :3], np.zeros((len(lengths), 1))], 1))
+                )
         if self.transmission_angle_min_turn:
             full = np.all(signs * excess > 0, axis=1) | (self.family != "any")
             still = np.zeros(len(lengths))
@@ -170,9 +174,7 @@ def _nearest(centre: float, start: Floats, interval: Interval) -> tuple[Floats, 
     return angle, (angle != wanted).astype(float)
 
 
-def _transmission(
-    lengths: Floats, least: float, angle: Floats, moves: Floats, side: int
-) -> tuple[Floats, Floats]:
+def _transmission(lengths: Floats, least: float, angle: Floats, moves: Floats, side: int) -> tuple[Floats, Floats]:
     """cos(least) + side u at crank angles (n,), and its derivatives (n, 4)."""
     l1, l2, l3, _ = lengths.T
     sine2 = np.sin(angle / 2) ** 2

@@ -108,7 +108,7 @@ def descend(
         Law: size + PENALTY broken of a candidate is never above that of its beginning.
     """
     unknowns = np.clip(unknowns, *box)
-    count, size = len(unknowns), len(free)
+    count = len(unknowns)
     accuracy = min(1e-3, 0.1 * gain)
     here = linear(unknowns, np.arange(count))
     merit = _merit(here, largest)

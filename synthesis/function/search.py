@@ -1,4 +1,4 @@
-"""The search for function generators: by the search for motions where it serves, else within limits and for the least largest error.
+"""The search for function generators: that for motions where it serves; else limits, and the least largest error.
 
 Data flow::
 
@@ -13,6 +13,7 @@ Data flow::
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -221,7 +222,11 @@ class _Search:
             crank, root = (np.broadcast_to(one, (len(branch), one.size)) for one in self.places(count))
             done = self.stepped(unknowns, branch, crank, root, steps, gain, radii)
             best = _apart(done.unknowns, branch, done.merit, most)
-            unknowns, branch, radii = done.unknowns[best], branch[best], np.maximum(2 * done.radius[best], _LEAST_RADIUS)
+            unknowns, branch, radii = (
+                done.unknowns[best],
+                branch[best],
+                np.maximum(2 * done.radius[best], _LEAST_RADIUS),
+            )
             if not best.size:
                 return solutions
             solutions = distinct(solutions + self.kept(unknowns, branch), self.top, APART)
@@ -234,7 +239,9 @@ class _Search:
     def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
         """Candidates led on over the extremes of their own error curves, which are looked up again after each few steps."""
         if not self.largest:
-            crank, root = (np.broadcast_to(one, (len(branch), one.size)) for one in self.places(self.wanted.crank.size))
+            crank, root = (
+                np.broadcast_to(one, (len(branch), one.size)) for one in self.places(self.wanted.crank.size)
+            )
             done = self.stepped(unknowns, branch, crank, root, 40, 1e-5, radii)
             self.settled = bool(done.ended[np.argmin(done.merit)])
             return done.unknowns
@@ -243,12 +250,7 @@ class _Search:
         looked, coarse = look(self.wanted), self.places(_FIRST_PLACES)[0]
         peaks = np.broadcast_to(coarse, (len(rows), coarse.size))
         for turn in range(_EXCHANGES):
-
-            def error(crank: Floats) -> Floats:
-                each = np.broadcast_to(crank, (len(rows), crank.shape[-1]))
-                return self.wanted.weight(each) * self.problem.gap(unknowns[rows], branch[rows], each)
-
-            found = extremes(error, looked, PEAKS // 2)
+            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), looked, PEAKS // 2)
             broken = np.minimum(self.limits.conditions(unknowns[rows, :4], self.wanted.interval)[0], 0.0).min(axis=1)
             largest = found.size.max(axis=1)
             merit = largest - PENALTY * broken
@@ -265,13 +267,24 @@ class _Search:
                 rows, peaks, found = rows[keep], peaks[keep], type(found)(*(one[keep] for one in found))
             if not rows.size or self.work.expired():
                 break
-            places = np.sort(np.concatenate([found.crank, peaks[:, -PEAKS:], np.broadcast_to(coarse, (len(rows), coarse.size))], 1))
+            places = np.sort(
+                np.concatenate([found.crank, peaks[:, -PEAKS:], np.broadcast_to(coarse, (len(rows), coarse.size))], 1)
+            )
             peaks = found.crank
             done = self.stepped(
                 best[rows], branch[rows], places, self.wanted.weight(places), _EXCHANGE_STEPS, LEVELLED, radii[rows]
             )
             unknowns[rows], radii[rows] = done.unknowns, np.maximum(2 * done.radius, _LEAST_RADIUS)
         return best
+
+    def weighted_gap(self, unknowns: Floats, branch: Floats) -> Callable[[Floats], Floats]:
+        """The weighted errors of candidates as a function of crank angles (n, q)."""
+
+        def error(crank: Floats) -> Floats:
+            each = np.broadcast_to(crank, (len(branch), crank.shape[-1]))
+            return self.wanted.weight(each) * self.problem.gap(unknowns, branch, each)
+
+        return error
 
     # -- answers ------------------------------------------------------------------------------------------------------
 
@@ -360,7 +373,9 @@ def generate(
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 
 
-def refit(wanted: Wanted, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work) -> Generator | None:
+def refit(
+    wanted: Wanted, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work
+) -> Generator | None:
     """A generator with other lengths (4,) near its own, its zeros fitted anew; None where it does not close."""
     if wanted.clockwise:
         found = refit(wanted.mirrored(), generator.mirrored(), links, largest, tolerance, work)

@@ -41,8 +41,8 @@ class ProjectedProblem:
         self.rotation_rows = samples if target.rotation is not None else 0
         roots = []
         if target.rotation is not None:
-            given = target.offset is not None
-            self.rotation = target.rotation - (target.offset if given else target.rotation_mean(target.rotation))
+            zero = target.rotation_mean(target.rotation) if target.offset is None else target.offset
+            self.rotation = target.rotation - zero
             roots = [target.rotation_mean.root]
         if target.position is not None:
             mean = target.position_mean

@@ -5,7 +5,7 @@ Different seeds find more than many seeds: the best rows of a dense table lie in
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,14 +67,14 @@ class SeedTable(NamedTuple):
     """Turns of the body in one turn of the crank, (T,)."""
 
     def errors(self, target: Target) -> tuple[Floats, Floats]:
-        """Squared errors (T, branches, starts) of rotations with a given offset or start, from interpolated curves, and the starts."""
+        """Squared errors (T, branches, starts) where offset or start are given, from interpolated curves; and the starts."""
         assert target.rotation is not None
         few = target.thinned(_GIVEN_SAMPLES)
         assert few.rotation is not None
-        starts = np.arange(self.scan.starts) * (TURN / self.scan.starts)
+        starts: Floats = np.linspace(0.0, TURN, self.scan.starts, endpoint=False)
         if target.start is not None:
             starts = np.array([target.start % TURN])
-        found = []
+        found: list[Any] = []
         for branch in self.scan.mechanism.branches:
             # branch -1 at -theta1 is branch +1 mirrored
             crank = branch * (starts[:, None] + few.crank)

@@ -26,7 +26,7 @@ def candidates(seed: int, count: int = 400) -> np.ndarray:
 def test_derivatives(family: str) -> None:
     x, interval = candidates(1), Interval(0.0, 1.9)
     limits = replace(EVERY, family=family)
-    value, slope = limits.conditions(x, interval)
+    _, slope = limits.conditions(x, interval)
     for k in range(4):
         step = np.zeros(4)
         step[k] = 1e-6

@@ -67,7 +67,9 @@ def test_the_least_largest_error_is_a_minimum_with_alternating_extremes() -> Non
     problem = Problem(wanted, FunctionLimits(), True)
     crank, coupler, rocker, ground = best.linkage.links
     x = np.append(np.log(np.array([crank, rocker, coupler]) / ground), [best.linkage.start, best.offset + np.pi])
-    steps = np.random.default_rng(0).normal(size=(400, 5)) * 10.0 ** np.random.default_rng(1).uniform(-6, -2, (400, 1))
+    steps = np.random.default_rng(0).normal(size=(400, 5)) * 10.0 ** np.random.default_rng(1).uniform(
+        -6, -2, (400, 1)
+    )
     places = np.linspace(0, wanted.crank[-1], 4001)[None]
     side = np.full(401, -float(best.linkage.branch))
     gap = problem.gap(np.vstack([x, x + steps]), side, np.broadcast_to(places, (401, 4001)))
