@@ -177,8 +177,8 @@ def measure_function(asked: Asked) -> dict[str, Any]:
     }
 
 
-def measure_evolution(asked: Asked, seeds: int = 3) -> dict[str, Any]:
-    """scipy's differential evolution: the best of some runs for each branch; the offset is the middle of the gap's range."""
+def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
+    """scipy's differential evolution: the best of both branches; the offset is the middle of the gap's range."""
     from scipy.optimize import differential_evolution
 
     from linkage_atlas.functions import read_function_limits
@@ -208,7 +208,7 @@ def measure_evolution(asked: Asked, seeds: int = 3) -> dict[str, Any]:
                 vectorized=True,
                 updating="deferred",
                 popsize=40,
-                maxiter=1000,
+                maxiter=600,
                 tol=1e-10,
                 seed=seed,
                 polish=False,

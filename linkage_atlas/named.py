@@ -82,7 +82,8 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
     low, high = float(every.min()), float(every.max())
     if not high > low:
         raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
-    way = np.sign(y[-1] - y[0]) or 1.0
+    # where it ends as high as it began, the rocker turns the way that y grows
+    way = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
     scale, first, run = way * span / (high - low), float(y[0]), float(x[-1] - x[0])
     crank = (x - x[0]) / run * crank_span
     exact = None

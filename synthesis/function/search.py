@@ -292,6 +292,9 @@ class _Search:
         """Candidates as generators, those outside of the limits left out; coupler and rocker exchanged back."""
         ratios = np.where(np.isnan(self.problem.given), unknowns[:, :3], self.problem.given)
         lengths = self.limits.ground * np.concatenate([np.exp(ratios), np.ones((len(ratios), 1))], axis=1)
+        for k, one in enumerate(self.limits.links):
+            if one is not None:  # as it was given, to the last bit
+                lengths[:, k] = one
         start = unknowns[:, 3] % TURN
         within = self.limits.kept_by(lengths, start, self.wanted.interval)
         linkages = [

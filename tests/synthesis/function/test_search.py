@@ -35,7 +35,7 @@ def wanted_of(function, first: float, last: float, crank: float, output: float, 
 @pytest.mark.parametrize("kind", CLASSES)
 @pytest.mark.parametrize("zeros", ["free", "input", "output", "both"])
 def test_exact_functions_are_found(kind: str, zeros: str) -> None:
-    for seed in range(2 if kind == "tiny span" else 4):
+    for seed in range(2):
         request = function_case(kind, (5, 9)[seed % 2], zeros, seed)
         best = la.function(**request, top=2).best.to_dict()
         assert recompute_rms(request, best) < 1e-9
@@ -146,7 +146,7 @@ def test_a_pair_of_weight_zero_does_not_count() -> None:
     weights = np.ones(12)
     weights[4] = 0
     assert la.function(spoilt, 100, weights=weights, top=1).status == "reached"
-    assert la.function(spoilt, 100, top=1).status == "closest"
+    assert la.function(spoilt, 100, top=1, limits={"family": "crank_rocker"}).status == "closest"
 
 
 def test_no_time_is_no_error() -> None:
@@ -173,7 +173,8 @@ def test_the_same_bytes_every_time() -> None:
 
 def test_refit_holds_the_lengths() -> None:
     wanted = wanted_of(np.log, 1, 3, 90, 90)
-    best = generate(seed_tables(), wanted, FunctionLimits(links=(None, None, None, 50.0)), False, 1, 1e-10)[0][0]
+    held = FunctionLimits(transmission_angle_min=0.5, links=(None, None, None, 50.0))
+    best = generate(seed_tables(), wanted, held, False, 1, 1e-10)[0][0]
     links = np.round(np.array(best.linkage.links))
     again = refit(wanted, best, links, True, 1e-10, Work())
     assert again is not None
