@@ -292,33 +292,37 @@ def measure(
     """The classes in turn, then the functions, then each baseline."""
     threadpool_limits(1, "blas")
     la.prepare()
-    path = report.RESULTS / "function.json"
-    kept = report.load("function") if path.exists() else {"classes": [], "functions": []}
-    kept["made"] = report.stamp()
+    stamp = report.stamp()
+
+    def with_others(**own: Any) -> dict[str, Any]:
+        """What is measured now, and of the rest what the file holds."""
+        path = report.RESULTS / "function.json"
+        kept = report.load("function") if path.exists() else {"classes": [], "functions": []}
+        return {**kept, **own, "made": stamp}
+
     la.function([0, 1, 3], 30)
     if "functions" in parts:
-        old = {(row["name"], row["spans"], row["limits"]): row for row in kept["functions"]}
+        old = {(row["name"], row["spans"], row["limits"]): row for row in with_others()["functions"]}
         rows = []
         for asked in FUNCTIONS:
             row = measure_function(asked)
             before = old.get((row["name"], row["spans"], row["limits"]), {})
             rows.append({k: v for k, v in before.items() if k.startswith(("evolution", "pylinkage"))} | row)
             print(json.dumps(row), flush=True)
-        kept["functions"] = rows
-        yield kept
+        yield with_others(functions=rows)
     if "classes" in parts:
         rows = []
         for kind, samples, zeros in class_list():
             rows.append(measure_class(kind, samples, zeros, cases))
             print(json.dumps(rows[-1]), flush=True)
-        kept["classes"] = rows
-        yield kept
-    for part, work in (("evolution", measure_evolution), ("pylinkage", measure_pylinkage)):
+            yield with_others(classes=rows)
+    for part, work in (("pylinkage", measure_pylinkage), ("evolution", measure_evolution)):
         if part in parts:
-            for asked, row in zip(FUNCTIONS, kept["functions"]):
+            rows = with_others()["functions"]
+            for asked, row in zip(FUNCTIONS, rows):
                 row |= work(asked)
                 print(part, asked.name, json.dumps(row), flush=True)
-            yield kept
+            yield with_others(functions=rows)
 
 
 if __name__ == "__main__":
