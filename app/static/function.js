@@ -239,6 +239,7 @@ async function save(format) {
 startTheme();
 startScenes();
 startPad();
+document.body.dataset.ready = "true";
 showFields();
 $("name").addEventListener("change", showFields);
 $("form").addEventListener("input", showRequest);
