@@ -21,6 +21,7 @@ import linkage_atlas as la
 from benchmarks import baselines, report
 from benchmarks.report import Times
 from linkage_atlas.named import read_dials
+from synthesis.target import Interval
 from tests.oracles.free_classes import close
 from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept
 
@@ -195,7 +196,7 @@ def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
             _, pin = close(links, branch, start[:, None] + crank)
             gap = output - np.unwrap(np.angle(pin - 1), axis=1)
         size = (gap.max(axis=1) - gap.min(axis=1)) / 2
-        kept = limits.kept_by(links[:, :, 0].T, start, (0.0, crank[-1]))
+        kept = limits.kept_by(links[:, :, 0].T, start, Interval(0.0, float(crank[-1])))
         return np.where(np.isfinite(size) & kept, size, 10.0)
 
     box = [(-np.log(RATIO), np.log(RATIO))] * 3 + [(0, 2 * np.pi)]
