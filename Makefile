@@ -7,7 +7,7 @@ ATLAS ?= atlas.h5
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help run test fault lint map report accept poses function stability bench docs scenes clean setup
+.PHONY: help run test fault audit parts lock lint map report accept poses function limits stability studies bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -15,13 +15,17 @@ help:
 	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
 	@echo "make test       style and the default tests (about five minutes)"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
-	@echo "make fault      the slow destructive tests: kills, bit flips"
+	@echo "make fault      what it withstands: kills, bit flips, changed bodies, hostile clients: docs/reliability.md (hours)"
+	@echo "make audit      known weaknesses of the locked parts (asks a database over the network)"
+	@echo "make parts      the list of parts as CycloneDX: parts.cdx.json"
+	@echo "make lock       the parts of the container with their hashes: requirements.lock"
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make poses      poses and paths without crank angles: docs/free_timing.md (an hour)"
 	@echo "make function   function generation: docs/function.md (an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
+	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
 	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
 	@echo "                (forty minutes; needs 17 GB of memory, 3 GB of disk, no other work on the machine)"
@@ -51,8 +55,23 @@ run: $(READY) $(ATLAS)
 test: lint
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
-fault: $(READY)
+fault: $(READY) $(ATLAS)
 	$(BIN)/python -m pytest -m fault
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.reliability --atlas $(ATLAS)
+
+lock: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	$(BIN)/uv pip compile --quiet pyproject.toml -c constraints.txt --generate-hashes --universal --python-version 3.11 \
+	  --no-header --no-annotate -o requirements.lock
+
+audit: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[audit]'
+	$(BIN)/python -m pip check
+	$(BIN)/pip-audit --require-hashes --disable-pip -r requirements.lock
+
+parts: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[audit]'
+	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible -o parts.cdx.json requirements.lock
 
 lint: $(READY)
 	$(BIN)/python -m ruff check .
@@ -97,6 +116,9 @@ function: $(READY)
 
 stability: $(READY)
 	$(BIN)/python -m benchmarks.stability
+
+studies: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.studies
 
 clean:
 	rm -rf $(VENV) build *.egg-info $(ATLAS)

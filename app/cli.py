@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -88,19 +87,12 @@ def _port(text: str) -> int:
     return port
 
 
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
-
-
 def _serve(options: argparse.Namespace) -> int:
-    import uvicorn
-
-    from app.main import create_app
+    from app.server import serve
 
     resources = ServiceResources(_settings(options))
     _ = resources.atlas  # `serve` needs its atlas: fail here, with an exit code
-    signal.signal(signal.SIGTERM, _interrupt)  # uvicorn drains on it, then hands it on: no death by signal then
-    uvicorn.run(create_app(resources=resources), host=options.host, port=options.port, log_level="info")
+    serve(resources, options.host, options.port)
     return EXIT_OK
 
 
@@ -113,6 +105,12 @@ _FILE_HELP = (
 def _add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     parser.add_argument("file", nargs="?", default="-", help=_FILE_HELP[query.from_csv is not None])
     parser.add_argument("--example", choices=sorted(query.examples), help="answer a bundled example instead")
+    if query.practical is not None:
+        parser.add_argument(
+            "--no-preset",
+            action="store_true",
+            help="keep to no limits but those of the request; otherwise to the practical ones (limits.preset) too",
+        )
     parser.add_argument("--json", action="store_true", help="print the reply as JSON, not as a table")
     parser.add_argument("--atlas", type=Path, help="the atlas file, for queries that read it (default: atlas.h5)")
     if query.exports:
@@ -145,9 +143,13 @@ def _run_query(options: argparse.Namespace, query: Query) -> int:
         request = query.request.model_validate(query.from_csv(text.decode("utf-8", "replace")))
     else:
         request = query.request.model_validate_json(text)
+    if query.practical is not None and not (options.example or options.no_preset):
+        request = query.practical(request)
     resources = ServiceResources(_settings(options))
     if query.exports and options.export:
-        name = options.export.suffix.lstrip(".").lower()
+        # of two that fit the longer: plates.dxf before dxf
+        fits = [name for name in query.exports if options.export.name.lower().endswith(f".{name}")]
+        name = max(fits, key=len, default=options.export.suffix.lstrip("."))
         if name not in query.exports:
             raise FieldError("/export", f"the file must end in one of {', '.join(query.exports)}, found '{name}'")
         options.export.write_bytes(query.exports[name].render(request, resources))

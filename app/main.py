@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Annotated, Any, Literal
 
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI, Response
 from fastapi import Path as PathParameter
+from pydantic import BeforeValidator
 
 import linkage_atlas as la
-from app import page, problems
+from app import computed, page, problems
+from app.bodies import Reply
+from app.doors import Doors
 from app.fourbar import export, function_export
 from app.query import Export, Query, ReplyModel
 from app.registry import all_queries, worked_example
@@ -28,6 +32,7 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.turnstile = Turnstile(settings.max_concurrent, settings.max_waiting)
+        app.state.readers = computed.Readers()
         resources.prepare()
         stopping = threading.Event()
         behind = threading.Thread(target=resources.prepare_positions, args=[stopping])
@@ -35,6 +40,7 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
         try:
             yield
         finally:
+            app.state.turnstile.stop()
             stopping.set()
             behind.join()
 
@@ -44,8 +50,11 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
         summary="Finds planar linkages for a required motion.",
         lifespan=lifespan,
         redirect_slashes=False,
+        docs_url=None,  # the page has its own, of local files
+        redoc_url=None,
     )
     app.add_middleware(problems.BodyLimit, max_body_size=settings.max_body_bytes)
+    app.add_middleware(Doors, hosts=settings.allowed_hosts)
     problems.install(app)
     for query in all_queries():
         _add_query(app, query, resources)
@@ -94,6 +103,13 @@ class AtlasTypeReply(ReplyModel):
     details: list[float]
 
 
+def _written_plainly(number: str) -> str:
+    """A whole number in digits alone: ``1_0`` and ``+10`` are no other names of type 10."""
+    if not re.fullmatch("-?[0-9]+", number) and re.fullmatch(r"\s*[+-]?[0-9][0-9_]*(\.0*)?\s*", number):
+        raise problems.NotFound("types are numbered in plain digits")
+    return number
+
+
 def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
     @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_problems(503))
     def atlas() -> AtlasReply:
@@ -102,7 +118,9 @@ def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
     answers = _problems(404, 422, 503)
 
     @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=answers)
-    def dimension_type(number: Annotated[int, PathParameter(ge=1, le=2**53)]) -> AtlasTypeReply:
+    def dimension_type(
+        number: Annotated[int, PathParameter(ge=1, le=2**53), BeforeValidator(_written_plainly)],
+    ) -> AtlasTypeReply:
         """Lengths, family and the Haar average and details of the coupler rotation over the whole turn."""
         try:
             return AtlasTypeReply(**resources.atlas.details_of(number))
@@ -152,22 +170,30 @@ def _route_details(query: Query) -> dict[str, Any]:
 
 
 def _add_query(app: FastAPI, query: Query, resources: ServiceResources) -> None:
-    async def route(request, body):  # type: ignore[no-untyped-def]
-        return await app.state.turnstile.run(request, query.answer, body, resources)
+    def answer(body: Any, resources: Any) -> Response:
+        return Reply(query.answer(body, resources))
 
-    route.__annotations__ = {"request": Request, "body": query.request, "return": query.reply}
-    route.__name__ = query.command.replace(" ", "_")
-    app.post(query.path, response_model=query.reply, **_route_details(query))(route)
+    name = query.command.replace(" ", "_")
+    computed.add(
+        app,
+        query.path,
+        name,
+        query.request,
+        answer,
+        query.is_long,
+        resources,
+        response_model=query.reply,
+        **_route_details(query),
+    )
 
 
 def _add_export(app: FastAPI, query: Query, name: str, export: Export, resources: ServiceResources) -> None:
-    async def route(request, body):  # type: ignore[no-untyped-def]
-        content = await app.state.turnstile.run(request, export.render, body, resources)
-        return Response(content, media_type=export.media_type)
+    def answer(body: Any, resources: Any) -> Response:
+        return Reply(export.render(body, resources), export.media_type)
 
-    route.__annotations__ = {"request": Request, "body": query.request}
-    route.__name__ = f"{query.command.replace(' ', '_')}_{name}"
+    route = f"{query.command.replace(' ', '_')}_{name}"
     details = _route_details(query)
     details["summary"] = f"{query.summary} As {name.upper()}."
     details["responses"] = {**details["responses"], 200: {"content": {export.media_type: {}}}}
-    app.post(f"{query.path}.{name}", response_class=Response, response_model=None, **details)(route)
+    details |= {"response_class": Response, "response_model": None}
+    computed.add(app, f"{query.path}.{name}", route, query.request, answer, query.is_long, resources, **details)

@@ -38,6 +38,10 @@ HEADERS = {
     "Vary": "Accept-Encoding",
 }
 """``no-cache``: kept by the browser and asked for again with its ETag, so that modules never are of two versions."""
+DOCS_POLICY = HEADERS["Content-Security-Policy"].replace(
+    "style-src 'self'; img-src 'self'", "style-src 'self' 'unsafe-inline'; img-src 'self' data:"
+)
+"""Of the page that shows the routes: its library writes styles and pictures into the page."""
 SCENE_TITLES = {"lift": "Lift", "chain": "Chain slide", "knotter": "Knotter"}
 
 
@@ -56,9 +60,9 @@ class StaticFile:
         etag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
         return cls(content, gzip.compress(content, mtime=0), MEDIA_TYPES[ending], etag)
 
-    def reply(self, request: Request) -> Response:
-        """The file, or 304 where the browser has it already."""
-        headers = {**HEADERS, "ETag": self.etag}
+    def reply(self, request: Request, **more: str) -> Response:
+        """The file, or 304 where the browser has it already; with ``more`` headers."""
+        headers = {**HEADERS, **more, "ETag": self.etag}
         known = [tag.strip().removeprefix("W/") for tag in request.headers.get("if-none-match", "").split(",")]
         if self.etag in known or known == ["*"]:
             return Response(status_code=304, headers=headers)
@@ -130,6 +134,11 @@ def install(app: FastAPI) -> None:
     @app.api_route("/function", **hidden)
     async def function_page(request: Request) -> Response:
         return stored["function.html"].reply(request)
+
+    @app.api_route("/docs", **hidden)
+    @app.api_route("/redoc", **hidden)
+    async def docs(request: Request) -> Response:
+        return stored["docs.html"].reply(request, **{"Content-Security-Policy": DOCS_POLICY})
 
     @app.api_route("/favicon.ico", **hidden)
     async def icon(request: Request) -> Response:

@@ -17,9 +17,10 @@ from pydantic import ValidationError
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
+from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
-from linkage_atlas import AtlasError, Cancelled, FieldError
+from linkage_atlas import AtlasError, Cancelled, FieldError, OutOfTime
 
 MAX_ERRORS = 20
 """Errors listed in one reply; a request of a thousand wrong numbers needs no thousand lines."""
@@ -52,6 +53,22 @@ SCHEMA: dict[str, Any] = {
 
 class Overloaded(Exception):
     """More requests wait than the service lets wait."""
+
+
+class Malformed(Exception):
+    """A body that cannot be read: what is wrong, and what is wrong at its place, if that is said in other words."""
+
+    def __init__(self, detail: str, at_place: str | None = None) -> None:
+        super().__init__(detail)
+        self.detail, self.at_place = detail, at_place or detail
+
+
+class NotJson(Exception):
+    """A body that is not declared as JSON."""
+
+
+class Ending(Exception):
+    """The service ends and computes no further."""
 
 
 class NotFound(Exception):
@@ -92,6 +109,16 @@ def problem(
     )
 
 
+def raw(status: int, detail: str) -> bytes:
+    """A problem as the bytes of a whole HTTP reply, for what is refused before it is a request."""
+    reply = problem(status, detail, headers={"Connection": "close", "X-Content-Type-Options": "nosniff"})
+    lines = [
+        f"HTTP/1.1 {status} {HTTPStatus(status).phrase}".encode(),
+        *(b": ".join(row) for row in reply.raw_headers),
+    ]
+    return b"\r\n".join([*lines, b"", bytes(reply.body)])
+
+
 def field_problem(error: FieldError) -> Response:
     """422 for input that is well-formed but has no answer."""
     row = {"pointer": "#" + error.field, "detail": error.message, **error.details}
@@ -115,15 +142,18 @@ def install(app: FastAPI) -> None:
     """Register the handlers on an application."""
 
     @app.exception_handler(RequestValidationError)
-    async def _validation(request: Request, error: RequestValidationError) -> Response:
+    async def _validation(_: Request, error: RequestValidationError) -> Response:
         entries = [{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]  # less "body" or "path"
-        first = entries[0]
-        if first["type"] == "json_invalid":
-            return problem(400, "the body is not valid JSON", [{"pointer": "#", "detail": "not valid JSON"}])
-        if not first["loc"] and first["type"] == "model_attributes_type" and not _says_json(request.headers):
-            return problem(415, "send the body with the header `Content-Type: application/json`")
         rows = error_rows(entries)
         return problem(422, f"{rows[0]['pointer'][2:] or 'the body'}: {rows[0]['detail']}", rows)
+
+    @app.exception_handler(Malformed)
+    async def _malformed(_: Request, error: Malformed) -> Response:
+        return problem(400, error.detail, [{"pointer": "#", "detail": error.at_place}])
+
+    @app.exception_handler(NotJson)
+    async def _not_json(_: Request, __: NotJson) -> Response:
+        return problem(415, "send the body with the header `Content-Type: application/json`")
 
     @app.exception_handler(ValidationError)
     async def _model(_: Request, error: ValidationError) -> Response:
@@ -146,6 +176,18 @@ def install(app: FastAPI) -> None:
     async def _overloaded(_: Request, __: Overloaded) -> Response:
         return problem(503, "too many requests are waiting", headers={"Retry-After": "1"})
 
+    @app.exception_handler(Ending)
+    async def _ending(_: Request, __: Ending) -> Response:
+        return problem(503, "the service is ending", headers={"Retry-After": "5"})
+
+    @app.exception_handler(ClientDisconnect)
+    async def _left(_: Request, __: ClientDisconnect) -> Response:
+        return Response(status_code=499)  # it left before it had said what it wanted
+
+    @app.exception_handler(OutOfTime)
+    async def _out_of_time(_: Request, __: OutOfTime) -> Response:
+        return problem(503, "the answer took longer than this service allows", headers={"Retry-After": "5"})
+
     @app.exception_handler(Cancelled)
     async def _gone(_: Request, __: Cancelled) -> Response:
         return Response(status_code=499)  # the client is gone; 499 is what proxies log for that
@@ -159,7 +201,7 @@ def install(app: FastAPI) -> None:
         return problem(500, "a fault of the service, not of the request; its log says more")
 
 
-def _says_json(headers: Headers) -> bool:
+def says_json(headers: Headers) -> bool:
     kind = headers.get("content-type", "").partition(";")[0].strip().lower()
     return kind == "application/json" or (kind.startswith("application/") and kind.endswith("+json"))
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, SkipValidation, Strict
 
 if TYPE_CHECKING:
     from linkage_atlas import Atlas, Work
@@ -17,6 +17,9 @@ Number = Annotated[float, Strict(), AllowInfNan(False)]
 PositiveNumber = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
+Computed = SkipValidation
+"""Long lists that the service has computed itself: checking each number again would hold up everyone."""
+Column = SkipValidation[list[float]]
 AngleUnit = Literal["deg", "rad"]
 
 
@@ -111,6 +114,11 @@ class Query:
         Format (``svg``, ``dxf``, ...) to `Export`; over HTTP a POST of the same body to ``path.format``.
     from_csv : callable, optional
         ``from_csv(text) -> request body`` of a CSV file, which the command then takes too.
+    practical : callable, optional
+        ``practical(request) -> request`` within limits that one can build, which the command asks for unless told otherwise.
+    is_long : callable
+        ``is_long(request) -> bool``: whether the answer may take more than a fraction of a second. Over HTTP long requests
+        wait for one another and not the short ones for them.
     """
 
     path: str
@@ -123,3 +131,5 @@ class Query:
     examples: Mapping[str, dict[str, Any]]
     exports: Mapping[str, Export] = field(default_factory=dict)
     from_csv: Callable[[str], dict[str, Any]] | None = None
+    practical: Callable[[Any], Any] | None = None
+    is_long: Callable[[Any], bool] = lambda _: False

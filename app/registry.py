@@ -6,7 +6,7 @@ import json
 from importlib.resources import files
 from typing import Any
 
-from app.fourbar.answers import answer_match, answer_synthesize
+from app.fourbar.answers import answer_match, answer_synthesize, is_long, practical_request
 from app.fourbar.csv_request import request_from_csv
 from app.fourbar.export import SYNTHESIZE_EXPORTS
 from app.fourbar.function import QUERY as FUNCTION
@@ -38,6 +38,7 @@ def fourbar_queries() -> tuple[Query, ...]:
                 "worked_example": {**rotation_only, "top": 5},
                 "rocker": {**rotation_only, "curve": "rocker", "top": 5},
             },
+            is_long=is_long,
         ),
         Query(
             "/v1/synthesize",
@@ -67,6 +68,8 @@ def fourbar_queries() -> tuple[Query, ...]:
             },
             SYNTHESIZE_EXPORTS,
             request_from_csv,
+            practical_request,
+            is_long,
         ),
         FUNCTION,
     )

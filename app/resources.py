@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import threading
 import time
 from collections.abc import Callable
@@ -33,7 +34,8 @@ class ServiceResources:
             raise self.failure
         begin = time.perf_counter()
         atlas = la.load_atlas(self.settings.atlas, self.settings.atlas_max_bytes, self.settings.atlas_max_types)
-        atlas.prepare(positions=False)
+        # Prepared by all cores; a scan is of one request among several, and its budget is one of processor time too.
+        atlas.prepare(positions=False, threads=1)
         self.load_seconds = time.perf_counter() - begin
         return atlas
 
@@ -53,7 +55,9 @@ class ServiceResources:
             _ = self.atlas.content_sha256
         except la.AtlasError as error:
             self.failure = error
-        _give_back_memory()
+        give_back_memory()
+        gc.collect()
+        gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
     def prepare_positions(self, stopping: threading.Event) -> None:
         """Prepare the scan for requests with positions too, if that is set and there is an atlas; until told to stop."""
@@ -62,11 +66,22 @@ class ServiceResources:
                 self.atlas.prepare(work=la.Work(cancelled=stopping.is_set))
             except la.Cancelled:
                 return
-            _give_back_memory()
+            give_back_memory()
 
 
-def _give_back_memory() -> None:
-    """Return to the system what preparing has freed: glibc keeps it otherwise, about 130 MB with the default atlas."""
+_given_back = 0.0
+
+
+def give_back_memory(every: float = 0.0) -> None:
+    """Return to the system what has been freed, unless that was done less than ``every`` seconds ago.
+
+    glibc keeps it otherwise, after preparing about 130 MB with the default atlas.
+    """
+    global _given_back
+    now = time.monotonic()
+    if now - _given_back < every:
+        return
+    _given_back = now
     try:
         trim = ctypes.CDLL(None).malloc_trim
     except (AttributeError, OSError, TypeError):  # other C libraries have no such function

@@ -32,10 +32,38 @@ class Settings(BaseSettings):
     max_body_bytes: int = Field(
         1_000_000, gt=0, description="Largest request body; a larger one is answered with 413."
     )
-    max_concurrent: int = Field(2, gt=0, description="Requests that compute at the same time; further ones wait.")
+    max_concurrent: int = Field(
+        3,
+        gt=0,
+        description="Requests that compute at the same time; further ones wait. One place (of two or more) is never given to "
+        "a request that may take long.",
+    )
     max_waiting: int = Field(
-        64, ge=0, description="Requests that may wait for their turn; beyond that the answer is 503."
+        64,
+        ge=0,
+        description="Requests that may wait for their turn, at most half of them such as may take long; beyond that the "
+        "answer is 503.",
     )
     max_budget_ms: float = Field(
         30_000, gt=0, description="Longest search of one request, whatever its `budget_ms` says."
+    )
+    max_connections: int = Field(
+        800,
+        gt=0,
+        description="Connections at the same time, as far as the limit of open files allows; for one more the connection "
+        "that has said nothing for the longest time is closed.",
+    )
+    header_seconds: float = Field(10.0, gt=0, description="Time of a client for the header of a request.")
+    body_seconds: float = Field(20.0, gt=0, description="Time of a client for the body of a request.")
+    ending_seconds: float = Field(
+        5.0, gt=1, description="Time in which the service ends after SIGTERM or SIGINT, whatever is being computed."
+    )
+    allowed_hosts: tuple[str, ...] = Field(
+        ("*",),
+        description="Host names under which the service is reached, as a JSON list; `*`: any. `serve` on a loopback address "
+        "allows `localhost`, `127.0.0.1` and `::1` unless this is set.",
+    )
+    trusted_proxies: str = Field(
+        "",
+        description="Addresses of proxies, separated by commas, whose `X-Forwarded-For` and `X-Forwarded-Proto` are believed.",
     )

@@ -1,9 +1,11 @@
-"""Admission of requests: some compute, some wait, the others are refused; a client that disconnects cancels its work."""
+"""Turns of requests that compute: short ones do not wait for long ones, and a client that disconnects cancels its work."""
 
 from __future__ import annotations
 
 import asyncio
 import threading
+import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -17,55 +19,97 @@ from linkage_atlas import Cancelled, Work
 
 
 class Turnstile:
-    """Lets ``concurrent`` requests compute at a time and ``waiting`` more wait; one whose client has gone leaves."""
+    """Lets ``concurrent`` requests compute at a time and ``waiting`` more wait; one whose client has gone leaves.
+
+    Requests are of two classes, short and long. One place is kept free of long ones (if there are two), and half of the room to
+    wait; a free place goes to the class that has fewer places, and in turn where both have as many.
+    """
 
     def __init__(self, concurrent: int, waiting: int) -> None:
-        self._limiter = anyio.CapacityLimiter(concurrent)
-        self._most = concurrent + waiting
-        self._inside = 0
+        self._places, self._long_places = concurrent, max(1, concurrent - 1)
+        self._room, self._long_room = waiting, -(-waiting // 2)
+        self._queues: dict[bool, deque[asyncio.Future[None]]] = {False: deque(), True: deque()}
+        self._running = {False: 0, True: 0}
+        self._last = True
+        self._threads = anyio.CapacityLimiter(concurrent)
+        self._stopping = threading.Event()
 
     @property
     def computing(self) -> int:
         """Requests that compute now."""
-        return self._limiter.borrowed_tokens
+        return sum(self._running.values())
 
     @property
     def waiting(self) -> int:
         """Requests that wait for their turn."""
-        return self._limiter.statistics().tasks_waiting
+        return sum(map(len, self._queues.values()))
+
+    def stop(self) -> None:
+        """Cancel all work: the service ends."""
+        self._stopping.set()
 
     async def run(
-        self, request: Request, function: Callable[[Any, Resources], Any], body: Any, resources: Resources
+        self,
+        request: Request,
+        function: Callable[[Any, Resources], Any],
+        body: Any,
+        resources: Resources,
+        long: bool = False,
     ) -> Any:
         """``function(body, resources)`` on a worker thread; the body of ``request`` must have been read.
 
         Raises `problems.Overloaded` when too many wait already, and `linkage_atlas.Cancelled` once the client has gone:
         instead of the function, or out of it the next time that it looks at its work.
         """
-        # Counted here and not asked of the limiter, which a request joins only after it has let others run: of many that
-        # come at once each would see an empty queue.
-        if self._inside >= self._most:
-            raise problems.Overloaded
-        self._inside += 1
-        try:
-            return await self._attend(request, function, body, resources)
-        finally:
-            self._inside -= 1
-
-    async def _attend(
-        self, request: Request, function: Callable[[Any, Resources], Any], body: Any, resources: Resources
-    ) -> Any:
-        gone = threading.Event()
+        begin, gone = time.perf_counter(), threading.Event()
+        turn = self._join(long)
         with anyio.CancelScope() as wait:  # for a turn: once there, a thread is not abandoned and keeps its place
             watch = asyncio.create_task(_watch(request, gone, wait))
             try:
-                return await anyio.to_thread.run_sync(
-                    function, body, _Attended(resources, gone), limiter=self._limiter
-                )
+                await turn
+                queued = time.perf_counter() - begin
+                attended = _Attended(resources, lambda: gone.is_set() or self._stopping.is_set(), queued)
+                return await anyio.to_thread.run_sync(function, body, attended, limiter=self._threads)
+            except Cancelled:
+                if self._stopping.is_set() and not gone.is_set():
+                    raise problems.Ending from None
+                raise
             finally:
                 watch.cancel()
                 gone.set()  # also where the server gives the request up: the thread then ends soon
+                self._leave(turn, long)
         raise Cancelled
+
+    def _join(self, long: bool) -> asyncio.Future[None]:
+        """A turn: done once there is a place."""
+        turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._queues[long].append(turn)
+        self._call()
+        if not turn.done() and (self.waiting > self._room or (long and len(self._queues[long]) > self._long_room)):
+            self._queues[long].remove(turn)
+            raise problems.Overloaded
+        return turn
+
+    def _leave(self, turn: asyncio.Future[None], long: bool) -> None:
+        if turn in self._queues[long]:
+            self._queues[long].remove(turn)
+        else:
+            self._running[long] -= 1
+            self._call()
+
+    def _call(self) -> None:
+        """Give free places to those that wait."""
+        while self.computing < self._places:
+            may = [long for long in (False, True) if self._queues[long]]
+            if self._running[True] >= self._long_places:
+                may = [long for long in may if not long]
+            if not may:
+                return
+            self._last = min(may, key=lambda long: (self._running[long], long == self._last))
+            self._running[self._last] += 1
+            turn = self._queues[self._last].popleft()
+            if not turn.done():
+                turn.set_result(None)
 
 
 async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScope) -> None:
@@ -76,15 +120,17 @@ async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScop
 
 
 class _Attended:
-    """Resources of one request, whose work is cancelled once the client has gone."""
+    """Resources of one request, whose work is cancelled once the client has gone and has a budget in any case."""
 
-    def __init__(self, resources: Any, gone: threading.Event) -> None:
+    def __init__(self, resources: Any, cancelled: Callable[[], bool], queued: float) -> None:
         self._resources = resources
-        self._gone = gone
+        self._cancelled = cancelled
+        self.queued = queued
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._resources, name)
 
     def work(self, budget: float | None = None) -> Work:
         """A watch that also asks whether the client is still there."""
-        return self._resources.work(budget, self._gone.is_set)
+        longest = self._resources.max_budget_ms / 1000
+        return self._resources.work(longest if budget is None else min(budget, longest), self._cancelled)

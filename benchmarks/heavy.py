@@ -55,32 +55,44 @@ def heavy_objective(
 
 
 def heavy_within(
-    target: product.Target, limits: product.Limits, starts: int = 300, draws: int = 20000, seed: int = 6
+    target: product.Target, limits: product.Limits, starts: int = 600, draws: int = 6000, seed: int = 6
 ) -> float | None:
     """The least J of a linkage within limits that a heavy search finds; None where it finds none.
 
-    Feasibility is looked for first at random, then by refinement of the penalty alone from the seeds that violate least.
+    Seeds are random shapes in their best pose, whatever the limits; half of those that descend are the best, half any.
     """
-    random = np.random.default_rng(seed)
-    least = np.inf
-    for chart in product.FOURBAR.charts(limits.family):
-        sheets = (-1, 1) if chart.sheet == 0 and not isinstance(chart, product.AnyChart) else (chart.sheet,)
-        unknowns = np.concatenate([random_seeds(random, chart, part, draws // len(sheets)) for part in sheets])
-        for branch in BRANCHES:
-            side = np.full(len(unknowns), branch)
-            free = product.LimitedProblem(product.FOURBAR, target, chart, limits, 0.0)
-            cost = product.ProjectedProblem(target, chart).evaluate(unknowns, side, derivatives=False).cost
-            seeds = free.with_pose(unknowns, side)
-            slacks = np.nan_to_num(free.slacks(seeds), nan=-1e3, neginf=-1e3)
-            violation = np.where(np.isfinite(cost), np.sum(np.minimum(slacks, 0.0) ** 2, axis=1), np.inf)
-            least = min(least, cost[violation == 0].min(initial=np.inf))
-            chosen = np.union1d(np.argsort(violation)[: starts // 2], np.argsort(cost)[: starts // 2])
-            chosen = chosen[np.isfinite(cost[chosen])]
-            seeds, side = seeds[chosen], side[chosen]
-            for weight in (0.3, 10.0, 1e3, 1e5):
-                seeds = product.refine(
-                    product.LimitedProblem(product.FOURBAR, target, chart, limits, weight), seeds, side, 60
-                ).unknowns
-                cost = free.evaluate(seeds, side).cost
-                least = min(least, cost[np.all(free.slacks(seeds) >= 0, axis=1)].min(initial=np.inf))
-    return float(np.sqrt(least)) if np.isfinite(least) else None
+    random, least = np.random.default_rng(seed), np.inf
+    for way in product.FOURBAR.bounded(target, limits):
+        problem = (product.ShapeProblem if way.boxes is None else product.PosedProblem)(
+            target, way.chart, way.constraints
+        )
+        families = FAMILIES[{"crank_rocker": -1, "double_crank": 1}.get(limits.family, 0)]
+        lengths = random.dirichlet(np.ones(4), size=8 * draws)
+        if limits.family != "any":
+            lengths = lengths[np.isin(product.family(lengths).astype(str), families)]
+        lengths = lengths[:draws]
+        start, branch = random.uniform(0, product.TURN, len(lengths)), random.choice([-1.0, 1.0], len(lengths))
+        angle = product.coupler_angle(lengths, branch, start[:, None] + target.crank)
+        closes = np.isfinite(angle).all(axis=1)
+        lengths, start, branch, angle = lengths[closes], start[closes], branch[closes], angle[closes]
+        if way.boxes is None:
+            seeds = np.column_stack([way.chart.unknowns(lengths), start])
+        else:
+            fit, scale = product.fit_positions(target, angle), target.length_scale
+            size = np.abs(fit.crank_vector) / scale / lengths[:, 0]
+            size = np.clip(size, 1e-3, 1e3)
+            pose = product.Poses(
+                (fit.pivot - problem.middle) / scale, np.angle(fit.crank_vector) - start, fit.coupler_vector / scale
+            )
+            seeds = problem.posed(way.chart.unknowns(lengths * size[:, None]), start, pose)
+        cost = problem.evaluate(seeds, branch).cost
+        best = np.argsort(cost, kind="stable")
+        chosen = np.concatenate([best[: starts // 2], random.permutation(best)[: starts // 2]])
+        for plan in ((60, (0.1, 1.0, 10.0, 100.0), 15), (60, (100.0, 300.0, 1000.0), 15)):
+            found = product.descend(problem, seeds[chosen], branch[chosen], product.Plan(*plan), product.Work())
+            seeds[chosen] = found.unknowns
+        found = product.restored(problem, found)
+        linkages = problem.linkages(product.FOURBAR, found.unknowns, found.branch, target)
+        kept = product.FOURBAR.within(target, limits, product.FOURBAR.assess(target, linkages))
+        least = min([least, *(one.errors.objective for one in kept)])
+    return float(least) if np.isfinite(least) else None

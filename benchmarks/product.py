@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import time
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from app.fourbar.models import SynthesizeRequest
 from app.resources import ServiceResources
 from app.settings import Settings
 from benchmarks.report import Times
-from linkage_atlas.motions import Motion
+from linkage_atlas.motions import Motion, read_limits
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.scan import STARTS, Scan
@@ -27,11 +28,13 @@ from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule
 from synthesis.fourbar.kinematics import close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.rounding import best_from_stock
 from synthesis.fourbar.solution import Solution, assess, mounted
 from synthesis.least_squares import Minima, minimise
 from synthesis.mechanism import Chart
-from synthesis.pose import objective
-from synthesis.search.limited import LimitedProblem
+from synthesis.pose import fit_positions, objective
+from synthesis.search.constrained import Plan, descend, restored
+from synthesis.search.placed import PosedProblem, Poses, ShapeProblem
 from synthesis.search.projected import ProjectedProblem
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
@@ -60,14 +63,17 @@ def target_of(request: dict[str, Any]) -> Target:
     return Motion.of(**{name: request.get(name) for name in names}).target
 
 
+class ProcessorWork(Work):
+    """Work whose time is that of the processor, which other work does not stretch."""
+
+    def __init__(self, budget: float | None = None) -> None:
+        super().__init__(budget, clock=time.process_time)
+
+
 def limits_of(request: dict[str, Any]) -> Limits:
     """The limits of a request as the numerics see them."""
-    asked = request["limits"]
-    box = asked.get("pivot_box")
-    least = np.radians(asked.get("transmission_angle_min", 0.0))
-    return Limits(
-        asked["family"], least, None if box is None else tuple(box), asked.get("link_min"), asked.get("link_max")
-    )
+    names = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
+    return read_limits(request["limits"], Motion.of(**{name: request.get(name) for name in names}))
 
 
 def counter_clockwise(motion: Target, *limits: Limits) -> Any:
@@ -77,9 +83,7 @@ def counter_clockwise(motion: Target, *limits: Limits) -> Any:
     return both if limits else both[0]
 
 
-def refine(
-    problem: ProjectedProblem | LimitedProblem, seeds: Any, branch: Any, steps: int, tolerance: float = 0.0
-) -> Minima:
+def refine(problem: ProjectedProblem, seeds: Any, branch: Any, steps: int, tolerance: float = 0.0) -> Minima:
     """Seeds refined all at once."""
     return minimise(problem.evaluate, seeds, branch, steps, tolerance)
 
@@ -87,6 +91,11 @@ def refine(
 def solved(target: Target, lengths: Any, branch: Any, start: Any) -> list[Solution]:
     """Linkages of given shapes in their best pose, with their errors."""
     return assess(target, mounted(target, lengths, branch, start))
+
+
+def solution_of(linkage: la.FourBar, target: Target) -> Solution:
+    """A linkage as an answer to a motion."""
+    return assess(target, [linkage._linkage])[0]
 
 
 def table_of(rule: TypeRule, samples: int) -> Table:

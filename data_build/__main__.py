@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
-from data_build.cli import main
+interrupt = signal.getsignal(signal.SIGINT)
+if interrupt is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until everything is imported: no traceback
+
+from data_build.cli import main  # noqa: E402
+
+signal.signal(signal.SIGINT, interrupt)
 
 COMMANDS = ("build", "verify", "info", "-h", "--help")
 

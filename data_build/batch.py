@@ -16,7 +16,7 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, wait
 from functools import lru_cache
 from pathlib import Path
 
@@ -25,12 +25,15 @@ import numpy as np
 from synthesis.atlas.file import encode_atlas, generator_versions
 from synthesis.atlas.rows import AtlasRows, compute_rows, concatenate
 from synthesis.atlas.table import Atlas, AtlasRule
+from synthesis.errors import FieldError
 from synthesis.fourbar.dimension_types import enumerate_types
 
 SHARD_TYPES = 4096
 """Types of one shard: the same whatever the number of workers, so that the file is the same too."""
 
 _DIGEST_BYTES = 32
+_LOOK_SECONDS = 0.1
+"""Between two looks at whether the build is to stop."""
 
 
 class BuildLocked(Exception):
@@ -54,12 +57,19 @@ def _rows(payload: bytes) -> AtlasRows:
         return AtlasRows(**arrays)
 
 
+def check_target(path: Path) -> None:
+    """Refuse to replace what is no regular file: devices, pipes and folders stay what they are."""
+    if os.path.lexists(path) and not path.is_file():
+        raise FieldError("/out", f"{path} exists and is no regular file")
+
+
 def replace_file(path: Path, data: bytes | memoryview, *, durable: bool) -> None:
     """Write a file so that a reader sees the old content or all of the new one.
 
     The temporary file lies beside it and is removed on any failure. With ``durable`` it returns once both the bytes
     and the name are on the disk.
     """
+    check_target(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as file:
@@ -90,7 +100,7 @@ def _parts_folder(out: Path) -> Iterator[Path]:
     folder = out.with_name(out.name + ".parts")
     while True:
         folder.mkdir(exist_ok=True)
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             # The folder may have been removed by its owner between our open and our lock; then try again.
@@ -134,6 +144,9 @@ class _Parts:
         return payload if self._digest(shard, payload) == digest else None
 
     def write(self, shard: int, payload: bytes) -> None:
+        path = self._path(shard)
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)  # no part: where one belongs
         # Not durable: after a power cut a part fails its digest and is made again.
         replace_file(self._path(shard), self._digest(shard, payload) + payload, durable=False)
 
@@ -143,6 +156,7 @@ def build_atlas(
     out: Path,
     executor: Executor,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> Atlas:
     """Build an atlas and write it to a file.
 
@@ -150,11 +164,14 @@ def build_atlas(
     ----------
     rule : AtlasRule
     out : Path
-        Replaced atomically when everything is done; its folder must exist.
+        Replaced atomically when everything is done; its folder must exist. A symbolic link is followed: what it points to is
+        replaced.
     executor : concurrent.futures.Executor
         Runs `compute_shard`; processes, threads or a cluster's.
     progress : callable
         ``progress(done, total)`` after each shard.
+    stopped : callable
+        Asked a few times a second; once it is true the build ends with KeyboardInterrupt, and the shards are kept.
 
     Returns
     -------
@@ -165,9 +182,20 @@ def build_atlas(
     ------
     BuildLocked
         Another process builds the same file.
+    FieldError
+        ``out`` exists and is no regular file.
+    KeyboardInterrupt
+        When it was stopped.
     OSError
         The disk is full or the place cannot be written; ``out`` is as it was.
     """
+
+    def go_on() -> None:
+        if stopped():
+            raise KeyboardInterrupt
+
+    out = out.resolve()
+    check_target(out)
     lengths = enumerate_types(rule.types)
     shards = -(-len(lengths) // SHARD_TYPES)
     with _parts_folder(out) as folder:
@@ -178,11 +206,15 @@ def build_atlas(
             executor.submit(compute_shard, rule, shard): shard for shard in range(shards) if shard not in payloads
         }
         try:
-            for future in as_completed(pending):
-                shard = pending[future]
-                payloads[shard] = future.result()
-                parts.write(shard, payloads[shard])
-                progress(len(payloads), shards)
+            left = set(pending)
+            while left:
+                done, left = wait(left, _LOOK_SECONDS, FIRST_COMPLETED)
+                go_on()
+                for future in done:
+                    shard = pending[future]
+                    payloads[shard] = future.result()
+                    parts.write(shard, payloads[shard])
+                    progress(len(payloads), shards)
         except BaseException:
             for future in pending:
                 future.cancel()
@@ -190,6 +222,9 @@ def build_atlas(
         rows = [_rows(payloads.pop(shard)) for shard in range(shards)]
         table = concatenate(rows) if rows else compute_rows(lengths, rule.samples)
         atlas = Atlas(rule=rule, lengths=lengths.astype("<u2"), generator=generator_versions(), **table._asdict())
-        replace_file(out, encode_atlas(atlas), durable=True)
+        go_on()
+        image = encode_atlas(atlas)
+        go_on()
+        replace_file(out, image, durable=True)
         shutil.rmtree(folder)
     return atlas

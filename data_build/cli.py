@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,7 +31,13 @@ def main(argv: Sequence[str] | None = None, prog: str = "linkage-atlas") -> int:
     """Run one batch command; returns the exit code: 0 ok, 1 failed, 2 usage, 3 damaged data, 130 interrupted."""
     try:
         options = _parser(prog).parse_args(argv)
-        return options.run(options)
+        code = options.run(options)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # nobody reads what is said; what was made is there
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_OK
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return EXIT_INTERRUPTED
@@ -58,7 +65,12 @@ def _parser(prog: str) -> argparse.ArgumentParser:
     default = AtlasRule()
 
     build = commands.add_parser("build", help="build an atlas file", description="Builds an atlas file.")
-    build.add_argument("--out", type=Path, default=Path("atlas.h5"), help="the file to write (default: %(default)s)")
+    build.add_argument(
+        "--out",
+        type=Path,
+        default=Path("atlas.h5"),
+        help="the file to write; a symbolic link is followed, what is no regular file is refused (default: %(default)s)",
+    )
     build.add_argument(
         "--perimeter", type=int, default=default.types.perimeter, help="sum of the four lengths (%(default)s)"
     )
@@ -106,10 +118,6 @@ def _print(values: dict[str, Any], as_json: bool) -> None:
         print(f"{name:<16} {text:,}" if isinstance(text, int) else f"{name:<16} {text}")
 
 
-def _terminate(*_: Any) -> None:
-    raise KeyboardInterrupt
-
-
 def _build(options: argparse.Namespace) -> int:
     rule = AtlasRule(TypeRule(options.perimeter, options.smallest, OrderRule(options.order)), options.samples)
     size = count_types(rule.types) * rule.samples * 4
@@ -117,7 +125,11 @@ def _build(options: argparse.Namespace) -> int:
         raise FieldError("/perimeter", f"gives {size:,} bytes of details, a build holds at most {MAX_BUILD_BYTES:,}")
     if not options.out.parent.is_dir():
         raise FieldError("/out", f"there is no folder {options.out.parent}")
-    signal.signal(signal.SIGTERM, _terminate)
+    # A flag and no exception: raised inside a destructor or a weak reference's callback it would be lost.
+    asked_to_stop = threading.Event()
+    for name in (signal.SIGTERM, signal.SIGINT):
+        if signal.getsignal(name) is not signal.SIG_IGN:
+            signal.signal(name, lambda *_: asked_to_stop.set())
     started = time.perf_counter()
     chosen = dask_executor(options.scheduler) if options.scheduler else local_executor(options.jobs)
     # disable=None: tqdm draws on a terminal and is silent elsewhere
@@ -127,7 +139,7 @@ def _build(options: argparse.Namespace) -> int:
             bar.total = total
             bar.update(done - bar.n)
 
-        atlas = build_atlas(rule, options.out, executor, progress)
+        atlas = build_atlas(rule, options.out, executor, progress, asked_to_stop.is_set)
     summary = {"file": str(options.out), "bytes": options.out.stat().st_size, **describe(atlas)}
     _print({**summary, "seconds": round(time.perf_counter() - started, 2)}, options.json)
     return EXIT_OK

@@ -8,7 +8,8 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from typing import Any
 
 
 def _start_worker() -> None:
@@ -24,13 +25,24 @@ def _start_worker() -> None:
         threading.Thread(target=follow, daemon=True).start()
 
 
+class _Processes(ProcessPoolExecutor):
+    """Processes that are born with interrupts blocked: one that is still importing would show a traceback."""
+
+    def submit(self, *arguments: Any, **others: Any) -> Future[Any]:
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return super().submit(*arguments, **others)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
 @contextlib.contextmanager
 def local_executor(jobs: int) -> Iterator[Executor]:
     """``jobs`` processes; for one job a thread, which saves the start of a process."""
     if jobs == 1:
         executor: Executor = ThreadPoolExecutor(1)
     else:
-        executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _start_worker)
+        executor = _Processes(jobs, multiprocessing.get_context("spawn"), _start_worker)
     try:
         yield executor
     finally:

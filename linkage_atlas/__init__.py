@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from linkage_atlas.linkages import FourBar, Joints
     from linkage_atlas.motions import Motion
     from synthesis.errors import AtlasError, AtlasFault, FieldError
-    from synthesis.work import Cancelled, Work
+    from synthesis.work import Cancelled, OutOfTime, Work
 
 __version__ = "0.1.0"
 
@@ -35,7 +35,7 @@ _HOMES = {
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
     "linkage_atlas.commands": ("BATCH_COMMANDS", "run_batch"),
     "synthesis.errors": ("FieldError", "AtlasError", "AtlasFault"),
-    "synthesis.work": ("Work", "Cancelled"),
+    "synthesis.work": ("Work", "Cancelled", "OutOfTime"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -53,6 +53,7 @@ __all__ = [
     "Match",
     "Matches",
     "Motion",
+    "OutOfTime",
     "Result",
     "Solution",
     "Work",

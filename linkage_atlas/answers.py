@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from linkage_atlas.linkages import FourBar
+from linkage_atlas.studies import Analysis, ToleranceStudy
 from synthesis.fourbar.determination import Determination, Sensitivity
 from synthesis.ranking import Errors
 
@@ -28,11 +29,18 @@ class AtlasType:
 
 @dataclass(frozen=True)
 class Rounded:
-    """A linkage whose links lie on a grid, the rest fitted anew; limits are not applied again."""
+    """A linkage whose links lie on a grid or are of stock lengths, the rest fitted anew within the limits.
+
+    ``tried`` combinations of lengths were fitted, of so many ``combinations`` (None for a grid); ``exhaustive`` says whether the
+    choice is the best of all of them (None for a grid).
+    """
 
     linkage: FourBar
     errors: Errors
     transmission_angle_min: float
+    tried: int
+    combinations: int | None
+    exhaustive: bool | None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values under the names of the HTTP contract."""
@@ -43,7 +51,22 @@ class Rounded:
             **linkage,
             "errors": asdict(self.errors),
             "transmission_angle_min": self.transmission_angle_min,
+            **{name: getattr(self, name) for name in ("tried", "combinations", "exhaustive")},
         }
+
+
+@dataclass(frozen=True)
+class NotRounded:
+    """That no combination of lengths was found that closes within the limits; attributes as of `Rounded`."""
+
+    tried: int
+    combinations: int | None
+    exhaustive: bool | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract."""
+        absent = ("links", "start_angle", "body_offset", "mount", "errors", "transmission_angle_min")
+        return {"closes": False, **dict.fromkeys(absent), **asdict(self)}
 
 
 @dataclass(frozen=True)
@@ -79,12 +102,6 @@ class Verdict:
         return self.order and self.branch and self.circuit
 
 
-_NOT_CLOSING = {
-    "closes": False,
-    **dict.fromkeys(("links", "start_angle", "body_offset", "mount", "errors", "transmission_angle_min")),
-}
-
-
 @dataclass(frozen=True)
 class Solution:
     """A linkage that answers a request, and how well.
@@ -110,13 +127,17 @@ class Solution:
         The atlas row that it is, if it is one.
     sensitivity : Sensitivity or None
         Change of the motion per unit of each length, if asked for.
-    rounded : Rounded or None
-        With links on a grid, if asked for and if that closes; crank angles that were found are held.
+    rounded : Rounded, NotRounded or None
+        With links on a grid or of stock lengths, if asked for; crank angles that were found are held.
     verdict : Verdict
     crank_angle : ndarray, shape (N,), or None
         Crank angles at the samples from the first one, where they were free.
     excursion : float or None
         With free crank angles: the largest way of the body point between two neighbouring samples over their distance.
+    analysis : Analysis or None
+        Velocities, accelerations and forces, if asked for.
+    tolerance_study : ToleranceStudy or None
+        What tolerances of manufacture do, if asked for.
     """
 
     rank: int
@@ -129,11 +150,12 @@ class Solution:
     determination: Determination
     type: AtlasType | None
     sensitivity: Sensitivity | None
-    rounded: Rounded | None
+    rounded: Rounded | NotRounded | None
     verdict: Verdict
     crank_angle: Floats | None = None
     excursion: float | None = None
-    asked_to_round: bool = field(default=False, repr=False)
+    analysis: Analysis | None = field(default=None, repr=False)
+    tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
 
     @property
     def source(self) -> str:
@@ -142,9 +164,8 @@ class Solution:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values under the names of the HTTP contract."""
-        rounded = None
-        if self.asked_to_round:
-            rounded = _NOT_CLOSING if self.rounded is None else self.rounded.to_dict()
+        parts = ("rounded", "analysis", "tolerance_study")
+        more = {name: None if getattr(self, name) is None else getattr(self, name).to_dict() for name in parts}
         return {
             "rank": self.rank,
             "source": self.source,
@@ -161,6 +182,7 @@ class Solution:
             "determination": {
                 "ill_posed": self.determination.ill_posed,
                 "resolution": self.determination.resolution,
+                "at_limits": list(self.determination.at_limits),
                 "length_uncertainty": [
                     value if np.isfinite(value) else None for value in self.determination.length_uncertainty.tolist()
                 ],
@@ -168,7 +190,7 @@ class Solution:
             "sensitivity": None
             if self.sensitivity is None
             else {name: listed(getattr(self.sensitivity, name)) for name in ("rotation", "position")},
-            "rounded": rounded,
+            **more,
         }
 
 
@@ -292,6 +314,7 @@ class MatchReport:
     evaluated: int
     notes: list[str]
     features: Features | None
+    exhaustive: bool = True
 
 
 @dataclass(frozen=True)

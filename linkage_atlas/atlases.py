@@ -59,11 +59,16 @@ class Atlas:
                 self._rocker_scan = Scan(rockers, threads=self._threads)
             return self._rocker_scan
 
-    def prepare(self, positions: bool = True, work: Work | None = None) -> None:
-        """Prepare the scan now, also for requests with positions, as far as the work's time allows."""
-        _ = self.scan
+    def prepare(self, positions: bool = True, work: Work | None = None, threads: int | None = None) -> None:
+        """Prepare the scan now, also for requests with positions, as far as the work's time allows.
+
+        Afterwards it scans on so many ``threads``, if that is given.
+        """
+        scan = self.scan
+        if threads is not None:
+            scan.threads = threads
         if positions:
-            self.scan.prepare_positions(work or Work())
+            scan.prepare_positions(work or Work())
 
     def type_of(self, row: int) -> AtlasType:
         """The type of a row, counted from 0."""

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import Features, Match, Matches, MatchReport, Report, Result
 from linkage_atlas.atlases import Atlas
-from linkage_atlas.finish import cognate_notes, finished, read_tolerances, status_of
+from linkage_atlas.finish import Wishes, cognate_notes, finished, read_lengths, read_tolerances, status_of
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, number, read_limits
+from linkage_atlas.relaxation import what_excludes
+from linkage_atlas.studies import check_rows, read_drive, read_manufacture, study_notes
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
@@ -26,10 +28,17 @@ from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
-from synthesis.ranking import Status
+from synthesis.ranking import Status, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
+
+DIVERSE_LOSS = 2.0
+"""Times the best objective that the objectives of diverse solutions may be."""
+_VARIETY = 6
+"""Times as many solutions among which diverse ones are chosen."""
+FINISHING = 0.1
+"""Part of its budget that an answer may take beyond it, to finish what the search has found."""
 
 
 @cache
@@ -70,7 +79,11 @@ def synthesize(
     budget: float | None = None,
     length_scale: float | None = None,
     round_to: float | None = None,
+    lengths_from: ArrayLike | None = None,
+    diverse: bool = False,
     sensitivity: bool = False,
+    analysis: Mapping[str, Any] | None = None,
+    tolerance_study: Mapping[str, Any] | None = None,
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
 ) -> Result:
@@ -104,8 +117,10 @@ def synthesize(
     degrees : bool
         Unit of every angle in and out; False: radians.
     limits : mapping, optional
-        transmission_angle_min, pivot_box [xmin, ymin, xmax, ymax], link_min, link_max, and family: full_crank (default),
-        crank_rocker, double_crank or any.
+        transmission_angle_min, transmission_angle_min_turn; pivot_a, pivot_b [x, y], pivot_box, pivot_a_box, pivot_b_box
+        [xmin, ymin, xmax, ymax], keep_out (boxes); link_min, link_max, link_ratio_max, links {"crank": length, ..};
+        coupler_radius_max, envelope (a box); family: full_crank (default), crank_rocker, double_crank or any; preset:
+        "practical", see the limits' page of the documents.
     top : int
         At most so many linkages, different from one another.
     effort : {"refine", "atlas"}
@@ -117,9 +132,18 @@ def synthesize(
     length_scale : float, optional
         Weighs position errors against rotation errors in radians; default: the largest distance from the mean position.
     round_to : float, optional
-        Also give each solution with its links on this grid and the rest fitted anew.
+        Also give each solution with its links on this grid and the rest fitted anew, within the limits.
+    lengths_from : array_like, shape (n,), optional
+        Instead: with each link of one of these lengths, in the best combination.
+    diverse : bool
+        Spread the solutions over families, branches and places, the objective at most twice the best, in place of the best ones.
     sensitivity : bool
         Also give the change of the motion per unit of each length.
+    analysis : mapping, optional
+        ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`: also give velocities, accelerations and forces.
+    tolerance_study : mapping, optional
+        ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`: also give what tolerances of
+        manufacture do.
     atlas : Atlas, optional
         For effort "atlas".
     work : callable
@@ -168,22 +192,41 @@ def synthesize(
     )
     notes, kept = motion.notes(), read_limits(limits, motion)
     allowed = read_tolerances(tolerances, motion)
-    if round_to is not None and motion.samples.position is None:
-        raise FieldError("/round_to", "needs `position`: without it no length is actual")
-    found, went = _searched(motion, kept, top, tolerance, watch, prepared)
+    wishes = Wishes(
+        kept,
+        round_to,
+        read_lengths(lengths_from),
+        sensitivity,
+        None if analysis is None else read_drive(analysis, motion.samples.position is not None),
+        None if tolerance_study is None else read_manufacture(tolerance_study),
+    )
+    wishes.check_against(motion)
+    if wishes.drive is not None:
+        check_rows(top, None if motion.free else motion.target.interval)
+    found, went = _searched(motion, kept, _VARIETY * top if diverse else top, tolerance, watch, prepared)
+    if diverse:
+        found = spread(found, top, DIVERSE_LOSS, tolerance)
     searched = watch.elapsed
-    solutions = finished(found, motion, tolerance, allowed, round_to, sensitivity, atlas)
+    solutions = finished(found, motion, tolerance, allowed, wishes, atlas, watch.extended(FINISHING))
     if solutions and solutions[0].determination.ill_posed:
         notes.append(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
             "see `determination` of each solution"
         )
+    notes += study_notes(wishes.manufacture, solutions)
     notes += cognate_notes(solutions) if motion.samples.rotation is None else []
-    if not solutions and went.stopped_by == "budget":
+    cut_short = went.stopped_by == "budget"
+    if not solutions and not kept.only_family and effort == "refine" and not cut_short:
+        notes += what_excludes(
+            kept, motion, lambda limits, some: _searched(motion, limits, 3, tolerance, some, prepared), watch
+        )
+    if not solutions and cut_short:
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
+    if len(solutions) < len(found):
+        notes.append(f"the time was up: of {len(found)} linkages found the best {len(solutions)} are reported")
     total = watch.elapsed
     return Result(
-        status_of(solutions, tolerance, allowed),
+        status_of(solutions, tolerance, allowed, cut_short),
         solutions,
         Report(
             elapsed_ms={
@@ -216,12 +259,12 @@ def _searched(
     counts: dict[str, Any] = {"seeds": None, "windows": None, "exhaustive": None}
     if isinstance(prepared, SeedTables):
         if isinstance(motion.samples, Poses):
-            found, went = search_free(motion.samples, limits, top, tolerance, work, screens)
+            found, went = search_free(motion.samples, limits, top, tolerance, work, screens, prepared.windows)
         else:
             found, went = search(prepared, motion.target, limits, top, tolerance, work)
         stages = {"screen": went.screen_seconds, "refine": work.elapsed - went.screen_seconds}
         return found, _Went(stages, went.trace, went.stopped_by.value, counts | {"seeds": went.seeds})
-    found, scanned = best_rows(prepared, motion.target, limits, top, work)
+    found, scanned = best_rows(prepared, motion.target, limits, top, work, tolerance)
     searched = work.elapsed
     trace = [(searched, found[0].errors.objective)] if found else []
     reached = Status.of(found, tolerance) is Status.REACHED
@@ -253,6 +296,7 @@ def match(
     degrees: bool = True,
     top: int = 10,
     features: bool = False,
+    budget: float | None = None,
     work: Callable[[float | None], Work] = Work,
 ) -> Matches:
     """The best rows of an atlas by rotation alone: all types, both branches, every whole degree of start.
@@ -268,13 +312,15 @@ def match(
     top : int
     features : bool
         Also give the Haar features of the request and of each match.
+    budget : float, optional
+        Seconds; the best rows of those looked at by then are returned, and the report is not exhaustive.
     work : callable
         As for `synthesize`.
 
     Returns
     -------
     Matches
-        Exactly the best, as if every window had been evaluated. No pose is computed.
+        Exactly the best, as if every window had been evaluated, where the report is exhaustive. No pose is computed.
 
     Raises
     ------
@@ -282,19 +328,21 @@ def match(
         Naming the argument.
     """
     check_top(top)
+    check_above_zero(budget=budget)
     if curve not in ("coupler", "rocker"):
         raise FieldError("/curve", f"wanted 'coupler' or 'rocker', found {curve!r}")
     scan = atlas.scan if curve == "coupler" else atlas.rocker_scan
-    watch = work(None)
+    watch = work(budget)
     motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)
     target, radian = motion.target, motion.radian
     wanted = target.rotation
     assert wanted is not None
     windows, report = scan.best(target, top, work=watch)
-    screened = watch.elapsed
-    matches = []
+    screened, finishing = watch.elapsed, watch.extended(FINISHING)
+    matches: list[Match] = []
     for k, angle in enumerate(scan.angles(target, windows)):
-        watch.check()
+        if matches and finishing.expired():
+            break
         angle = principal(angle)
         kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
         start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
@@ -308,7 +356,12 @@ def match(
     total = watch.elapsed
     stages = {"screen": screened, "rest": total - screened, "total": total}
     elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
-    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, motion.notes(), asked))
+    notes = motion.notes()
+    if len(matches) < windows.row.size:
+        notes.append(f"the time was up: of {windows.row.size} rows the best {len(matches)} are reported")
+    if not report.exhaustive:
+        notes.append("the scan was cut short: rows that it did not come to may be better")
+    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, notes, asked, report.exhaustive))
 
 
 def _features(crank: Any, curve: Any, radian: float) -> Features:

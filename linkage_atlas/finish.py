@@ -10,25 +10,100 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from linkage_atlas.answers import Rounded, Solution, Verdict
+from linkage_atlas.answers import NotRounded, Rounded, Solution, Verdict
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.linkages import FourBar
-from linkage_atlas.motions import Motion, column
+from linkage_atlas.motions import Motion, column, number
+from linkage_atlas.studies import Drive, Manufacture, analysed, share_of, studied
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as answers
 from synthesis.fourbar.determination import Sensitivity, determinations, sensitivities
 from synthesis.fourbar.excursion import excursions
+from synthesis.fourbar.held import determinations_within
+from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.practical import practical_faults
-from synthesis.fourbar.rounding import round_solution
+from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
 from synthesis.fourbar.verdict import Verdict as Passing
 from synthesis.fourbar.verdict import verdicts
 from synthesis.free.answers import in_turn
 from synthesis.free.poses import Poses
 from synthesis.ranking import Errors, Status
-from synthesis.target import Target
+from synthesis.target import MAX_LENGTH, MIN_LENGTH, Samples, Target
+from synthesis.work import Work
 
 Floats = NDArray[np.float64]
+
+_AT_ONCE = 8
+"""Solutions finished between two looks at the time; one where each is rounded."""
+
+
+TRIES, FEWEST_TRIES = 4000, 40
+"""Combinations of lengths that are fitted in all solutions of one request (about two seconds), and at least in each."""
+MOST_STOCK = 1000
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a request asks of each solution, beyond the linkage itself; None or False: not asked for.
+
+    Attributes
+    ----------
+    limits : Limits
+        What rounded links keep to.
+    round_to : float or None
+        A grid for the links.
+    lengths_from : tuple of float or None
+        Stock lengths for the links.
+    sensitivity : bool
+    drive : Drive or None
+        Of an analysis.
+    manufacture : Manufacture or None
+        Of a tolerance study.
+    """
+
+    limits: Limits
+    round_to: float | None = None
+    lengths_from: tuple[float, ...] | None = None
+    sensitivity: bool = False
+    drive: Drive | None = None
+    manufacture: Manufacture | None = None
+
+    @property
+    def long(self) -> bool:
+        """Whether each solution takes long enough to look at the time after it."""
+        return not (self.round_to is None and self.lengths_from is None and self.manufacture is None)
+
+    def check_against(self, motion: Motion) -> None:
+        """FieldError for wishes that this motion cannot have."""
+        if self.round_to is not None and self.lengths_from is not None:
+            raise FieldError("/lengths_from", "give either this or `round_to`")
+        wishes = {"round_to": self.round_to, "lengths_from": self.lengths_from, "tolerance_study": self.manufacture}
+        for name, wish in wishes.items():
+            if wish is not None and motion.samples.position is None:
+                raise FieldError(f"/{name}", "needs `position`: without it no length is actual")
+
+    def rounded(self, target: Target, one: answers.Solution, solutions: int, work: Work) -> Rounding | None:
+        """One of several solutions with lengths that can be had."""
+        tries = max(FEWEST_TRIES, TRIES // solutions)
+        if self.round_to is not None:
+            return round_to_grid(target, one, self.round_to, self.limits, tries, work)
+        if self.lengths_from is not None:
+            return best_from_stock(target, one, self.lengths_from, self.limits, tries, work)
+        return None
+
+
+def read_lengths(lengths: ArrayLike | None) -> tuple[float, ...] | None:
+    """Checked stock lengths."""
+    if lengths is None:
+        return None
+    stock = column("lengths_from", lengths)
+    if stock.ndim != 1 or not 1 <= stock.size <= MOST_STOCK:
+        raise FieldError("/lengths_from", f"wanted 1 to {MOST_STOCK:,} lengths")
+    for place, length in enumerate(stock):
+        if not MIN_LENGTH <= number(f"lengths_from/{place}", length) <= MAX_LENGTH:
+            raise FieldError(f"/lengths_from/{place}", f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}")
+    return tuple(stock.tolist())
 
 
 @dataclass(frozen=True)
@@ -37,6 +112,15 @@ class Tolerances:
 
     rotation: Floats | None
     position: Floats | None
+
+    def objective(self, samples: Samples) -> float:
+        """The objective of a motion that is off by as much as is allowed at every sample."""
+        square = 0.0
+        if self.rotation is not None:
+            square += float(np.mean(self.rotation**2))
+        if self.position is not None:
+            square += float(np.mean((self.position / samples.length_scale) ** 2))
+        return float(np.sqrt(square))
 
     def shares(self, target: Target, linkage: Linkage) -> Floats:
         """Each sample's largest error over what is allowed, (N,); a missing part counts as kept."""
@@ -71,12 +155,12 @@ def read_tolerances(tolerances: Mapping[str, ArrayLike] | None, motion: Motion) 
     return Tolerances(found.get("rotation"), found.get("position")) if found else None
 
 
-def status_of(solutions: Sequence[Solution], tolerance: float, allowed: Tolerances | None) -> str:
+def status_of(solutions: Sequence[Solution], tolerance: float, allowed: Tolerances | None, cut_short: bool) -> str:
     """What was found: reached where the best solution keeps the tolerances, or without any, where its objective is small."""
-    if solutions and allowed is not None:
-        return (Status.REACHED if solutions[0].verdict.within_tolerance else Status.CLOSEST).value
     if not solutions:
-        return Status.INFEASIBLE.value
+        return (Status.UNKNOWN if cut_short else Status.INFEASIBLE).value
+    if allowed is not None:
+        return (Status.REACHED if solutions[0].verdict.within_tolerance else Status.CLOSEST).value
     return (Status.REACHED if solutions[0].errors.objective < tolerance else Status.CLOSEST).value
 
 
@@ -85,18 +169,47 @@ def finished(
     motion: Motion,
     tolerance: float,
     allowed: Tolerances | None,
-    round_to: float | None,
-    sensitivity: bool,
+    wishes: Wishes,
     atlas: Atlas | None,
+    work: Work,
 ) -> list[Solution]:
-    """Solutions in the user's unit, with how well they are determined and what else was asked for."""
-    if not found:
-        return []
+    """Solutions in the user's unit, with how well they are determined and what else was asked for.
+
+    Once the work's time is up no further ones are finished: those are left out. The first always is.
+    """
+    at_once = 1 if wishes.long else _AT_ONCE
+    solutions: list[Solution] = []
+    for first in range(0, len(found), at_once):
+        if solutions and work.expired():
+            break
+        part = found[first : first + at_once]
+        done, target = _finished(part, motion, tolerance, allowed, wishes, atlas)
+        solutions += [
+            _with_wishes(one, raw, motion.one_of(target, k), wishes, len(found), work)
+            for k, (one, raw) in enumerate(zip(done, part))
+        ]
+    # a linkage that does not work as a machine never comes before one that does
+    solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
+    return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+
+
+def _finished(
+    found: list[answers.Solution],
+    motion: Motion,
+    tolerance: float,
+    allowed: Tolerances | None,
+    wishes: Wishes,
+    atlas: Atlas | None,
+) -> tuple[list[Solution], Target]:
+    """Some solutions without what was asked for beyond the linkage, and the motion with the crank angles of each."""
     linkages: list[Linkage] = [one.linkage for one in found]
     target = motion.with_angles(linkages, [one.crank for one in found])
-    resolutions = [max(one.errors.objective, tolerance) for one in found]
-    fixed = determinations(target, linkages, resolutions)
-    changes: list[Any] = sensitivities(target, linkages) if sensitivity else [None] * len(found)
+    if wishes.limits.only_family:
+        fixed = determinations(target, linkages, [max(one.errors.objective, tolerance) for one in found])
+    else:
+        resolution = tolerance if allowed is None else max(tolerance, allowed.objective(motion.samples))
+        fixed = determinations_within(target, linkages, resolution, wishes.limits)
+    changes: list[Any] = sensitivities(target, linkages) if wishes.sensitivity else [None] * len(found)
     passed, excursions = _passed(found, motion, target)
     solutions = [
         _solution(
@@ -108,14 +221,11 @@ def finished(
             passed[k],
             excursions[k],
             allowed,
-            round_to,
             atlas,
         )
         for k, one in enumerate(found)
     ]
-    # a linkage that does not work as a machine never comes before one that does
-    solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
-    return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+    return solutions, target
 
 
 def _passed(found: list[answers.Solution], motion: Motion, target: Target) -> tuple[list[Passing], list[Any]]:
@@ -139,11 +249,9 @@ def _solution(
     passing: Passing,
     excursion: float | None,
     allowed: Tolerances | None,
-    round_to: float | None,
     atlas: Atlas | None,
 ) -> Solution:
     radian, turn = motion.radian, one.transmission_angle_min_turn
-    rounded = None if round_to is None else round_solution(own.target, one, round_to)
     if change is not None and change.rotation is not None:
         change = Sensitivity(change.rotation / radian, change.position)
     crank = None
@@ -160,11 +268,31 @@ def _solution(
         determination=determined,
         type=None if one.row is None or atlas is None else atlas.type_of(one.row),
         sensitivity=change,
-        rounded=None if rounded is None else _rounded(rounded, own),
+        rounded=None,
         verdict=_verdict(one, own.target, passing, excursion, allowed),
         crank_angle=crank,
         excursion=excursion,
-        asked_to_round=round_to is not None,
+    )
+
+
+def _with_wishes(
+    done: Solution, one: answers.Solution, own: Motion, wishes: Wishes, solutions: int, work: Work
+) -> Solution:
+    """One of several solutions with what else was asked of it."""
+    work.check()
+    target, radian = own.target, own.radian
+    interval, rounded = target.interval, wishes.rounded(target, one, solutions, work)
+    analysis = study = None
+    if wishes.drive is not None:
+        analysis = analysed(one.linkage, wishes.drive, target.crank, radian, interval)
+    if wishes.manufacture is not None:
+        share = share_of(wishes.manufacture, target.samples, solutions)
+        study = studied(one.linkage, share, target.crank, interval, radian, work)
+    return replace(
+        done,
+        rounded=None if rounded is None else _rounded(rounded, own),
+        analysis=analysis,
+        tolerance_study=study,
     )
 
 
@@ -200,10 +328,14 @@ def _in_unit(errors: Errors, radian: float) -> Errors:
     )
 
 
-def _rounded(solution: answers.Solution, motion: Motion) -> Rounded:
-    """A rounded solution in the motion's unit."""
+def _rounded(found: Rounding, motion: Motion) -> Rounded | NotRounded:
+    """Rounded links in the motion's unit."""
+    solution, how = found.solution, (found.tried, found.combinations, found.exhaustive)
+    if solution is None:
+        return NotRounded(*how)
     return Rounded(
         FourBar.of(solution.linkage, motion),
         _in_unit(solution.errors, motion.radian),
         solution.transmission_angle_min / motion.radian,
+        *how,
     )

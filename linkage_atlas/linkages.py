@@ -9,19 +9,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from linkage_atlas.exports import kind_of, text_of
 from linkage_atlas.motions import Motion, column, number, radians_in
+from linkage_atlas.studies import Analysis, ToleranceStudy, analysed, read_drive, read_manufacture, studied
 from synthesis.errors import FieldError
-from synthesis.fourbar import drawing, files
 from synthesis.fourbar.cognates import are_cognates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval, Target
+from synthesis.work import Work
 
 Floats = NDArray[np.float64]
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-"""Units of length that DXF and MJCF files are written from."""
-FORMATS = {"csv": "csv", "svg": "svg", "dxf": "dxf", "mjcf": "mjcf", "xml": "mjcf"}
-"""Endings of files and the formats that they mean."""
 _TURN_STEPS = 73
 
 
@@ -252,6 +250,45 @@ class FourBar:
         ends = [0.0 if first is None else first * self._radian, TURN if last is None else last * self._radian]
         return self._linkage.transmission_angle_min(Interval(*ends)) / self._radian
 
+    def analysis(
+        self, crank_speed: float, load: Mapping[str, Any] | None = None, crank: ArrayLike | None = None
+    ) -> Analysis:
+        """Velocities, accelerations and, with a load, the torque of the drive and the forces in the pins.
+
+        Parameters
+        ----------
+        crank_speed : float
+            Of the crank, constant, counter-clockwise: in the linkage's unit of angle a second.
+        load : mapping, optional
+            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it.
+        crank : array_like, shape (n,), optional
+            Crank angles from the start angle on. Default: the samples of the motion that it answers (or a whole turn), with the
+            `curve` over their interval.
+        """
+        drive = read_drive({"crank_speed": crank_speed, "load": load}, self._linkage.mounted)
+        if crank is not None:
+            return analysed(self._linkage, drive, np.atleast_1d(column("crank", crank)) * self._radian, self._radian)
+        target = self._default_motion()
+        return analysed(self._linkage, drive, target.crank, self._radian, target.interval)
+
+    def tolerance_study(self, *, work: Work | None = None, **manufacture: Any) -> ToleranceStudy:
+        """What tolerances of manufacture do to the motion of the body, simulated and to first order.
+
+        Parameters
+        ----------
+        links, pivots : float
+            Lengths, and coordinates of the fixed pivots, lie evenly within this of their nominal values, either way.
+        clearance : float
+            Diameter of a hole less that of its pin, in all four joints.
+        samples, seed : int
+            How many linkages are made by chance (10,000), and which (0).
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        """
+        target = self._default_motion()
+        asked, work = read_manufacture(manufacture), work or Work()
+        return studied(self._linkage, asked, target.crank, target.interval, self._radian, work)
+
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
@@ -298,42 +335,37 @@ class FourBar:
         motion: Motion | None = None,
         length_unit: str = "mm",
         crank_angle: ArrayLike | None = None,
+        analysis: Mapping[str, Any] | None = None,
+        plates: Mapping[str, float] | None = None,
     ) -> str:
         """The linkage as the text of a file.
 
         Parameters
         ----------
-        kind : {"csv", "svg", "dxf", "mjcf"}
+        kind : {"csv", "svg", "dxf", "plates", "mjcf", "pylinkage"}
+            ``plates``: a DXF of the links as plates to cut.
         motion : Motion, optional
             What was asked for; default: the motion that the linkage answers, or else a whole turn.
         length_unit : {"mm", "cm", "m", "in"}
             The unit of its lengths, for DXF and MJCF.
         crank_angle : array_like, shape (N,), optional
             Of a motion whose crank angles are free: those of this solution.
+        analysis : mapping, optional
+            ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
+        plates : mapping, optional
+            ``hole``, the diameter of the holes, and ``width`` of the plates.
         """
         if motion is not None and motion.free:
             if crank_angle is None:
                 raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
             motion = motion.of_solution(self._linkage, column("crank_angle", crank_angle) * self._radian)
         target = motion.target if motion is not None else self._default_motion()
-        if kind == "csv":
-            return files.to_csv(self._linkage, target, self._radian)
-        if kind == "svg":
-            return drawing.to_svg(self._linkage, target)
-        if length_unit not in MILLIMETRES:
-            raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
-        if kind not in ("dxf", "mjcf"):
-            raise FieldError("/kind", f"wanted csv, svg, dxf or mjcf, found {kind!r}")
-        write = files.to_dxf if kind == "dxf" else files.to_mjcf
-        return write(self._linkage, target, MILLIMETRES[length_unit])
+        return text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates)
 
     def save(self, path: str | Path, length_unit: str = "mm") -> None:
-        """Write a file; its ending says which: .csv, .svg, .dxf, .xml (MJCF, also .mjcf)."""
+        """Write a file; its ending says which: .csv, .svg, .dxf, .plates.dxf, .xml (MJCF, also .mjcf), .pylinkage.json."""
         path = Path(path)
-        ending = path.suffix.lstrip(".").lower()
-        if ending not in FORMATS:
-            raise FieldError("/path", f"the file must end in one of {', '.join(FORMATS)}, found {ending!r}")
-        path.write_text(self.render(FORMATS[ending], length_unit=length_unit), newline="")
+        path.write_text(self.render(kind_of(path.name), length_unit=length_unit), newline="")
 
     def _default_motion(self) -> Target:
         """What it is drawn over: the motion that it answers, or a whole turn."""

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.limits import LINKS, Limits
 from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.practical import practical_limits
 from synthesis.free.pairs import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, TURN, Samples, Target, make_target
@@ -30,7 +31,24 @@ __all__ = [
     "read_limits",
 ]
 
-LIMITS = ("transmission_angle_min", "pivot_box", "link_min", "link_max", "family")
+LIMITS = (
+    "transmission_angle_min",
+    "transmission_angle_min_turn",
+    "pivot_a",
+    "pivot_b",
+    "pivot_box",
+    "pivot_a_box",
+    "pivot_b_box",
+    "keep_out",
+    "link_min",
+    "link_max",
+    "link_ratio_max",
+    "links",
+    "coupler_radius_max",
+    "envelope",
+    "family",
+    "preset",
+)
 """Names of the limits, as over HTTP."""
 
 
@@ -237,21 +255,60 @@ def _points(position: ArrayLike) -> Any:
 
 def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
     """The limits of a request, checked against its motion."""
-    given = dict(limits or {})
+    given = {name: value for name, value in (limits or {}).items() if value is not None}
     for name in given:
         if name not in LIMITS:
             raise FieldError(f"/limits/{name}", f"there is no such limit; there are {', '.join(LIMITS)}")
-    given = {name: value for name, value in given.items() if value is not None}
-    for name in ("transmission_angle_min", "link_min", "link_max"):
-        if name in given:
-            given[name] = number(f"limits/{name}", given[name])
-    if "transmission_angle_min" in given:
-        given["transmission_angle_min"] *= motion.radian
-    if "pivot_box" in given:
-        box = column("limits/pivot_box", given["pivot_box"])
-        if box.shape != (4,):
-            raise FieldError("/limits/pivot_box", f"wanted [xmin, ymin, xmax, ymax], found {box.size} numbers")
-        given["pivot_box"] = tuple(box.tolist())
+    preset = given.pop("preset", None)
+    if preset not in (None, "practical"):
+        raise FieldError("/limits/preset", f"wanted 'practical' or nothing, found {preset!r}")
+    for name, value in given.items():
+        if name in _ANGLES:
+            given[name] = number(f"limits/{name}", value) * motion.radian
+        elif name in _NUMBERS:
+            given[name] = number(f"limits/{name}", value)
+        elif name in _BOXES:
+            given[name] = _box(f"limits/{name}", value)
+        elif name in ("pivot_a", "pivot_b"):
+            x, y = _numbers(f"limits/{name}", value, 2, "[x, y]")
+            given[name] = complex(x, y)
+    if "keep_out" in given:
+        given["keep_out"] = tuple(_box(f"limits/keep_out/{k}", box) for k, box in enumerate(given["keep_out"]))
+    if "links" in given:
+        given["links"] = _lengths(given["links"])
+    if preset is not None:
+        given = practical_limits(motion.samples, given)
     checked = Limits(**given)
     checked.check_against(motion.samples)
     return checked
+
+
+_ANGLES = ("transmission_angle_min", "transmission_angle_min_turn")
+_NUMBERS = ("link_min", "link_max", "link_ratio_max", "coupler_radius_max")
+_BOXES = ("pivot_box", "pivot_a_box", "pivot_b_box", "envelope")
+
+
+def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:
+    found = column(field, values)
+    if found.shape != (size,):
+        raise FieldError(f"/{field}", f"wanted {form}, found {found.size} numbers")
+    if not np.all(np.isfinite(found)):
+        raise FieldError(f"/{field}/{int(np.argmin(np.isfinite(found)))}", "wanted a finite number")
+    return found.tolist()
+
+
+def _box(field: str, values: Any) -> Any:
+    return tuple(_numbers(field, values, 4, "[xmin, ymin, xmax, ymax]"))
+
+
+def _lengths(given: Any) -> tuple[float | None, ...]:
+    """Given lengths in the order of a four-bar."""
+    if not isinstance(given, Mapping):
+        raise FieldError("/limits/links", f"wanted some of {', '.join(LINKS)} with their lengths")
+    for name in given:
+        if name not in LINKS:
+            raise FieldError(f"/limits/links/{name}", f"there is no such link; there are {', '.join(LINKS)}")
+    values = [given.get(name) for name in LINKS]
+    return tuple(
+        None if value is None else number(f"limits/links/{name}", value) for name, value in zip(LINKS, values)
+    )

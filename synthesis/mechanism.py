@@ -19,9 +19,11 @@ from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from synthesis.target import Target
+from synthesis.target import Interval, Target
 
 Floats = NDArray[np.float64]
+Box = tuple[float, float, float, float]
+"""xmin, ymin, xmax, ymax"""
 Complexes = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
 
@@ -86,6 +88,45 @@ class Chart(Protocol):
         """Angles of shapes (n, k) at crank angles (n, N), each candidate's own; the slope's last row is that by theta1."""
 
 
+class Placed(NamedTuple):
+    """Linkages in their pose, n of them. Without a pose the unit of length is the last length."""
+
+    lengths: Floats
+    """(n, d)"""
+    branch: Floats
+    used: Interval
+    """theta1 where the motion begins and ends, (n,) each."""
+    pivot: Complexes | None = None
+    turned: Floats | None = None
+    """Ground angle."""
+    coupler: Complexes | None = None
+    """z2 of the position."""
+
+
+class Constrained(NamedTuple):
+    """Limits as smooth functions of placed linkages."""
+
+    values: Floats
+    """(n, C): at least 0 where a limit is kept, 0 where an equation is; NaN where a linkage does not close."""
+    slopes: Floats
+    """(n, C, d + 7): by the lengths, the first and last theta1, pivot A (x, y), the ground angle and z2 (x, y)."""
+    equal: Flags
+    """(C,): which are equations."""
+    names: list[str]
+    """Of the limit that each belongs to, (C,)."""
+
+
+class Constraints(Protocol):
+    """The limits of a request in a unit of length."""
+
+    @property
+    def any(self) -> bool:
+        """Whether there are any."""
+
+    def __call__(self, placed: Placed) -> Constrained:
+        """The constraints at linkages in that unit."""
+
+
 @runtime_checkable
 class BoundedChart(Chart, Protocol):
     """A chart whose unknowns have bounds."""
@@ -98,6 +139,48 @@ class BoundedChart(Chart, Protocol):
 
     def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
         """Unknowns perturbed by noise (n, k) in units of order one."""
+
+    def place(self, unknowns: Floats) -> Floats:
+        """Where shapes lie, whatever their scale, (n, c): shapes in one unit cell are alike."""
+
+
+class Boxes(NamedTuple):
+    """Where the limits leave the pivots, as far as seeds need to know; lengths over l, places from the mean position."""
+
+    pivot_a: Box
+    pivot_b: Box
+    shortest: Floats
+    """(d,) least lengths."""
+    longest: Floats
+    """(d,) largest lengths."""
+
+    def clip_a(self, place: Complexes) -> Complexes:
+        """The nearest places for pivot A."""
+        return _clipped(place, self.pivot_a)
+
+    def clip_b(self, place: Complexes) -> Complexes:
+        """The nearest places for pivot B."""
+        return _clipped(place, self.pivot_b)
+
+    def reach(self, lengths: Floats) -> tuple[Floats, Floats]:
+        """Least and largest ground of types (n, d) whose lengths are all allowed, (n,) each."""
+        ratio = lengths / lengths[:, -1:]
+        return np.max(self.shortest / ratio, axis=1), np.min(self.longest / ratio, axis=1)
+
+
+def _clipped(place: Complexes, box: Box) -> Complexes:
+    return np.clip(place.real, box[0], box[2]) + 1j * np.clip(place.imag, box[1], box[3])
+
+
+class Bounded(NamedTuple):
+    """One way to look for the best linkages of a target within limits."""
+
+    chart: BoundedChart
+    constraints: Constraints
+    on_shape: Constraints
+    """Those of the limits that concern shape and start alone."""
+    boxes: Boxes | None
+    """Where the limits concern the pose or actual lengths; otherwise the best pose of a shape is free."""
 
 
 class Limits(Protocol):
@@ -113,12 +196,6 @@ class Limits(Protocol):
 
     def mirrored(self) -> Any:
         """The same limits for a mirrored target."""
-
-    def slacks(self, target: Target, lengths: Floats, start: Floats, pivots: Sequence[Complexes]) -> Floats:
-        """How far inside each limit actual lengths, starts and fixed pivots are; negative outside, (n, columns)."""
-
-    def within(self, target: Target, solutions: list[Any]) -> list[Any]:
-        """The solutions that keep the limits."""
 
 
 class Mechanism(Protocol):
@@ -147,8 +224,17 @@ class Mechanism(Protocol):
     def charts(self, family: str) -> Sequence[Chart]:
         """The charts in which linkages of a family are sought, one after the other; the tables are of the first."""
 
-    def pivots(self, lengths: Floats, pivot_a: Complexes, ground_angle: Floats) -> Sequence[Complexes]:
-        """Fixed pivots of mechanisms with actual lengths, (n,) each; pivot A first."""
+    def bounded(self, target: Target, limits: Any) -> Sequence[Bounded]:
+        """How a target within limits is looked for, one way after the other; none where that is not known."""
+
+    def bounded_types(self, family: str) -> Floats:
+        """Lengths (T, d) of coarse types of a family for that, those next to its bounds among them."""
+
+    def keeps(self, target: Target, limits: Any, placed: Placed) -> Flags:
+        """Which linkages, placed in the user's unit, keep limits, (n,)."""
+
+    def within(self, target: Target, limits: Any, solutions: list[Any]) -> list[Any]:
+        """The solutions that keep limits, checked on their own numbers."""
 
     def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[Any]:
         """Linkages with actual lengths in their best pose, of shapes that close at every sample."""

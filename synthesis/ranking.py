@@ -21,6 +21,9 @@ SAME = 1e-6
 APART = 1e-2
 """Refined solutions that agree to this belong to one valley of the objective; only its best is worth a user's look."""
 
+_AS_GOOD, _ALIKE = 0.02, 0.25
+"""Parts by which objectives, and numbers of order one, of two answers in one valley differ at most."""
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -60,11 +63,12 @@ A = TypeVar("A", bound=Answer)
 
 
 class Status(StrEnum):
-    """What was found."""
+    """What was found; unknown: nothing, before the search ran to its end."""
 
     REACHED = "reached"
     CLOSEST = "closest"
     INFEASIBLE = "infeasible"
+    UNKNOWN = "unknown"
 
     @classmethod
     def of(cls, answers: Sequence[Answer], tolerance: float) -> Status:
@@ -120,18 +124,57 @@ def _objective(answer: Answer) -> Any:
     return answer.errors.objective
 
 
-def distinct(answers: Sequence[A], top: int, apart: float = SAME, order: Callable[[A], Any] = _objective) -> list[A]:
-    """The best ``top`` that differ from one another by more than ``apart``, by objective; ties keep their order."""
+def distinct(
+    answers: Sequence[A],
+    top: int,
+    apart: float = SAME,
+    order: Callable[[A], Any] = _objective,
+    exact: float = np.inf,
+) -> list[A]:
+    """The best ``top`` that differ from one another by more than ``apart``, by objective; ties keep their order.
+
+    Where objectives are not ``exact``, an answer about as good as a better one and alike it lies in that one's valley, on its
+    way to the same optimum, and is left out.
+    """
     kept: list[A] = []
-    identities = np.empty((0, 0))
+    identities, objectives = np.empty((0, 0)), np.empty(0)
     for answer in sorted(answers, key=order):
         if len(kept) == top:
             break
-        mine = answer.identity
+        mine, objective = answer.identity, answer.errors.objective
         if kept:
-            near = np.abs(identities - mine) <= apart * np.maximum(1.0, np.abs(mine))
-            if near.all(axis=1).any():
+            gap = np.max(np.abs(identities - mine) / np.maximum(1.0, np.abs(mine)), axis=1)
+            same_valley = (objective >= exact) & (objective <= (1 + _AS_GOOD) * objectives) & (gap <= _ALIKE)
+            if np.any((gap <= apart) | same_valley):
                 continue
         kept.append(answer)
         identities = np.vstack([identities, mine]) if identities.size else mine[None, :]
+        objectives = np.append(objectives, objective)
     return kept
+
+
+def spread(answers: Sequence[A], top: int, loss: float, floor: float) -> list[A]:
+    """Answers as different from one another as can be, the best of them first, the rest by objective.
+
+    Parameters
+    ----------
+    answers : sequence
+        Best first.
+    top : int
+        At most so many.
+    loss : float
+        None has an objective above this many times the best.
+    floor : float
+        Objectives below count as this.
+    """
+    if not answers:
+        return []
+    most = loss * max(answers[0].errors.objective, floor)
+    allowed = [one for one in answers if one.errors.objective <= most]
+    identities = np.array([one.identity for one in allowed])
+    chosen, nearest = [0], np.full(len(allowed), np.inf)
+    while len(chosen) < min(top, len(allowed)):
+        nearest = np.minimum(nearest, np.linalg.norm(identities - identities[chosen[-1]], axis=1))
+        nearest[chosen] = -np.inf
+        chosen.append(int(nearest.argmax()))
+    return [allowed[k] for k in sorted(chosen)]

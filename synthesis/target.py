@@ -160,6 +160,11 @@ class Target(Samples):
             return Interval(0.0, float(self.crank[-1]))
         return Interval(self.crank.min(axis=-1), self.crank.max(axis=-1))
 
+    @cached_property
+    def repeats_one_crank_angle(self) -> bool:
+        """Whether all rotations that count are wanted at one crank angle, whole turns apart."""
+        return _whole_turns(self.rotation_mean, self.crank)
+
     @property
     def clockwise(self) -> bool:
         """Whether the crank turns clockwise."""
@@ -176,19 +181,54 @@ class Target(Samples):
             position=None if self.position is None else np.conj(self.position),
         )
 
-    def thinned(self, most: int) -> Target:
-        """The target at about ``most`` samples at most, both ends kept; evenly among those that count for each part."""
-        if self.samples <= most:
-            return self
+    def _spread(self, most: int) -> NDArray[np.intp]:
+        """Places of about ``most`` samples at most, both ends among them; evenly among those that count for each part."""
         kept = [np.array([0, self.samples - 1])]
-        for values, weights in ((self.rotation, self.rotation_weights), (self.position, self.position_weights)):
+        for values, weights in self._parts().values():
             if values is not None:
                 given = np.arange(self.samples) if weights is None else np.flatnonzero(weights)
                 kept.append(given[np.round(np.linspace(0, given.size - 1, min(most, given.size))).astype(int)])
-        keep = np.unique(np.concatenate(kept))
+        return np.unique(np.concatenate(kept))
+
+    def _parts(self) -> dict[str, tuple[NDArray[Any] | None, Floats | None]]:
+        """Rotation and position with their weights."""
+        return {
+            "rotation": (self.rotation, self.rotation_weights),
+            "position": (self.position, self.position_weights),
+        }
+
+    def thinned(self, most: int) -> Target:
+        """The target at about ``most`` samples at most, each with its own weight."""
+        if self.samples <= most:
+            return self
+        keep = self._spread(most)
         columns: dict[str, Any] = {name: getattr(self, name) for name in _COLUMNS}
         columns = {name: None if values is None else values[keep] for name, values in columns.items()}
         return replace(self, **columns)
+
+    def condensed(self, most: int) -> Target:
+        """The target at about ``most`` samples at most, each with the weight of all that it is the nearest to."""
+        if self.samples <= most:
+            return self
+        keep = self._spread(most)
+        columns: dict[str, Any] = {"crank": self.crank[keep]}
+        for name, (values, weights) in self._parts().items():
+            if values is None:
+                continue
+            own = np.ones(self.samples) if weights is None else weights
+            given = np.flatnonzero(own)
+            heirs = np.flatnonzero(own[keep])
+            nearest = heirs[np.abs(given[:, None] - keep[heirs]).argmin(axis=1)]
+            columns[name] = values[keep]
+            columns[f"{name}_weights"] = np.bincount(nearest, weights=own[given], minlength=keep.size)
+        return replace(self, **columns)
+
+
+def _whole_turns(mean: Mean, crank: Floats) -> bool:
+    """Whether the crank angles of the samples that count are the same but for whole turns, to their rounding."""
+    turns = crank if mean.weights is None else crank[mean.weights > 0]
+    turns = (turns - turns[0]) / TURN
+    return bool(np.all(np.abs(turns - np.round(turns)) <= 8 * np.finfo(float).eps * np.abs(crank).max()))
 
 
 _COLUMNS = ("crank", "rotation", "position", "rotation_weights", "position_weights")
@@ -230,7 +270,11 @@ def make_target(
     part, given = read_samples(
         rotation, position, length_scale, rotation_weights, position_weights, crank_angle=crank_angle
     )
-    return Target(**part, crank=_crank(crank_span, given.get("crank_angle"), next(iter(given.values())).size))
+    target = Target(**part, crank=_crank(crank_span, given.get("crank_angle"), next(iter(given.values())).size))
+    if target.position is not None and _whole_turns(target.position_mean, target.crank):
+        field = "/crank_span" if crank_angle is None else "/crank_angle"
+        raise FieldError(field, "all positions are wanted at one crank angle, whole turns apart: they fix no linkage")
+    return target
 
 
 def read_samples(

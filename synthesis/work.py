@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from copy import copy
 
 
 class Cancelled(Exception):
     """Nobody waits for the answer any more."""
 
 
+class OutOfTime(Exception):
+    """The budget is used up, and there is no answer yet."""
+
+
 class Work:
     """A budget of time that begins now, and a way to end the work early.
 
-    Long computations ask between their steps: `expired` where the best found so far is an answer, `check` where there
+    Long computations ask between their steps: `expired` where the best found so far is an answer, `go_on` where there
     is none yet.
 
     Parameters
@@ -48,7 +53,22 @@ class Work:
         self.check()
         return self.elapsed >= self._budget
 
+    def go_on(self) -> None:
+        """Raise `OutOfTime` where the budget is used up (for work without an answer until its end); `Cancelled` like `check`."""
+        if self.expired():
+            raise OutOfTime
+
+    def extended(self, share: float) -> Work:
+        """The same work with its budget grown by a share: what remains to be done once a search has used it up."""
+        longer = copy(self)
+        longer._budget = self._budget * (1 + share)
+        return longer
+
     @property
     def elapsed(self) -> float:
         """Seconds since the beginning."""
         return self._clock() - self._begin
+
+    def part(self, most: float) -> Work:
+        """Work of its own that begins now, with at most so many seconds and at most what is left of these."""
+        return Work(max(0.0, min(most, self._budget - self.elapsed)), self._cancelled, self._clock)

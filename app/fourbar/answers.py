@@ -8,6 +8,9 @@ import linkage_atlas as la
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
 from app.query import Resources
 
+SHORT_MS = 250.0
+"""Budget of a request that is short whatever it asks for."""
+
 
 def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
     """The best rows by rotation alone; no pose is computed."""
@@ -20,6 +23,7 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
         degrees=request.degrees,
         top=request.top,
         features=request.features,
+        budget=budget_of(request.budget_ms, resources),
         work=resources.work,
     )
     return MatchesReply.model_validate(found.to_dict())
@@ -30,22 +34,47 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> Synth
     return SynthesizeReply.model_validate(solve(request, resources).to_dict())
 
 
+def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
+    """Whether an answer may take more than a fraction of a second."""
+    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
+        return False
+    samples = len(request.rotation or request.position or ())
+    if isinstance(request, MatchRequest):
+        return samples > 256 or request.top > 100
+    limited = not request.limits.model_fields_set <= {"family"} or request.round_to is not None
+    extra = request.timing == "free" or limited or (request.effort == "atlas" and request.position is not None)
+    return samples > 64 or request.top > 20 or extra
+
+
+def budget_of(budget_ms: float | None, resources: Resources) -> float:
+    """Seconds that a request may take: what it says, at most what the service allows."""
+    return min(budget_ms or resources.max_budget_ms, resources.max_budget_ms) / 1000
+
+
 def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """The front door's answer to a request."""
-    budget_ms = min(request.budget_ms or resources.max_budget_ms, resources.max_budget_ms)
     return la.synthesize(
         **motion_of(request),
         tolerances=None if request.tolerances is None else request.tolerances.model_dump(exclude_none=True),
-        limits=request.limits.model_dump(),
+        limits=request.limits.model_dump(exclude_none=True),
+        diverse=request.diverse,
         top=request.top,
         effort=request.effort,
         tolerance=request.tolerance,
-        budget=budget_ms / 1000,
+        budget=budget_of(request.budget_ms, resources),
         round_to=request.round_to,
+        lengths_from=request.lengths_from,
         sensitivity=request.sensitivity,
+        analysis=analysis_of(request),
+        tolerance_study=None if request.tolerance_study is None else request.tolerance_study.model_dump(),
         atlas=resources.atlas if request.effort == "atlas" else None,
         work=resources.work,
     )
+
+
+def analysis_of(request: SynthesizeRequest) -> dict[str, Any] | None:
+    """What a request says of an analysis."""
+    return None if request.analysis is None else request.analysis.model_dump()
 
 
 def motion_of(request: SynthesizeRequest) -> dict[str, Any]:
@@ -54,3 +83,11 @@ def motion_of(request: SynthesizeRequest) -> dict[str, Any]:
     names += ("timing", "order", "closed", "crank_span_max")
     weights = None if request.weights is None else request.weights.model_dump(exclude_none=True)
     return {name: getattr(request, name) for name in names} | {"weights": weights}
+
+
+def practical_request(request: SynthesizeRequest) -> SynthesizeRequest:
+    """The request within the practical limits, unless it says itself whether it wants them."""
+    if "preset" in request.limits.model_fields_set:
+        return request
+    limits = request.limits.model_copy(update={"preset": "practical"})
+    return request.model_copy(update={"limits": limits})

@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI, Response
 from pydantic import ConfigDict, Field, Strict
 
 import linkage_atlas as la
-from app.fourbar.answers import motion_of, solve
+from app import computed
+from app.bodies import Reply
+from app.fourbar.answers import analysis_of, is_long, motion_of, solve
 from app.fourbar.models import SynthesizeRequest
 from app.query import Export, Number, RequestModel, Resources
 from linkage_atlas.motions import MAX_SAMPLES, MIN_POSES
@@ -57,6 +59,13 @@ class ExportSolution(_ReplyPart):
     crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
 
 
+class PlatesRequest(RequestModel):
+    """Sizes of link plates, in the unit of the request's lengths."""
+
+    hole: Length | None = Field(None, description="Diameter of the holes.")
+    width: Length | None = Field(None, description="Width of the plates.")
+
+
 class ExportRequest(RequestModel):
     """A motion, one of its solutions, and the kind of file that is wanted."""
 
@@ -65,8 +74,9 @@ class ExportRequest(RequestModel):
         None, description="One of the reply's solutions. Without it the request is solved."
     )
     rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(1, description="Which solution, if none is given.")
-    format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
+    format: Literal["json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage"] = "json"
     length_unit: LengthUnit = Field("mm", description="The unit of the request's lengths, for DXF and MJCF.")
+    plates: PlatesRequest | None = Field(None, description="Sizes of the plates; each has a default.")
 
 
 def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
@@ -82,8 +92,12 @@ MEDIA_TYPES = {
     "csv": "text/csv; charset=utf-8",
     "svg": "image/svg+xml",
     "dxf": "image/vnd.dxf",
+    "plates": "image/vnd.dxf",
     "mjcf": "application/xml",
+    "pylinkage": "application/json",
 }
+ENDINGS = {"plates": "plates.dxf", "mjcf": "xml", "pylinkage": "pylinkage.json"}
+"""Endings of files, where they are not their format's name."""
 
 
 @contextmanager
@@ -99,13 +113,19 @@ def _best(name: str) -> Callable[[SynthesizeRequest, Resources], bytes]:
     def render(request: SynthesizeRequest, resources: Resources) -> bytes:
         best = _ranked(request, 1, resources)
         with _pointing(lambda _: ""):
-            return best.linkage.render(name).encode()
+            return best.linkage.render(name, analysis=analysis_of(request)).encode()
 
     return render
 
 
-SYNTHESIZE_EXPORTS = {name: Export(media_type, _best(name)) for name, media_type in MEDIA_TYPES.items()}
+SYNTHESIZE_EXPORTS = {
+    name if name == "mjcf" else ENDINGS.get(name, name): Export(media_type, _best(name))
+    for name, media_type in MEDIA_TYPES.items()
+}
 """Of /v1/synthesize: the best solution as a file."""
+
+
+_PREFIXES = {"crank_angle": "/solution", "analysis": "/request"}
 
 
 def answer_export(body: ExportRequest, resources: Resources) -> tuple[bytes, str]:
@@ -120,30 +140,35 @@ def answer_export(body: ExportRequest, resources: Resources) -> tuple[bytes, str
         return json.dumps(content, indent=1, allow_nan=False).encode(), "application/json"
     linkage = found.linkage if found else la.FourBar.from_dict(body.solution.model_dump(), request.degrees)
     crank = found.crank_angle if found else body.solution.crank_angle
-    with _pointing(lambda field: "/solution" + field if field == "/crank_angle" else field):
-        text = linkage.render(body.format, motion, body.length_unit, crank)
+    with _pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
+        plates = None if body.plates is None else body.plates.model_dump(exclude_none=True)
+        text = linkage.render(body.format, motion, body.length_unit, crank, analysis_of(request), plates)
     return text.encode(), MEDIA_TYPES[body.format]
 
 
 def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
     """The route /v1/export."""
     files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
-    bodies = {name: {"value": {"request": example, "format": name}} for name in ("dxf", "svg", "csv", "mjcf", "json")}
+    names = ("dxf", "plates", "svg", "csv", "mjcf", "pylinkage", "json")
+    bodies = {name: {"value": {"request": example, "format": name}} for name in names}
 
-    @app.post(
+    def answer(body: ExportRequest, resources: Resources) -> Response:
+        content, media_type = answer_export(body, resources)
+        ending = ENDINGS.get(body.format, body.format)
+        return Reply(content, media_type, {"Content-Disposition": f'attachment; filename="linkage.{ending}"'})
+
+    computed.add(
+        app,
         "/v1/export",
+        "export",
+        ExportRequest,
+        answer,
+        lambda body: body.solution is None and is_long(body.request),
+        resources,
         tags=["synthesize"],
-        summary="A linkage as a file: JSON, CSV, SVG, DXF or MJCF.",
+        summary="A linkage as a file: JSON, CSV, SVG, DXF, plates to cut, MJCF or pylinkage's JSON.",
         response_class=Response,
         response_model=None,
         responses={**responses, 200: {"content": files}},
         openapi_extra={"requestBody": {"content": {"application/json": {"examples": bodies}}}},
     )
-    async def export(request: Request, body: ExportRequest) -> Response:
-        content, media_type = await app.state.turnstile.run(request, answer_export, body, resources)
-        ending = "xml" if body.format == "mjcf" else body.format
-        return Response(
-            content,
-            media_type=media_type,
-            headers={"Content-Disposition": f'attachment; filename="linkage.{ending}"'},
-        )

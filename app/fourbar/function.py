@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 import linkage_atlas as la
+from app.fourbar.answers import SHORT_MS, budget_of
 from app.fourbar.models import (
     Curve,
-    DeterminationReply,
     Length,
     LinksReply,
     VerdictReply,
@@ -148,6 +148,16 @@ class ErrorCurveReply(ReplyModel):
     error: list[float] = Field(description="Wanted less made.")
 
 
+class FunctionDeterminationReply(ReplyModel):
+    ill_posed: bool = Field(
+        description="A length is not even fixed to a thousandth by the function at this resolution, whatever limits hold it."
+    )
+    resolution: float = Field(description="Error that is considered: the objective, at least the tolerance.")
+    length_uncertainty: list[float | None] = Field(
+        description="Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."
+    )
+
+
 class FunctionSolutionReply(ReplyModel):
     rank: int
     links: LinksReply
@@ -164,7 +174,7 @@ class FunctionSolutionReply(ReplyModel):
         description="Over the whole turn; null if the crank cannot turn."
     )
     condition: float = Field(description="Condition number of the output's derivatives by all unknowns.")
-    determination: DeterminationReply
+    determination: FunctionDeterminationReply
     sensitivity: list[float] | None = Field(
         description="Rms change of the output per unit of crank, coupler, rocker, ground."
     )
@@ -192,7 +202,6 @@ class FunctionReply(ReplyModel):
 
 def solve_function(request: FunctionRequest, resources: Resources, top: int | None = None) -> la.FunctionResult:
     """The front door's answer to a request."""
-    budget_ms = min(request.budget_ms or resources.max_budget_ms, resources.max_budget_ms)
     names = ("output", "crank_span", "input", "objective", "input_zero", "output_zero", "weights", "one_way")
     names += ("tolerance", "round_to", "sensitivity", "curves")
     asked = None if request.function is None else request.function.model_dump(exclude_none=True)
@@ -201,10 +210,26 @@ def solve_function(request: FunctionRequest, resources: Resources, top: int | No
         function=asked,
         limits=request.limits.model_dump(exclude_none=True),
         top=max(request.top, top or 0),
-        budget=budget_ms / 1000,
+        budget=budget_of(request.budget_ms, resources),
         degrees=request.angle_unit == "deg",
         work=resources.work,
     )
+
+
+def is_long(request: FunctionRequest) -> bool:
+    """Whether an answer may take more than a fraction of a second."""
+    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
+        return False
+    samples = 101 if request.function is not None else len(request.output or ())
+    limited = not request.limits.model_fields_set <= {"family"} or request.round_to is not None or request.one_way
+    return request.objective == "max" or limited or samples > 64 or request.top > 20
+
+
+def practical_request(request: FunctionRequest) -> FunctionRequest:
+    """The request within the practical limits, unless it says itself whether it wants them."""
+    if "preset" in request.limits.model_fields_set:
+        return request
+    return request.model_copy(update={"limits": request.limits.model_copy(update={"preset": "practical"})})
 
 
 def answer_function(request: FunctionRequest, resources: Resources) -> FunctionReply:
@@ -279,4 +304,6 @@ QUERY = Query(
         },
     },
     {name: Export(media_type, _best(name)) for name, media_type in MEDIA_TYPES.items()},
+    practical=practical_request,
+    is_long=is_long,
 )

@@ -6,10 +6,12 @@ import json
 from types import SimpleNamespace
 from typing import Any, Literal
 
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI, Response
 from pydantic import ConfigDict, Field
 
 import linkage_atlas as la
+from app import computed
+from app.bodies import Reply
 from app.fourbar.export import Angle, ExportLinks, LengthUnit
 from app.fourbar.function import MEDIA_TYPES, FunctionRequest
 from app.query import RequestModel, Resources
@@ -75,8 +77,19 @@ def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[
     }
     bodies = {name: {"value": {**example, "format": name}} for name in ("csv", "svg", "dxf", "mjcf", "json")}
 
-    @app.post(
+    def answer(body: FunctionExportRequest, resources: Resources) -> Response:
+        content, media_type = answer_export(body, resources)
+        ending = "xml" if body.format == "mjcf" else body.format
+        return Reply(content, media_type, {"Content-Disposition": f'attachment; filename="function.{ending}"'})
+
+    computed.add(
+        app,
         "/v1/function/export",
+        "export_function",
+        FunctionExportRequest,
+        answer,
+        lambda _: False,
+        resources,
         tags=["function"],
         summary="A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
         response_class=Response,
@@ -84,11 +97,3 @@ def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[
         responses={**responses, 200: {"content": files}},
         openapi_extra={"requestBody": {"content": {"application/json": {"examples": bodies}}}},
     )
-    async def export(request: Request, body: FunctionExportRequest) -> Response:
-        content, media_type = await app.state.turnstile.run(request, answer_export, body, resources)
-        ending = "xml" if body.format == "mjcf" else body.format
-        return Response(
-            content,
-            media_type=media_type,
-            headers={"Content-Disposition": f'attachment; filename="function.{ending}"'},
-        )

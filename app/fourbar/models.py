@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from app.fourbar.study_models import AnalysisReply, AnalysisRequest, ToleranceStudyReply, ToleranceStudyRequest
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel
+from linkage_atlas.finish import MOST_STOCK
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES
 
 MAX_TOP = 1000
@@ -15,6 +17,8 @@ Curve = Annotated[list[Number], Field(min_length=MIN_SAMPLES, max_length=MAX_SAM
 Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Box = Annotated[list[Coordinate], Field(min_length=4, max_length=4)]
+MAX_KEEP_OUT = 20
 SampledCurve = Annotated[list[Number | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
@@ -51,6 +55,7 @@ class MatchRequest(CrankMotion):
     features: Flag = Field(
         False, description="Also return Haar average and details of the request and of each match."
     )
+    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
 
 
 class TypeReply(ReplyModel):
@@ -83,6 +88,7 @@ class MatchesReport(ReplyModel):
     elapsed_ms: dict[str, float]
     windows: int = Field(description="Types x starts x branches that the answer is the best of.")
     evaluated: int = Field(description="Windows evaluated sample by sample; the bounds excluded the others.")
+    exhaustive: bool = Field(description="Whether all windows were considered; false where the time cut it short.")
     notes: list[str]
     features: FeaturesReply | None = None
 
@@ -92,17 +98,52 @@ class MatchesReply(ReplyModel):
     report: MatchesReport
 
 
+class LinksRequest(RequestModel):
+    """Lengths that are given."""
+
+    crank: Length | None = None
+    coupler: Length | None = None
+    rocker: Length | None = None
+    ground: Length | None = None
+
+
 class LimitsRequest(RequestModel):
     """What every solution must keep to."""
 
-    transmission_angle_min: Number = Field(0.0, description="Smallest transmission angle over the used interval.")
-    pivot_box: Annotated[list[Coordinate], Field(min_length=4, max_length=4)] | None = Field(
-        None, description="xmin, ymin, xmax, ymax for both fixed pivots."
+    transmission_angle_min: Number | None = Field(
+        None, description="Smallest transmission angle over the used interval."
+    )
+    transmission_angle_min_turn: Number | None = Field(
+        None, description="Smallest transmission angle over the whole turn, where the crank turns fully."
+    )
+    pivot_a: Point | None = Field(None, description="The crank's fixed pivot is given.")
+    pivot_b: Point | None = Field(None, description="The rocker's fixed pivot is given.")
+    pivot_box: Box | None = Field(None, description="xmin, ymin, xmax, ymax for both fixed pivots.")
+    pivot_a_box: Box | None = Field(None, description="The same for the crank's pivot.")
+    pivot_b_box: Box | None = Field(None, description="The same for the rocker's pivot.")
+    keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = Field(
+        None, description="Boxes in which no fixed pivot may lie."
     )
     link_min: Length | None = Field(None, description="Shortest length of any link.")
     link_max: Length | None = Field(None, description="Longest length of any link.")
+    link_ratio_max: PositiveNumber | None = Field(None, description="Longest link over the shortest, at most.")
+    links: LinksRequest | None = Field(None, description="Lengths that are given.")
+    coupler_radius_max: Length | None = Field(
+        None, description="Farthest place of the body point from the crank pin."
+    )
+    envelope: Box | None = Field(
+        None, description="A box for all joints and the body point over the used interval: xmin, ymin, xmax, ymax."
+    )
     family: Literal["full_crank", "crank_rocker", "double_crank", "any"] = Field(
         "full_crank", description="`any`: closes over the used interval without changing its branch."
+    )
+    preset: Literal["practical"] | None = Field(
+        None,
+        description=(
+            "`practical`: transmission angle at least 35 degrees over the used interval and 15 over the turn, longest link at "
+            "most 10 times the shortest, no link and no distance of a pivot from the motion's middle above 10 times the "
+            "motion's extent; a field given beside it replaces its value."
+        ),
     )
 
 
@@ -159,9 +200,23 @@ class SynthesizeRequest(CrankMotion):
         "position from the mean position.",
     )
     round_to: Length | None = Field(
-        None, description="Also report each solution with its links rounded to this grid and the rest fitted anew."
+        None,
+        description="Also report each solution with its links rounded to this grid and the rest fitted anew, within the limits.",
+    )
+    lengths_from: Annotated[list[Length], Field(min_length=1, max_length=MOST_STOCK)] | None = Field(
+        None, description="Instead of `round_to`: each link of one of these lengths, in the best combination."
+    )
+    diverse: Flag = Field(
+        False,
+        description="Solutions spread over families, branches and places, J at most twice the best, in place of the best ones.",
     )
     sensitivity: Flag = Field(False, description="Also report the change of the motion per unit of each length.")
+    analysis: AnalysisRequest | None = Field(
+        None, description="Also report velocities, accelerations and, with a load, torque and pin forces."
+    )
+    tolerance_study: ToleranceStudyRequest | None = Field(
+        None, description="Also report what tolerances of manufacture do to the body's motion."
+    )
 
 
 class LinksReply(ReplyModel):
@@ -202,8 +257,9 @@ class DeterminationReply(ReplyModel):
         description="A length is not even fixed to a thousandth by the motion at this resolution."
     )
     resolution: float = Field(
-        description="Error of the motion that is considered: the objective, at least the tolerance."
+        description="Error of the motion that is considered: the objective, at least the tolerance; within limits the tolerance."
     )
+    at_limits: list[str] = Field(description="Limits without which the motion would be met better.")
     length_uncertainty: list[float | None] = Field(
         description="Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."
     )
@@ -219,13 +275,18 @@ class SensitivityReply(ReplyModel):
 
 
 class RoundedReply(ReplyModel):
-    closes: bool
+    closes: bool = Field(
+        description="Whether a combination of lengths closes within the limits; if not, the rest is null."
+    )
     links: LinksReply | None
     start_angle: float | None
     body_offset: float | None
     mount: MountReply | None
     errors: ErrorsReply | None
-    transmission_angle_min: float | None = Field(description="Over the used interval; limits are not applied again.")
+    transmission_angle_min: float | None = Field(description="Over the used interval.")
+    tried: int = Field(description="Combinations of lengths that were fitted.")
+    combinations: int | None = Field(description="How many there are; null for a grid.")
+    exhaustive: bool | None = Field(description="Whether this is the best of all combinations; null for a grid.")
 
 
 class VerdictReply(ReplyModel):
@@ -269,6 +330,8 @@ class SolutionReply(ReplyModel):
     determination: DeterminationReply
     sensitivity: SensitivityReply | None = None
     rounded: RoundedReply | None = None
+    analysis: AnalysisReply | None = None
+    tolerance_study: ToleranceStudyReply | None = None
 
 
 class SynthesizeReport(ReplyModel):
@@ -283,6 +346,6 @@ class SynthesizeReport(ReplyModel):
 
 
 class SynthesizeReply(ReplyModel):
-    status: Literal["reached", "closest", "infeasible"]
+    status: Literal["reached", "closest", "infeasible", "unknown"]
     solutions: list[SolutionReply]
     report: SynthesizeReport

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from app.fourbar.models import MatchesReply, MatchesReport, SynthesizeReply, SynthesizeReport
+import math
+
+from app.fourbar.models import (
+    MatchesReply,
+    MatchesReport,
+    RoundedReply,
+    SolutionReply,
+    SynthesizeReply,
+    SynthesizeReport,
+)
 from app.tables import number, table
 
 
@@ -26,6 +35,49 @@ def matches_table(reply: MatchesReply) -> str:
 
 def _notes(report: MatchesReport | SynthesizeReport) -> str:
     return "".join(f"\nnote: {note}" for note in report.notes)
+
+
+def _proof(rounded: RoundedReply) -> str:
+    """Whether a choice of stock lengths is the best of all."""
+    if rounded.combinations is None:
+        return ""
+    of = f"of {rounded.combinations:,} combinations"
+    return f", the best {of}" if rounded.exhaustive else f", the best of {rounded.tried:,} {of}"
+
+
+def _analysis_lines(best: SolutionReply) -> list[str]:
+    """The largest values of an analysis over the used interval."""
+    if best.analysis is None:
+        return []
+    curve, found = best.analysis.curve, []
+    for name, rows in (("velocity", curve.velocity), ("acceleration", curve.acceleration)):
+        if rows is not None and (sizes := [math.hypot(*row) for row in rows if row is not None]):
+            found.append(f"{name} {number(max(sizes), 4)}")
+    if curve.crank_torque is not None and (
+        sizes := [abs(value) for value in curve.crank_torque if value is not None]
+    ):
+        found.append(f"crank torque {number(max(sizes), 4)}")
+    if curve.pin_forces is not None:
+        rows = [row for name in type(curve.pin_forces).model_fields for row in getattr(curve.pin_forces, name)]
+        if sizes := [math.hypot(*row) for row in rows if row is not None]:
+            found.append(f"pin force {number(max(sizes), 4)}")
+    return [f"largest over the interval: {', '.join(found)}"] if found else []
+
+
+def _tolerance_lines(best: SolutionReply) -> list[str]:
+    """What tolerances of manufacture do at worst, and what contributes most."""
+    if best.tolerance_study is None:
+        return []
+    study, lines = best.tolerance_study, []
+    for name in ("position", "rotation"):
+        made = getattr(study, name)
+        if made is not None and made.worst.p95 is not None:
+            source = getattr(study.largest, name)
+            lines.append(
+                f"as made, {name} off by at most {number(made.worst.p95, 4)} in 95 % of {study.samples:,} linkages"
+                + (f"; most from {source}" if source else "")
+            )
+    return lines
 
 
 def synthesize_table(reply: SynthesizeReply) -> str:
@@ -60,7 +112,8 @@ def synthesize_table(reply: SynthesizeReply) -> str:
         if best.rounded is not None and best.rounded.closes:
             r = best.rounded
             rounded = " ".join(number(v) for v in (r.links.crank, r.links.coupler, r.links.rocker, r.links.ground))
-            lines.append(f"rounded: {rounded}, objective {r.errors.objective:.2e}")
+            lines.append(f"rounded: {rounded}, objective {r.errors.objective:.2e}{_proof(r)}")
+        lines += _analysis_lines(best) + _tolerance_lines(best)
     trace = ", ".join(f"{ms:.1f} ms: {objective:.1e}" for ms, objective in reply.report.trace)
     if trace:
         lines += ["", f"best objective after {trace}"]

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 CHECK_PHASES = 9001
 """Phases at which a fit's errors are measured."""
+LONG_SAMPLES = 1000
 SEGMENT_NAMES = ("left_wheel", "lower_arc", "right_wheel", "upper_arc")
 """Of the crescent, in the order of travel."""
 
@@ -68,6 +69,11 @@ def _check_size(request: SlotOptions, links: int) -> None:
     if request.samples * links > MAX_PINS:
         most = MAX_PINS // links
         raise FieldError("/samples", f"with {links} links at most {most} samples are computed in one request")
+
+
+def is_long(request: SlotOptions) -> bool:
+    """Whether an answer may take more than a fraction of a second."""
+    return request.samples > LONG_SAMPLES or (request.fit is not None and request.fit.order > LONG_SAMPLES)
 
 
 def _fit(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> FitReply | None:
@@ -348,6 +354,7 @@ QUERIES = (
             "roller": {"pitch": 131, "links": 16, "upper_radius": 181.78, "roller_radius": 20},
         },
         exports=EXPORTS,
+        is_long=is_long,
     ),
     Query(
         path="/v1/chain/track",
@@ -371,5 +378,6 @@ QUERIES = (
             },
         },
         exports=EXPORTS,
+        is_long=is_long,
     ),
 )

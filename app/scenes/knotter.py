@@ -30,6 +30,8 @@ from linkage_atlas import FieldError
 
 MIN_SLOPE = 1e-12
 """Slope of eq 5 against its amplitude, below which the angle for a length is undetermined."""
+LONG_PAIRS, LONG_SAMPLES = 200, 300
+"""Above these an answer takes more than a fraction of a second."""
 DECIMALS = 9
 """Of an angle in degrees where they are the angle itself."""
 
@@ -186,9 +188,11 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     mechanism, conditions = _machine(request, angles)
     asked = [name for name in conditions if name in request.conditions]
     inward = {name: [_inward(name, x, angles) for x in values] for name, values in grid.items()}
-    result = study(mechanism, inward, [conditions[name] for name in asked])
+    result = study(mechanism, inward, [conditions[name] for name in asked], work)
     rows = []
     for row, values in enumerate(itertools.product(*grid.values())):
+        if row % 256 == 0:
+            work.go_on()
         verdicts = {name: _condition(name, conditions[name], result.conditions[name], row, angles) for name in asked}
         rows.append(
             PairReply(
@@ -305,6 +309,7 @@ QUERIES = (
             "finite_disc": {"conditions": ["clearance"], "clearance": {"disc_radius": 35, "hook": "moving"}},
         },
         exports={"csv": Export("text/csv", lambda *asked: scan_csv(answer_scan(*asked)).encode())},
+        is_long=lambda request: math.prod(map(len, _given(request.grid).values())) > LONG_PAIRS,
     ),
     Query(
         path="/v1/knotter/limit",
@@ -318,6 +323,7 @@ QUERIES = (
             "reference": {},
             "bill_angle": {"condition": "clearance", "parameter": "alpha3", "between": [15, 35]},
         },
+        is_long=lambda request: request.samples > LONG_SAMPLES,
     ),
     Query(
         path="/v1/knotter/needle",

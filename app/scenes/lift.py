@@ -25,7 +25,7 @@ from app.scenes.lift_models import (
     PublishedReply,
 )
 from app.scenes.lift_tables import batch_table, motion_table, optimize_table
-from linkage_atlas import FieldError
+from linkage_atlas import FieldError, Work
 
 if TYPE_CHECKING:
     from synthesis.lift.motion import Motion
@@ -73,6 +73,7 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
     from synthesis.lift.loops import condition, smallest_condition
     from synthesis.lift.pose import pose_at_turn
 
+    work = resources.work()
     moved = _move(request)
     limits, design = moved.stroke, moved.pose.design
     # from the start to the end of the motion
@@ -94,11 +95,11 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
         condition=ConditionModel(start=start, top=top, bottom=bottom, min=smallest_condition(design, limits)[0]),
         angle_unit=request.angle_unit,
         **_columns(moved),
-        **_extras(request, moved),
+        **_extras(request, moved, work),
     )
 
 
-def _extras(request: MotionRequest, moved: Motion) -> dict[str, Any]:
+def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]:
     """Only what ``include`` asks for."""
     from synthesis.lift import loops, pose
 
@@ -141,7 +142,11 @@ def _extras(request: MotionRequest, moved: Motion) -> dict[str, Any]:
         "instant_centre": instant_centre,
         "assemblies": assemblies,
     }
-    return {name: extras[name]() for name in set(request.include)}
+    found = {}
+    for name in set(request.include):
+        work.go_on()
+        found[name] = extras[name]()
+    return found
 
 
 def _task(cylinder: CylinderModel, request: OptimizeRequest | BatchRequest) -> Task:
@@ -168,6 +173,8 @@ def _optimum(optimum: Optimum, published: Published | None, cylinder: CylinderMo
         "objective_of_published": published.objective if published else None,
     }
 
+
+LONG_SAMPLES = 2000
 
 NOTES = {
     "discrete": "The sum depends on n through its sample at the start, where the platform is fastest; "
@@ -262,6 +269,7 @@ QUERIES = (
             },
         },
         exports={"csv": Export("text/csv; charset=utf-8", motion_csv)},
+        is_long=lambda request: max(request.samples or 0, len(request.times or ())) > LONG_SAMPLES,
     ),
     Query(
         path="/v1/lift/optimize",
@@ -271,6 +279,7 @@ QUERIES = (
         reply=OptimizeReply,
         answer=answer_optimize,
         table=optimize_table,
+        is_long=lambda _: True,
         examples={
             "published": {
                 "cylinder": CYLINDER,
@@ -289,6 +298,7 @@ QUERIES = (
         reply=BatchReply,
         answer=answer_batch,
         table=batch_table,
+        is_long=lambda _: True,
         examples={
             "cylinders": {
                 "cylinders": [

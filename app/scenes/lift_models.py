@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from app.query import AngleUnit, Count, Number, ReplyModel, RequestModel
+from app.query import AngleUnit, Column, Computed, Count, Number, ReplyModel, RequestModel
 
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
 """Smallest and largest length, speed or acceleration (other than 0): beyond, squares and cubes leave float64."""
@@ -60,7 +60,7 @@ class MotionRequest(RequestModel):
     samples: Annotated[Count, Field(ge=2, le=MAX_SAMPLES)] | None = Field(
         None, description="Even times from start to end; 201 unless `times` are given."
     )
-    times: Annotated[list[Time], Field(min_length=1, max_length=MAX_SAMPLES)] | None = Field(
+    times: Annotated[list[Time], Field(min_length=1, max_length=MAX_SAMPLES, fail_fast=True)] | None = Field(
         None, description="Times of your own, in place of `samples`."
     )
     include: Annotated[list[Extra], Field(max_length=16)] = Field([], description="What else to compute.")
@@ -79,29 +79,29 @@ class ConditionModel(ReplyModel):
 class Angles(ReplyModel):
     """One list for each link's direction."""
 
-    theta1: list[float]
-    theta2: list[float]
-    theta3: list[float]
-    theta4: list[float]
-    theta5: list[float]
+    theta1: Column
+    theta2: Column
+    theta3: Column
+    theta4: Column
+    theta5: Column
 
 
 class AngularRates(ReplyModel):
     """One list for each link, in `angle_unit` per second (or per second squared)."""
 
-    link1: list[float]
-    link2: list[float]
-    link3: list[float]
-    link4: list[float]
-    link5: list[float]
+    link1: Column
+    link2: Column
+    link3: Column
+    link4: Column
+    link5: Column
 
 
 class Points(ReplyModel):
     """Positions of the joints, [x, y] at each time; O = (0, 0)."""
 
-    A: list[tuple[float, float]]
-    B: list[tuple[float, float]]
-    C: list[tuple[float, float]]
+    A: Computed[list[tuple[float, float]]]
+    B: Computed[list[tuple[float, float]]]
+    C: Computed[list[tuple[float, float]]]
     D: tuple[float, float]
 
 
@@ -127,19 +127,19 @@ class MotionReply(ReplyModel):
     length_top: float
     condition: ConditionModel
     angle_unit: AngleUnit
-    time: list[float]
-    height: list[float]
-    velocity: list[float]
-    acceleration: list[float]
-    cylinder_length: list[float]
-    cylinder_speed: list[float]
+    time: Column
+    height: Column
+    velocity: Column
+    acceleration: Column
+    cylinder_length: Column
+    cylinder_speed: Column
     angles: Angles | None = None
     angular_velocities: AngularRates | None = None
     angular_accelerations: AngularRates | None = None
     points: Points | None = None
-    conditions: list[float] | None = None
+    conditions: Column | None = None
     residual: float | None = None
-    instant_centre: list[float | None] | None = None
+    instant_centre: Computed[list[float | None]] | None = None
     assemblies: list[Assembly] | None = None
 
 

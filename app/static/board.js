@@ -168,6 +168,7 @@ export class Board {
     this.curvesLayer.replaceChildren();
     this.targetsLayer.replaceChildren();
     if (!linkage) return;
+    this.drawBand();
     const way = (list) => pathData(list.map((j) => j && (j.p ?? j.c)), view);
     if (linkage.turn) make("path", { class: "curve turn", d: way(linkage.turn) }, this.curvesLayer);
     make("path", { class: "curve", d: way(linkage.used), "data-curve": "used" }, this.curvesLayer);
@@ -184,6 +185,24 @@ export class Board {
     }
     make("text", { class: "miss-note", x: view.width - 10, y: 18, "text-anchor": "end" }, this.targetsLayer).textContent =
       `errors drawn ${factor === 1 ? "to scale" : `${factor < 1e5 ? factor : factor.toExponential(0)} times larger`}`;
+  }
+
+  /** The band around the path that 95 % of the linkages made keep to; wider than it is where it would not be seen. */
+  drawBand() {
+    const { view, linkage: { band } } = this, along = band?.filter(Boolean) ?? [];
+    const widest = Math.max(0, ...along.map(([, radius]) => radius)) * view.scale;
+    if (along.length < 2 || !(widest > 1e-7)) return;
+    const factor = widest >= 3 ? 1 : roundStep(5 / widest);
+    const edges = [[], []];
+    along.forEach(([place, radius], k) => {
+      const [x, y] = view.at(place), [x0, y0] = view.at(along[Math.max(0, k - 1)][0]), [x1, y1] = view.at(along[Math.min(along.length - 1, k + 1)][0]);
+      const length = Math.hypot(x1 - x0, y1 - y0) || 1, far = radius * view.scale * factor;
+      for (const side of [0, 1]) edges[side].push([x + ((side ? 1 : -1) * far * (y1 - y0)) / length, y - ((side ? 1 : -1) * far * (x1 - x0)) / length]);
+    });
+    const outline = [...edges[0], ...edges[1].reverse()].map(([x, y]) => `${x.toFixed(2)} ${y.toFixed(2)}`);
+    make("path", { class: "band", d: `M${outline.join("L")}Z` }, this.curvesLayer);
+    make("text", { class: "band-note", x: view.width - 10, y: 36, "text-anchor": "end" }, this.targetsLayer).textContent =
+      `95 % of those made are within the band${factor === 1 ? "" : `, drawn ${factor < 1e5 ? factor : factor.toExponential(0)} times wider`}`;
   }
 
   drawPoses() {

@@ -87,17 +87,27 @@ export class Editor {
     set($("wanted"), motion.wanted);
     set($("family"), limits.family);
     set($("transmission"), limits.transmission || "");
+    $("practical").checked = limits.practical;
+    $("transmission").placeholder = limits.practical ? "35" : "0";
     set($("link-min"), limits.min);
     set($("link-max"), limits.max);
     set($("round"), motion.round);
+    set($("stock"), motion.stock?.join(" ") ?? "");
+    set($("speed-of-crank"), motion.analysis.speed);
+    for (const [k, axis] of ["x", "y"].entries()) set($(`force-${axis}`), motion.analysis.force[k]);
+    set($("torque"), motion.analysis.torque);
+    for (const name of ["links", "pivots", "clearance"]) set($(`study-${name}`), motion.study[name]);
+    $("studies-summary").textContent = [motion.analysis.speed === null ? "" : "analysis", Object.values(motion.study).some(Number.isFinite) ? "tolerances" : ""].filter(Boolean).join(", ");
     set($("top"), motion.top);
     for (let k = 0; k < 4; k++) set($(`box-${k}`), limits.box?.[k]);
     const active = [];
+    if (limits.practical) active.push("practical");
     if (limits.family !== "full_crank") active.push($("family").selectedOptions[0]?.textContent);
     if (limits.transmission) active.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
     if (limits.min || limits.max) active.push("link lengths");
     if (limits.box) active.push("pivot box");
     if (motion.round) active.push(`rounded to ${text(motion.round)}`);
+    else if (motion.stock?.length) active.push("stock lengths");
     if (tolerance.rotation || tolerance.position || this.#has("er", "ep")) active.push("tolerances");
     $("weights").hidden = !this.#has("wr", "wp", "er", "ep");
     $("limits-summary").textContent = active.join(", ") || "crank turns fully";
@@ -230,11 +240,22 @@ export class Editor {
       for (const pose of motion.poses) for (const name of ["wr", "wp", "er", "ep"]) delete pose[name];
     }));
     this.#bind("wanted", (motion, value) => { motion.wanted = value; });
+    this.#bind("practical", (motion, value) => { motion.limits.practical = value; });
     this.#bind("family", (motion, value) => { motion.limits.family = value; });
     this.#bind("transmission", (motion, value) => { motion.limits.transmission = value ?? 0; });
     this.#bind("link-min", (motion, value) => { motion.limits.min = value; });
     this.#bind("link-max", (motion, value) => { motion.limits.max = value; });
     this.#bind("round", (motion, value) => { motion.round = value; });
+    this.#bind("stock", (motion, value) => {
+      const lengths = value.split(/[\s;]+/).filter(Boolean).map((one) => Number(one.replace(",", ".")));
+      const good = lengths.every((length) => length > 0 && Number.isFinite(length));
+      $("stock").classList.toggle("invalid", !good);
+      if (good) motion.stock = lengths.length ? lengths : null;
+    });
+    this.#bind("speed-of-crank", (motion, value) => { motion.analysis.speed = value; });
+    for (const [k, axis] of ["x", "y"].entries()) this.#bind(`force-${axis}`, (motion, value) => { motion.analysis.force[k] = value; });
+    this.#bind("torque", (motion, value) => { motion.analysis.torque = value; });
+    for (const name of ["links", "pivots", "clearance"]) this.#bind(`study-${name}`, (motion, value) => { motion.study[name] = value; });
     this.#bind("top", (motion, value) => { if (value) motion.top = value; });
     for (let k = 0; k < 4; k++) {
       this.#bind(`box-${k}`, (motion) => {

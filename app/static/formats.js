@@ -37,6 +37,7 @@ export function toRequest(motion) {
   if (tolerances) request.tolerances = tolerances;
   request.top = motion.top;
   const asked = { ...limits.extra };
+  if (limits.practical) asked.preset = "practical";
   if (limits.family !== "full_crank") asked.family = limits.family;
   if (limits.transmission > 0) asked.transmission_angle_min = limits.transmission;
   if (limits.box && places) asked.pivot_box = limits.box;
@@ -44,7 +45,21 @@ export function toRequest(motion) {
   if (limits.max) asked.link_max = limits.max;
   if (Object.keys(asked).length) request.limits = asked;
   if (motion.round && places) request.round_to = motion.round;
+  else if (motion.stock?.length && places) request.lengths_from = motion.stock;
+  const analysis = analysisOf(motion, places);
+  if (analysis) request.analysis = analysis;
+  const { extra: how, ...sizes } = motion.study, sized = Object.entries(sizes).filter(([, value]) => value !== null);
+  if (sized.length && places) request.tolerance_study = { ...Object.fromEntries(sized), ...how };
   return request;
+}
+
+/** The analysis that a motion asks for; its speed is in the sense of the crank where that is known. */
+function analysisOf({ analysis: { speed, force, torque }, timing, direction }, places) {
+  if (speed === null) return null;
+  const load = {};
+  if (places && force.some((part) => part)) load.force = force.map((part) => part ?? 0);
+  if (torque) load.torque = torque;
+  return { crank_speed: timing === "free" ? speed : direction * speed, ...(Object.keys(load).length ? { load } : {}) };
 }
 
 /** A request as text for people: one line for each of its fields. */
@@ -73,7 +88,7 @@ function spread(part, poses, names, unit, what) {
 export function fromRequest(body) {
   const {
     rotation, position, crank_span, crank_angle, timing, order, closed, crank_span_max, weights, tolerances,
-    limits = {}, round_to, top, angle_unit, ...extra
+    limits = {}, round_to, lengths_from, analysis, tolerance_study, top, angle_unit, ...extra
   } = body ?? {};
   const unit = angle_unit === "rad" ? 180 / Math.PI : 1, free = timing === "free";
   const count = (rotation ?? position)?.length;
@@ -101,13 +116,20 @@ export function fromRequest(body) {
   fixTravels(motion);
   spread(weights, motion.poses, ["wr", "wp"], 1, "weights");
   motion.tolerance = spread(tolerances, motion.poses, ["er", "ep"], unit, "tolerances");
-  const { family, transmission_angle_min, pivot_box, link_min, link_max, ...more } = limits;
+  const { family, transmission_angle_min, pivot_box, link_min, link_max, preset, ...more } = limits;
   motion.limits = {
     family: family ?? "full_crank",
     transmission: (transmission_angle_min ?? 0) * unit,
-    box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, extra: more,
+    box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, practical: preset === "practical", extra: more,
   };
   motion.round = round_to ?? null;
+  motion.stock = isNumbers(lengths_from) ? lengths_from : null;
+  if (analysis) {
+    const speed = (analysis.crank_speed ?? 0) * unit;
+    motion.analysis = { speed: free ? speed : motion.direction * speed, force: analysis.load?.force ?? [null, null], torque: analysis.load?.torque ?? null };
+  }
+  const { links = null, pivots = null, clearance = null, ...how } = tolerance_study ?? {};
+  if (tolerance_study) motion.study = { links, pivots, clearance, extra: how };
   motion.top = top ?? 8;
   delete extra.budget_ms;
   motion.extra = extra;

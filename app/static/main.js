@@ -12,7 +12,7 @@ import { defects } from "./verdict.js";
 const STATUS = {
   reached: "Solved: the best linkage makes the motion to within rounding.",
   closest: "No linkage was found that makes exactly this motion; these come closest.",
-  infeasible: "No linkage was found within these limits. Loosen one of them.",
+  infeasible: "No linkage was found within these limits.",
   unknown: "No linkage was found before the search was cut short, which proves nothing. Loosen a limit or try again.",
 };
 
@@ -23,9 +23,13 @@ const editor = new Editor(motionChanged, pathDrawn);
 const results = new Results(editor.board);
 const sources = new Sources(() => editor.motion, useMotion);
 
-function sayStatus({ status, solutions }, request) {
+function sayStatus({ status, solutions, report }, request) {
   const wrong = defects(solutions[0]?.verdict);
   const sentence = status === "reached" && request.tolerances ? "Solved: the best linkage keeps the allowed errors at every sample." : STATUS[status];
+  if (!solutions.length && report.notes.length) {
+    say([sentence, ...report.notes.map((note) => `${note[0].toUpperCase()}${note.slice(1)}.`)].join(" "), true);
+    return;
+  }
   say(wrong.length ? `${sentence} But none is free of defects: see the verdicts.` : sentence, !solutions.length || wrong.length > 0);
 }
 

@@ -1,6 +1,8 @@
 // The requested motion as plain values: poses, crank angles, limits; its faults; its undo history.
 
-const LIMITS = { family: "full_crank", transmission: 0, box: null, min: null, max: null, extra: {} };
+const LIMITS = { family: "full_crank", transmission: 0, box: null, min: null, max: null, practical: true, extra: {} };
+
+const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is asked several times, and each answer has one
 
 /**
  * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each pose).
@@ -9,7 +11,8 @@ const LIMITS = { family: "full_crank", transmission: 0, box: null, min: null, ma
  */
 export const emptyMotion = (wanted = "both") => ({
   poses: [], wanted, timing: "free", span: 90, direction: 1, anyOrder: false, closed: false, spanMax: null,
-  limits: { ...LIMITS }, tolerance: { rotation: null, position: null }, round: null, top: 8, extra: {},
+  limits: { ...LIMITS }, tolerance: { rotation: null, position: null }, round: null, stock: null,
+  analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, extra: {},
 });
 
 export const clone = (value) => JSON.parse(JSON.stringify(value));

@@ -5,6 +5,7 @@ import { make } from "./drawing.js";
 import { Linkage } from "./kinematics.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
+import { analysisCurves, band } from "./studies.js";
 import { angleError, marksWithin, passing } from "./timing.js";
 
 const RAD = Math.PI / 180;
@@ -30,7 +31,7 @@ function trajectory(solution, motion) {
   const steps = Math.min(1440, Math.max(180, Math.ceil(high - low)));
   const at = pass.angles.map((angle) => linkage.at(angle * RAD));
   return {
-    linkage, motion, pass, at,
+    linkage, motion, pass, at, solution, band: band(solution, linkage),
     used: linkage.over(sense * low * RAD, sense * high * RAD, steps),
     turn: linkage.turnsFully ? linkage.over(0, sense * 2 * Math.PI, 360) : null,
     errors: linkage.mount && wantsPlaces(motion)
@@ -160,7 +161,7 @@ export class Player {
 
   #drawCurves() {
     if (!this.shown || $("curves-card").hidden) return;
-    const { linkage, motion, at, errors, pass: { sense } } = this.shown, [low, high] = this.#range;
+    const { linkage, motion, at, errors, solution, pass: { sense } } = this.shown, [low, high] = this.#range;
     const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS);
     // travels in the crank's sense: a clockwise crank, too, is plotted from left to right
     const x = [...new Set([...even, ...this.stops.map(({ travel }) => travel)])].sort((a, b) => a - b);
@@ -188,6 +189,11 @@ export class Player {
     const least = motion.limits.transmission;
     if (least) transmission.push({ values: x.map(() => least), colour: "box", dash: [6, 4], width: 1.2 });
     add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, transmission, { height: 160, degreesY: true, range: [0, 90], splits: [0, 30, 60, 90] });
+    // an analysis is over the used interval: over a whole turn its curves have gaps
+    for (const { title, x: own, values } of analysisCurves(solution, sense)) {
+      const all = [[low, null], ...own.map((travel, k) => [travel, values[k]]), [high, null]].filter(([travel], k, rows) => k === 0 || k === rows.length - 1 ? travel < own[0] || travel > own.at(-1) : true);
+      this.charts.push(titledChart(host, title, { x: all.map(([travel]) => travel), series: [{ values: all.map(([, value]) => value), colour: "body" }] }));
+    }
     for (const one of this.charts) one.mark(Number($("slider").value));
   }
 }

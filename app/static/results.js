@@ -7,6 +7,7 @@ import { placeOf, wantsPlaces } from "./motion.js";
 import { Player } from "./player.js";
 import { ask, download } from "./service.js";
 import { $ } from "./shell.js";
+import { studyRows } from "./studies.js";
 import { passing } from "./timing.js";
 import { judged, mark, reasons } from "./verdict.js";
 
@@ -16,6 +17,7 @@ const FAMILIES = {
   crank_rocker: "crank-rocker", double_crank: "double-crank", rocker_crank: "rocker-crank",
   double_rocker: "double-rocker", triple_rocker: "triple-rocker", change_point: "change point",
 };
+const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json" };
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "time limit reached" };
 
 /** An error with its unit; "rounding" where it is below 1e-12 of the motion's size. */
@@ -52,8 +54,8 @@ function numberRows(solution, digits) {
       ["Rounded links", ["crank", "coupler", "rocker", "ground"].map((name) => text(rounded.links[name], 8)).join(", ")],
       ["Error when rounded", position === null ? `${text(rotation, 3)}°` : text(position, 3)],
     );
-  } else if (rounded) rows.push(["Rounded links", "do not close"]);
-  return rows;
+  } else if (rounded) rows.push(["Rounded links", "none closes within the limits"]);
+  return [...rows, ...studyRows(solution)];
 }
 
 /** An element with a class and text. */
@@ -221,8 +223,10 @@ export class Results {
     const { solution, answer: { request } } = this;
     note(`Making ${format.toUpperCase()}…`);
     try {
-      const reply = await ask("/v1/export", { request, solution, format, length_unit: $("length-unit").value });
-      const name = `linkage-${solution.rank}.${format === "mjcf" ? "xml" : format}`;
+      const sizes = ["hole", "width"].map((name) => [name, $(`plate-${name}`).valueAsNumber]).filter(([, value]) => value > 0);
+      const plates = sizes.length && format === "plates" ? { plates: Object.fromEntries(sizes) } : {};
+      const reply = await ask("/v1/export", { request, solution, format, length_unit: $("length-unit").value, ...plates });
+      const name = `linkage-${solution.rank}.${ENDINGS[format] ?? format}`;
       download(await reply.blob(), name);
       note(`Saved ${name}.`);
     } catch (error) { note(error.message); }

@@ -9,6 +9,7 @@ from synthesis.atlas.scan import Scan
 from synthesis.atlas.windows import Floats, ScanReport, Windows
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import Solution
+from synthesis.mechanism import Placed
 from synthesis.pose import fit_positions
 from synthesis.ranking import distinct
 from synthesis.target import Target
@@ -21,7 +22,7 @@ MAX_LIMITED_SAMPLES = 1 << 22
 
 
 def best_rows(
-    scan: Scan, target: Target, limits: Limits, top: int, work: Work | None = None
+    scan: Scan, target: Target, limits: Limits, top: int, work: Work | None = None, tolerance: float = -1.0
 ) -> tuple[list[Solution], ScanReport]:
     """The best rows by the joint objective over rotation and position.
 
@@ -33,6 +34,8 @@ def best_rows(
     top : int
     work : Work, optional
         Once it has expired the scan ends with the best found so far.
+    tolerance : float
+        As good a row is good enough: once the best is, the scan goes no further for the others, see `Scan.best`.
 
     Returns
     -------
@@ -52,7 +55,7 @@ def best_rows(
         most = min(most, MAX_LIMITED_SAMPLES // target.samples)
     wanted = top
     while True:
-        windows, report = scan.best(target, wanted, exact, most, work)
+        windows, report = scan.best(target, wanted, exact, most, work, tolerance)
         chosen = windows.take(_first_of_each(target, windows))
         linkages = scan.mechanism.mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
         solutions = distinct(scan.mechanism.assess(target, linkages, chosen.row.tolist()), top)
@@ -72,12 +75,12 @@ def _first_of_each(target: Target, windows: Windows) -> NDArray[np.intp]:
 
 def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> NDArray[np.bool_]:
     lengths, start = scan.lengths[windows.row], scan.start_angles(windows)
-    if limits.only_family:
-        return limits.family_holds(target, lengths, start)
-    if target.position is None:
-        return limits.kept_by(target, lengths / lengths[:, 3:], start, ())
-    fit = fit_positions(target, scan.angles(target, windows))
-    scale = np.abs(fit.crank_vector) / lengths[:, 0]
-    links = lengths * np.maximum(scale, np.finfo(float).tiny)[:, None]
-    pivots = scan.mechanism.pivots(links, fit.pivot, np.angle(fit.crank_vector) - start)
-    return limits.kept_by(target, links, start, pivots)
+    placed = Placed(lengths, windows.branch.astype(float), target.interval.after(start))
+    if not limits.only_family and target.position is not None:
+        fit = fit_positions(target, scan.angles(target, windows))
+        scale = np.maximum(np.abs(fit.crank_vector) / lengths[:, 0], np.finfo(float).tiny)
+        turned = np.angle(fit.crank_vector) - start
+        placed = placed._replace(
+            lengths=lengths * scale[:, None], pivot=fit.pivot, turned=turned, coupler=fit.coupler_vector
+        )
+    return scan.mechanism.keeps(target, limits, placed)

@@ -22,7 +22,7 @@ from synthesis.atlas.series import Bucket, Floats, Ints, Phasors, gather
 Batch = Callable[[float], tuple[Ints, Floats] | None]
 """Window numbers and lower bounds of those windows of a batch whose bound is at most a limit."""
 
-BLOCK_ROWS = 256
+BLOCK_ROWS = 64
 CHUNK_BYTES = 1 << 20
 """Of the gathered matrices of a chunk of cells: they stay in a core's cache."""
 FILLED = 0.6
@@ -159,10 +159,11 @@ class Descent:
     def _descends(self) -> bool:
         return self.turned and bool(self.cells.levels)
 
-    def batches(self, limit: float) -> tuple[list[Batch], bool]:
+    def batches(self, limit: float, expired: Callable[[], bool] = lambda: False) -> tuple[list[Batch], bool]:
         """Batches that between them find every window whose bound is at most any limit up to this one.
 
-        Each with a flag: whether its matrix products are large enough to run on threads of their own.
+        With a flag: whether their matrix products are large enough to run on threads of their own. Where the time expires on
+        the way down, some are missing.
         """
         if not self._descends or limit > HOPELESS:
             return self._everything(), True
@@ -171,7 +172,7 @@ class Descent:
         cell, window = np.divmod(np.flatnonzero(self._may_be_below(self._top, radius, limit)), self.windows)
         left = Left.of(cell, window)
         for fine in self.cells.levels[1:]:
-            left = self._parts(left, limit, fine)
+            left = self._parts(left, limit, fine, expired)
         if left.window.size > WORTHWHILE * self.windows * (len(self.cells.first) - 1):
             return self._everything(), True
         width = 8 * max(self.cells.most, 2 * self.bucket.harmonics)
@@ -183,10 +184,12 @@ class Descent:
         reach += self.rotation.rounding
         return squared <= reach
 
-    def _parts(self, left: Left, limit: float, fine: Level) -> Left:
+    def _parts(self, left: Left, limit: float, fine: Level, expired: Callable[[], bool]) -> Left:
         """What is left of the windows of some cells in the cells that they are made of."""
         cells, windows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
         for cell, window, real in left.chunks(8 * fine.series.shape[-1]):
+            if expired():
+                break
             squared = self.rotation.of_windows(gather(fine.series, cell), window)
             squared += (gather(fine.mean_square, cell) + self.rotation.variance)[..., None]
             part = PARTS * cell[:, None] + np.arange(PARTS)

@@ -10,6 +10,7 @@ import hashlib
 import io
 import json
 import stat
+import unicodedata
 import zlib
 from importlib.metadata import version
 from pathlib import Path
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas import haar
+from synthesis.atlas.rows import compute_rows
 from synthesis.atlas.table import COLUMNS, SCHEMA, Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types, enumerate_types
@@ -29,6 +31,12 @@ MAGIC = "linkage-atlas"
 CHUNK_BYTES = 1 << 20
 MAX_TYPES = 8_000_000
 """Types that are read unless the caller sets another limit."""
+MAX_REST_BYTES = 1 << 20
+"""Most bytes of a file beside its arrays: names, attributes, and where the chunks are."""
+MAX_TEXT = 4096
+"""Longest text of an attribute, in characters."""
+SAMPLED_ROWS = 256
+"""Rows that are computed again when a file is loaded."""
 
 _UNITS = {
     "lengths": "whole numbers L1 crank, L2 coupler, L3 rocker, L4 ground; type number n is row n - 1",
@@ -84,24 +92,42 @@ def _refuse(fault: AtlasFault, detail: str) -> None:
     raise AtlasError(fault, detail)
 
 
+def _check_rest(file: h5py.File, size: int) -> None:
+    """Refuse a file that holds much beside its arrays, before any of it is read: the texts of the attributes are short."""
+    if set(file) != set(COLUMNS):
+        _refuse(AtlasFault.SCHEMA, f"it holds {len(set(file))} entries, wanted {', '.join(COLUMNS)}")
+    stored = 0
+    for name in COLUMNS:
+        if file.get(name, getclass=True) is not h5py.Dataset or not isinstance(
+            file.get(name, getlink=True), h5py.HardLink
+        ):
+            _refuse(AtlasFault.SCHEMA, f"{name} is no plain dataset of this file")
+        stored += file[name].id.get_storage_size()
+    if not 0 <= size - stored <= MAX_REST_BYTES:
+        _refuse(AtlasFault.SCHEMA, f"it holds {size - stored:,} bytes beside its arrays")
+
+
+def _plain(text: str) -> str:
+    """A short text that can be shown as it is."""
+    if len(text) > MAX_TEXT or any(unicodedata.category(mark) in ("Cc", "Cf", "Cs", "Zl", "Zp") for mark in text):
+        _refuse(AtlasFault.SCHEMA, "an attribute's text is too long or holds control characters")
+    return text
+
+
 def _attribute(file: h5py.File, name: str, kind: type) -> Any:
-    """A scalar attribute, read after its type and size have been checked."""
+    """A scalar attribute, read after its type has been checked, its size by `_check_rest`."""
     if name not in file.attrs:
         _refuse(AtlasFault.SCHEMA, f"attribute {name} is missing")
     info = file.attrs.get_id(name)
     is_text = info.dtype.kind == "O" and h5py.check_string_dtype(info.dtype) is not None
     if info.shape != () or not (is_text if kind is str else info.dtype.kind in "iu"):
         _refuse(AtlasFault.SCHEMA, f"attribute {name} is not a single {kind.__name__}")
-    return kind(file.attrs[name])
+    value = kind(file.attrs[name])
+    return _plain(value) if kind is str else value
 
 
 def _dataset(file: h5py.File, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     """One array, read after checks for external data, fill values and decompressed size."""
-    if (
-        not isinstance(file.get(name, getlink=True), h5py.HardLink)
-        or file.get(name, getclass=True) is not h5py.Dataset
-    ):
-        _refuse(AtlasFault.SCHEMA, f"{name} is no plain dataset of this file")
     dataset = file[name]
     creation = dataset.id.get_create_plist()
     filters = {creation.get_filter(k)[0] for k in range(creation.get_nfilters())}
@@ -134,7 +160,8 @@ def _check_inflation(dataset: h5py.Dataset) -> None:
     size = int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
     for chunk in chunks:
         _, stored = dataset.id.read_direct_chunk(chunk.chunk_offset)
-        if chunk.filter_mask or len(zlib.decompressobj().decompress(stored, size + 1)) != size:
+        inflater = zlib.decompressobj()
+        if chunk.filter_mask or len(inflater.decompress(stored, size + 1)) != size or len(inflater.unused_data) > 4:
             _refuse(AtlasFault.SCHEMA, f"{dataset.name} has a chunk that does not inflate to its size")
 
 
@@ -173,6 +200,7 @@ def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
     body = check_bytes(data)
     try:
         with h5py.File(io.BytesIO(body), "r") as file:
+            _check_rest(file, len(body))
             atlas, claimed = _read(file, max_types)
     except AtlasError:
         raise
@@ -186,9 +214,25 @@ def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
             _refuse(AtlasFault.CONTENT, f"{name} is not finite")
     if np.any((atlas.winding < 0) | (atlas.winding > 1)) or np.any(atlas.curve_error < 0):
         _refuse(AtlasFault.CONTENT, "winding or curve_error is out of range")
-    if atlas.content_hash() != claimed:
+    if (found := atlas.content_hash()) != claimed:
         _refuse(AtlasFault.CONTENT, "the content hash differs")
+    _check_sample(atlas, found)
     return atlas
+
+
+def _check_sample(atlas: Atlas, seed: str) -> None:
+    """Compute some rows again from their lengths, and compare: a file of other curves is refused, however sound its bytes are.
+
+    Sines and roots differ in their last bits from one processor to another, so rows need to agree only as far as that goes.
+    """
+    if np.any(atlas.winding != atlas.mechanism.winding(atlas.lengths.astype(float))):
+        _refuse(AtlasFault.CONTENT, "winding is not that of the lengths")
+    chosen = np.random.default_rng(int(seed, 16)).permutation(len(atlas))[:SAMPLED_ROWS]
+    again = compute_rows(atlas.lengths[chosen], atlas.samples, atlas.mechanism)
+    for name, absolute, relative in (("average", 1e-9, 0.0), ("details", 4e-6, 0.0), ("curve_error", 2e-6, 1e-3)):
+        values, wanted = getattr(atlas, name)[chosen], getattr(again, name)
+        if not np.allclose(values, wanted, relative, absolute):
+            _refuse(AtlasFault.CONTENT, f"{name} is not what the lengths give")
 
 
 def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TYPES) -> Atlas:
@@ -214,16 +258,15 @@ def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TY
 def _read(file: h5py.File, max_types: int) -> tuple[Atlas, str]:
     if _attribute(file, "schema", int) != SCHEMA:
         _refuse(AtlasFault.SCHEMA, "another schema")
-    if set(file) != set(COLUMNS):
-        _refuse(AtlasFault.SCHEMA, f"it holds {len(set(file))} entries, wanted {', '.join(COLUMNS)}")
     try:
         rule_values = json.loads(_attribute(file, "rule", str))
-        generator = {str(k): str(v) for k, v in json.loads(_attribute(file, "generator", str)).items()}
+        versions = json.loads(_attribute(file, "generator", str))
+        generator = {_plain(str(k)): _plain(str(v)) for k, v in versions.items()}
         rule = AtlasRule(
             TypeRule(int(rule_values["perimeter"]), int(rule_values["smallest"]), OrderRule(rule_values["order"])),
             int(rule_values["samples"]),
         )
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise AtlasError(AtlasFault.SCHEMA, "its rule cannot be read") from None
     types = count_types(rule.types)
     if types > max_types:

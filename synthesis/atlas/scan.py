@@ -30,7 +30,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, wait
-from operator import methodcaller
 from threading import Event, Lock
 from typing import Any
 
@@ -38,11 +37,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.cells import Arcs, Cells, make_cells
-from synthesis.atlas.descent import Descent
+from synthesis.atlas.descent import Batch, Descent
+from synthesis.atlas.leaders import FIRST_BATCH, NOWHERE, Leaders, Numbering, Place, lowest
 from synthesis.atlas.matrices import Matrices
 from synthesis.atlas.series import Bucket, Phasors, join, prepare, prepare_phasors
 from synthesis.atlas.table import Table
-from synthesis.atlas.windows import NO_WINDOWS, TIE, ScanReport, Windows, best_of, each_once, joined
+from synthesis.atlas.windows import NO_WINDOWS, TIE, ScanReport, Windows, best_of, each_once
 from synthesis.pose import objective
 from synthesis.target import TURN, Target
 from synthesis.work import Work
@@ -54,11 +54,15 @@ STARTS = 360
 """Starts of a window: every whole degree."""
 HARMONICS = (5, 8, 12, 16, 24, 32, 64)
 SERIES_ERROR = 3e-7
-_LARGEST_WAVE = 64
-"""Blocks between two looks at the limit: the same on every machine, or reports would differ."""
+_LARGEST_WAVE = 16
+"""Blocks between two looks at the limit: the same on every machine, or reports would differ. Of each, all windows may be left."""
 _FIRST_COUNT = 4096
 _COUNT_BELOW = 1 << 17
 """Windows held where a ceiling is known: all below it are wanted, and a second pass would find the same ones first."""
+_MOST_HELD = 1 << 18
+"""Most windows that are held to be evaluated in the order of their bounds; while more of them are found, four times as many
+(twelve bytes each, and as much again to sort them)."""
+_HELD = 4
 _PREPARED_AT_ONCE = 512
 _PROBED = 64
 _PATIENCE = 0.01
@@ -96,6 +100,7 @@ class Scan:
         self.mechanism = table.mechanism
         self.lengths = table.lengths.astype(float)
         self.starts = starts
+        self.numbering = Numbering(starts)
         self.threads = threads
         self._table = table
         self._phasors: list[Phasors] = []
@@ -198,15 +203,21 @@ class Scan:
         rotations is done sooner by one thread: so many short steps would mostly wait for the interpreter.
         """
         highest = limit()
-        found = [part.batches(highest) for part in parts]
+        found = [part.batches(highest, expired) for part in parts]
         batches = [batch for some, _ in found for batch in some]
         heavy = sum(len(some) for some, are_heavy in found if are_heavy)
         run = pool.map if pool is not None and 2 * heavy > len(batches) else map
-        first, wave = 0, 2  # small at first, while nothing is known that could exclude a window
-        while first < len(batches) and not (first and expired()):
+        first, wave = 0, 1  # small at first, while nothing is known that could exclude a window
+
+        def bounds(batch: Batch) -> tuple[Ints, Floats] | None:
+            return None if first and expired() else batch(ceiling)
+
+        while first < len(batches):
             ceiling = limit()
-            yield from filter(None, run(methodcaller("__call__", ceiling), batches[first : first + wave]))
+            yield from filter(None, run(bounds, batches[first : first + wave]))
             first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
+            if first < len(batches) and expired():
+                return
 
     def _lowest(
         self,
@@ -215,35 +226,28 @@ class Scan:
         ceiling: float,
         expired: Callable[[], bool],
         pool: Executor | None = None,
-    ) -> tuple[Ints, Floats, float]:
-        """The ``count`` windows of lowest bound at or below ``ceiling``, and a number that no other's bound is below."""
-        ids: list[Ints] = []
-        bounds: list[Floats] = []
-        held, cut = 0, ceiling
+    ) -> tuple[Ints, Floats, Place]:
+        """The ``count`` windows of lowest bound at or below ``ceiling``, ties in order, and a place that no other is before."""
+        ids: list[Ints] = [NO_WINDOWS.row]
+        bounds: list[Floats] = [NO_WINDOWS.error]
+        held, cut = 0, NOWHERE
 
         def reduce() -> None:
             nonlocal ids, bounds, held, cut
             all_ids, all_bounds = np.concatenate(ids), np.concatenate(bounds)
-            if all_ids.size > count:
-                keep = np.argpartition(all_bounds, count)[:count]
-                cut = min(cut, float(np.partition(all_bounds, count)[count]))
-                all_ids, all_bounds = all_ids[keep], all_bounds[keep]
-            ids, bounds, held = [all_ids], [all_bounds], all_ids.size
+            keep, first_left = lowest(self.numbering, all_ids, all_bounds, count)
+            cut = min(cut, first_left)
+            ids, bounds, held = [all_ids[keep]], [all_bounds[keep]], keep.size
 
-        for block_ids, block_bounds in self._bounds(parts, lambda: cut, expired, pool):
-            ids.append(block_ids)
-            bounds.append(block_bounds)
-            held += block_ids.size
-            if held > 4 * count:
+        for block_ids, block_bounds in self._bounds(parts, lambda: min(ceiling, cut.bound), expired, pool):
+            near = np.flatnonzero(block_bounds <= cut.bound)
+            ids.append(block_ids[near])
+            bounds.append(block_bounds[near])
+            held += near.size
+            if held > _HELD * count:
                 reduce()
-        if ids:
-            reduce()
-            return ids[0], bounds[0], cut
-        return NO_WINDOWS.row, NO_WINDOWS.error, cut
-
-    def _windows(self, ids: Ints) -> Windows:
-        row, column = np.divmod(ids, 2 * self.starts)
-        return Windows(row, column % self.starts, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
+        reduce()
+        return ids[0], bounds[0], cut
 
     def start_angles(self, windows: Windows) -> Floats:
         """theta1 at the first sample of windows, radians."""
@@ -283,6 +287,7 @@ class Scan:
         exact: Callable[[Windows], Floats] | None = None,
         max_windows: int | None = None,
         work: Work | None = None,
+        enough: float = -1.0,
     ) -> tuple[Windows, ScanReport]:
         """The best windows of the whole atlas, exactly as if every window had been evaluated.
 
@@ -299,6 +304,9 @@ class Scan:
             the report says if that cut the search short.
         work : Work, optional
             Asked now and then; once it has expired the scan ends with the best found so far, and the report says so.
+        enough : float
+            No better windows are looked for once ``top`` of them have an error of at most this, and the search does not go
+            further for the others once the best has; the report says if that cut it short.
 
         Returns
         -------
@@ -319,32 +327,65 @@ class Scan:
             cut_short = cut_short or work.expired()
             return cut_short
 
+        def leaders() -> Leaders:
+            at_once = max(FIRST_BATCH, _EXACT_SAMPLES // target.samples)
+            return Leaders(top, self.numbering, exact, at_once, out_of_time, enough)
+
+        most = np.inf if max_windows is None else max(max_windows, 4 * top)
+        alike = self._alike(target)
+        first = leaders()
+        if first.settled_in_order(len(self.lengths), alike, most):
+            return first.windows, ScanReport(self.windows, first.evaluated, not cut_short and first.evaluated < most)
         with ThreadPoolExecutor(self.threads) as pool:
             run = pool if self.threads > 1 else None
             parts = self._requested(target, work)
-            probed, ceiling = self._probe(parts, top, exact, out_of_time)
-            most = np.inf if max_windows is None else max(max_windows, 4 * top)
+            probed = leaders()
+            self._probe(parts, probed, top)
+            ceiling = min(first.worst, probed.worst)
             count = int(min(max(_FIRST_COUNT if ceiling == np.inf else _COUNT_BELOW, 4 * top), most))
             evaluated = 0
             while True:
                 ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, out_of_time, run)
-                windows, done, worst = self._evaluate(ids, bounds, top, exact, out_of_time)
-                evaluated = max(evaluated, done)  # a further pass begins with the same windows
-                complete = not cut_short and (worst + TIE <= cut or ids.size < count)
-                if complete or cut_short or count >= most:
-                    if not complete:
-                        windows = best_of(each_once([probed, windows]), top)
-                    return windows, ScanReport(self.windows, evaluated, complete)
-                count, ceiling = int(min(8 * count, most)), min(ceiling, worst)
+                found = leaders()
+                found.consider(ids, bounds)
+                evaluated = max(evaluated, found.evaluated)  # a further pass begins with the same windows
+                complete = not cut_short and not found.reached and (found.last <= cut or ids.size < count)
+                ceiling, reached = min(ceiling, found.worst), found.windows.error[:1].min(initial=np.inf) <= enough
+                if complete or cut_short or reached or count >= most:
+                    break
+                if count >= _MOST_HELD:  # too many to be held and sorted: the others one by one as they come
+                    self._one_by_one(parts, found, ceiling, out_of_time, run)
+                    complete, evaluated = not cut_short, found.evaluated
+                    break
+                count = int(min(8 * count, most, max(_MOST_HELD, 4 * top)))
+        windows = found.windows
+        if not complete:
+            windows = best_of(each_once([first.windows, probed.windows, windows]), top)
+        return windows, ScanReport(self.windows, evaluated, complete)
 
-    def _probe(
-        self, parts: list[Descent], top: int, exact: Callable[[Windows], Floats], expired: Callable[[], bool]
-    ) -> tuple[Windows, float]:
-        """The best windows of the most promising cells, and an error that at least ``top`` of them do not exceed."""
+    def _one_by_one(
+        self, parts: list[Descent], found: Leaders, ceiling: float, expired: Callable[[], bool], pool: Executor | None
+    ) -> None:
+        """Evaluate, batch by batch, all windows that may be among the best."""
+        for ids, bounds in self._bounds(parts, lambda: min(ceiling, found.worst) + TIE, expired, pool):
+            found.consider(ids, bounds)
+
+    def _alike(self, target: Target) -> Floats | None:
+        """The error of each type where it is the same from every start: all samples lie whole turns of the crank apart."""
+        if target.rotation is None or target.position is not None or not target.repeats_one_crank_angle:
+            return None
+        winding = self._table.winding
+        kinds, example = np.unique(winding, return_index=True)
+        one = np.zeros(kinds.size, dtype=np.int64)
+        error = self.errors(target, Windows(example, one, one + 1, np.zeros(kinds.size)))
+        return error[np.searchsorted(kinds, winding)]
+
+    def _probe(self, parts: list[Descent], leaders: Leaders, top: int) -> None:
+        """Evaluate windows of the most promising cells."""
         nearest = [part.nearest[0] for part in parts]
         squared = np.concatenate([np.empty(0), *nearest])
         if not squared.size:
-            return NO_WINDOWS, np.inf
+            return
         count = min(max(_PROBED, top), squared.size)
         worst = np.partition(squared, count - 1)[count - 1]
         found = [
@@ -352,24 +393,4 @@ class Scan:
         ]
         ids, bounds = (np.concatenate(column) for column in zip(*found))
         ids, first = np.unique(ids, return_index=True)  # a window met twice must not count twice
-        windows, _, ceiling = self._evaluate(ids, bounds[first], top, exact, expired)
-        return windows, ceiling
-
-    def _evaluate(
-        self, ids: Ints, bounds: Floats, top: int, exact: Callable[[Windows], Floats], expired: Callable[[], bool]
-    ) -> tuple[Windows, int, float]:
-        """Exact errors in the order of the bounds, until no bound is below the worst of the best."""
-        order = np.argsort(bounds, kind="stable")
-        ids, bounds = ids[order], bounds[order]
-        best, worst = NO_WINDOWS, np.inf
-        done, batch = 0, max(64, 2 * top)
-        while done < ids.size and bounds[done] <= worst + TIE and not (done and expired()):
-            part = ids[done : done + batch]
-            windows = self._windows(part)
-            windows = windows._replace(error=exact(windows))
-            windows = windows.take(np.flatnonzero(np.isfinite(windows.error)))
-            best = best_of(joined([best, windows]), top)
-            worst = float(best.error[-1]) if best.error.size == top else np.inf
-            done += part.size
-            batch *= 2
-        return best, min(done, ids.size), worst
+        leaders.consider(ids, bounds[first])

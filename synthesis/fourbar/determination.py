@@ -33,6 +33,8 @@ class Determination:
     length_uncertainty: Floats
     """(4,) relative; infinite where the motion does not fix a length at all. Without positions the ground is exact."""
     resolution: float
+    at_limits: tuple[str, ...] = ()
+    """Names of the limits without which the motion would be met better; see `held`."""
 
     ILL_POSED = 1e-3
 
@@ -106,7 +108,7 @@ def determinations(target: Target, linkages: list[Linkage], resolutions: list[fl
     """
     if not linkages:
         return []
-    matrix, free = _derivative_matrix(target, linkages)
+    matrix, free = derivative_matrix(target, linkages)
     _, singular, vectors = np.linalg.svd(matrix, full_matrices=False)
     floor = np.finfo(float).eps * singular[:, :1] * np.sqrt(matrix.shape[1])
     inverse = 1 / np.maximum(singular, np.maximum(floor, np.finfo(float).tiny))
@@ -122,7 +124,7 @@ def determinations(target: Target, linkages: list[Linkage], resolutions: list[fl
     return [Determination(float(c), row, r) for c, row, r in zip(condition, uncertainty, resolutions)]
 
 
-def _derivative_matrix(target: Target, linkages: list[Linkage]) -> tuple[Floats, int]:
+def derivative_matrix(target: Target, linkages: list[Linkage]) -> tuple[Floats, int]:
     """Derivatives of the objective's residual (n, rows, unknowns), and how many logarithms of lengths come first."""
     motion = _Motion(target, linkages)
     count, samples = len(linkages), target.samples

@@ -1,16 +1,19 @@
-"""A four-bar as files: CSV for tables, DXF for CAD, MJCF for simulation.
+"""A four-bar as files: CSV for tables, DXF for CAD, MJCF for simulation, JSON for pylinkage.
 
 Coordinates are the user's own; DXF and MJCF know units, so there `unit_mm` says how many millimetres the user's unit has.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.errors import FieldError
+from synthesis.fourbar.analysis import curve_over
 from synthesis.fourbar.drawing import requested_positions, used_joints
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Linkage
@@ -29,10 +32,11 @@ TIMESTEP = 1e-4
 """Step of the simulation in seconds."""
 
 
-def to_csv(linkage: Linkage, target: Target, unit: float) -> str:
+def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Iterable[Any]] | None = None) -> str:
     """The motion at the samples: what was asked for, what the linkage does, and where its joints are.
 
-    Angles are divided by ``unit`` (radians in one unit of angle); an empty cell is a number that was not asked for.
+    Angles are divided by ``unit`` (radians in one unit of angle); an empty cell is a number that was not asked for. ``more`` are
+    further columns, a value a sample.
     """
     used_joints(linkage, target.interval)
     joints = linkage.joints(target.crank)
@@ -58,6 +62,7 @@ def to_csv(linkage: Linkage, target: Target, unit: float) -> str:
         "rocker_direction": (joints.rocker_angle / unit).tolist(),
         **dict(zip(("crank_pin_x", "crank_pin_y"), xy(joints.crank_pin))),
         **dict(zip(("coupler_pin_x", "coupler_pin_y"), xy(joints.coupler_pin))),
+        **(more or {}),
     }
     return csv_text(columns)
 
@@ -188,3 +193,60 @@ def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0) -> str:
   </keyframe>
 </mujoco>
 """
+
+
+def to_pylinkage(linkage: Linkage, target: Target) -> str:
+    """The linkage as the JSON of a pylinkage ``Mechanism``, at the first sample: its ``mechanism_from_json`` reads it.
+
+    Joints: pivot_a, pivot_b, crank_pin, coupler_pin, and body_point where the linkage guides one, which follows the coupler. A
+    crank that turns fully is a driver in the sense of the motion; any other swings over the used interval and back. The drive
+    turns in the steps of `analysis.curve_over`, of at most a degree.
+
+    Law: pylinkage's places of the body point are ours to rounding.
+    """
+    used = used_joints(linkage, target.interval)
+    travel = curve_over(target.interval)
+    joints = linkage.joints(np.zeros(1))
+    first, last = (linkage.start + linkage.ground_angle + float(end) for end in target.interval)
+    start = linkage.start + linkage.ground_angle
+
+    def place(z: complex) -> list[float]:
+        return [float(z.real), float(z.imag)]
+
+    def joint(name: str, kind: str, z: complex, **more: Any) -> dict[str, Any]:
+        return {"id": name, "type": kind, "position": place(z), **more}
+
+    parts = [
+        joint("pivot_a", "ground", used.pivot_a),
+        joint("pivot_b", "ground", used.pivot_b),
+        joint("crank_pin", "revolute", joints.crank_pin[0]),
+        joint("coupler_pin", "revolute", joints.coupler_pin[0]),
+    ]
+    if linkage.coupler_point is not None:
+        assert joints.body_point is not None
+        radius, angle = linkage.coupler_point
+        way = {"ref_joint1_id": "crank_pin", "ref_joint2_id": "coupler_pin", "distance": radius, "angle": angle}
+        parts.append(joint("body_point", "tracker", joints.body_point[0], **way))
+    step = float(travel[1] - travel[0])
+    drive: dict[str, Any] = {"type": "driver", "angular_velocity": step}
+    if not linkage.turns_fully:
+        drive = {"type": "arc_driver", "angular_velocity": abs(step)}
+        drive |= {"arc_start": min(first, last), "arc_end": max(first, last)}
+    mechanism = {
+        "name": "four-bar linkage",
+        "joints": parts,
+        "links": [
+            {"id": "ground", "type": "ground", "joints": ["pivot_a", "pivot_b"]},
+            {
+                "id": "crank",
+                "joints": ["pivot_a", "crank_pin"],
+                "motor_joint": "pivot_a",
+                "initial_angle": start,
+                **drive,
+            },
+            {"id": "coupler", "type": "link", "joints": ["crank_pin", "coupler_pin"]},
+            {"id": "rocker", "type": "link", "joints": ["pivot_b", "coupler_pin"]},
+        ],
+        "ground": "ground",
+    }
+    return json.dumps(mechanism, indent=1, allow_nan=False) + "\n"

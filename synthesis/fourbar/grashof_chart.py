@@ -31,9 +31,12 @@ class GrashofChart:
     |l| is the shortest link, the crank where l > 0 (crank-rocker) and the ground where l < 0 (double-crank);
     L2 = |l| + (x + y) / 2, L3 = |l| + (x + z) / 2, and the fourth length is |l| + (y + z) / 2. Then
     X0 = x (4 |l| + x + y + z) and Y0 = y z, without cancellation. The common scale is free: `within` makes
-    the sum of magnitudes one.
+    the sum of magnitudes one, unless the lengths are actual.
     Law: ``unknowns(shape(x).lengths) == within(x)``.
     """
+
+    scaled: bool = True
+    """Whether the sum of magnitudes is kept at one; otherwise lengths are actual."""
 
     LEAST = 1e-9
     """Least magnitude of an unknown: at change points the slope of theta2 has no limit."""
@@ -71,7 +74,8 @@ class GrashofChart:
 
     def within(self, unknowns: Floats) -> Floats:
         """The nearest unknowns within the bounds, each of its own sign of l, and of scale one."""
-        unknowns = unknowns / np.sum(np.abs(unknowns), axis=-1, keepdims=True)
+        if self.scaled:
+            unknowns = unknowns / np.sum(np.abs(unknowns), axis=-1, keepdims=True)
         out = np.maximum(unknowns, self.LEAST)
         double = unknowns[..., 0] < 0
         out[..., 0] = np.where(double, np.minimum(unknowns[..., 0], -self.LEAST), out[..., 0])
@@ -80,7 +84,8 @@ class GrashofChart:
     def stepped(self, unknowns: Floats, step: Floats) -> Floats:
         """Unknowns after a step, each component cut by itself; l keeps its sign."""
         side = np.where(unknowns[:, :1] < 0, -1.0, 1.0)
-        out = unknowns + np.clip(step, -self.longest_step, self.longest_step)
+        longest = self.longest_step if self.scaled else 1.0
+        out = unknowns + np.clip(step, -longest, longest)
         out[:, :1] = side * np.maximum(side * out[:, :1], 1e-300)  # lifted to the bounds below, once the scale is one
         out[:, 1:] = np.maximum(out[:, 1:], 0.0)
         return self.within(out)
@@ -95,6 +100,60 @@ class GrashofChart:
         """Unknowns whose logarithms moved by noise (n, 4); excesses at a bound are lifted off it first."""
         side = np.sign(unknowns)
         return self.within(side * np.maximum(np.abs(unknowns), 1e-4) * np.exp(np.clip(noise, -8.0, 8.0)))
+
+    def place(self, unknowns: Floats) -> Floats:
+        """Where shapes lie, whatever their scale: the family, and logarithms of ratios of the unknowns, (n, 4)."""
+        size = np.log(np.maximum(np.abs(unknowns), 1e-5 * np.sum(np.abs(unknowns), axis=1, keepdims=True)))
+        ratios = size[:, :3] - size[:, 3:]
+        return np.hstack([2 * np.sign(unknowns[:, :1]), ratios / [0.7, 1.0, 1.0]])
+
+    def prepared(self, target: Target) -> CouplerAngles:
+        """The evaluation of candidates over a target's samples."""
+        return CouplerAngles(self, target)
+
+    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+        """The evaluation of candidates at crank angles of their own."""
+        return angles_at(self, unknowns, theta1, branch, derivatives)
+
+
+@dataclass(frozen=True)
+class LengthsChart:
+    """All four-bars by the logarithms of their lengths, whose common scale is free."""
+
+    LIMIT = 30.0
+    always_closes = False
+    sheet = 0
+    cell = np.append(np.full(4, 0.7), FullCrankChart.cell[3])
+    hop = np.array([0.4, 0.4, 0.4, 0.4, 0.3])
+    types = np.empty((0, 4))
+    longest_step = 0.5
+
+    def shape(self, unknowns: Floats) -> FourBarShape:
+        """Shapes at unknowns (n, 4)."""
+        lengths = np.exp(unknowns)
+        a, b, c = grashof_excesses(lengths)
+        return FourBarShape(lengths, c * lengths.sum(axis=-1), a * b, lengths[:, :, None] * np.eye(4))
+
+    def unknowns(self, lengths: ArrayLike) -> Floats:
+        """Unknowns (n, 4) of lengths (n, 4)."""
+        return np.log(np.asarray(lengths, dtype=float))
+
+    def stepped(self, unknowns: Floats, step: Floats) -> Floats:
+        """Unknowns after a step, each component cut by itself."""
+        moved = unknowns + np.clip(step, -self.longest_step, self.longest_step)
+        return np.clip(moved, -self.LIMIT, self.LIMIT)
+
+    def held(self, unknowns: Floats, gradient: Floats) -> Flags:
+        """None is held, (n, 4)."""
+        return np.zeros(unknowns.shape, dtype=bool)
+
+    def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
+        """Unknowns moved by noise."""
+        return np.clip(unknowns + np.clip(noise, -8.0, 8.0), -self.LIMIT, self.LIMIT)
+
+    def place(self, unknowns: Floats) -> Floats:
+        """Where shapes lie, whatever their scale: logarithms of length ratios, (n, 3)."""
+        return (unknowns[:, :3] - unknowns[:, 3:]) / 0.7
 
     def prepared(self, target: Target) -> CouplerAngles:
         """The evaluation of candidates over a target's samples."""

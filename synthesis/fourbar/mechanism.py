@@ -11,8 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.kinematics import close_loop, coupler_angle, wrap
+from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import Solution, assess, four, mounted
+from synthesis.fourbar.within import bounded_types, keeps, ways, within
+from synthesis.mechanism import Bounded, Placed
 from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
@@ -58,9 +61,21 @@ class FourBar:
             return [FullCrankChart(), AnyChart()]
         return [FullCrankChart({"crank_rocker": -1, "double_crank": 1}.get(family, 0))]
 
-    def pivots(self, lengths: Floats, pivot_a: Complexes, ground_angle: Floats) -> list[Complexes]:
-        """Pivots A and B."""
-        return [pivot_a, pivot_a + lengths[:, 3] * np.exp(1j * ground_angle)]
+    def bounded(self, target: Target, limits: Limits) -> list[Bounded]:
+        """The ways to look within limits; see `within.ways`."""
+        return ways(target, limits)
+
+    def bounded_types(self, family: str) -> Floats:
+        """Coarse types of a family, change points among them."""
+        return bounded_types(family)
+
+    def keeps(self, target: Target, limits: Limits, placed: Placed) -> NDArray[np.bool_]:
+        """Which linkages keep limits."""
+        return keeps(target, limits, placed)
+
+    def within(self, target: Target, limits: Limits, solutions: list[Solution]) -> list[Solution]:
+        """The solutions that keep limits."""
+        return within(target, limits, solutions)
 
     def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[Linkage]:
         """Linkages in their best pose."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from synthesis.fourbar.excursion import LEAVES_SAMPLES
+from synthesis.fourbar.limits import Reach
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import Samples
 
@@ -18,6 +19,35 @@ LINK_RATIO = 10.0
 """Most of the longest link over the shortest."""
 REACH = 10.0
 """No link, and no distance of a pivot from the motion's middle, is longer than this many extents of the motion."""
+
+
+def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
+    """The practical limits as arguments of `limits.Limits`; one that is given replaces them where it says the same.
+
+    Parameters
+    ----------
+    samples : Samples
+        The motion, whose extent limits lengths and distances.
+    given : dict
+        Arguments of `limits.Limits` that a request gives.
+    """
+    asked: dict[str, Any] = {
+        "transmission_angle_min": TRANSMISSION_ANGLE,
+        "transmission_angle_min_turn": TRANSMISSION_ANGLE_TURN,
+        "link_ratio_max": LINK_RATIO,
+    }
+    if samples.position is not None:
+        far, middle = REACH * samples.extent, complex(samples.position_mean(samples.position))
+        asked["link_max"] = max(far, given.get("link_min", 0.0), *(one or 0.0 for one in given.get("links", ())), 0.0)
+        places = [
+            None if given.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else far
+            for name in ("pivot_a", "pivot_b")
+        ]
+        asked["pivot_reach"] = Reach(middle, *places)
+    lengths = [one for one in given.get("links", ()) if one is not None]
+    if lengths:
+        asked["link_ratio_max"] = max(LINK_RATIO, max(lengths) / min(lengths))
+    return asked | given
 
 
 class Built(Protocol):

@@ -1,30 +1,71 @@
-"""Link lengths rounded to a grid for manufacturing, with start, pose and offset fitted anew."""
+"""Link lengths that can be had: on a grid or from a list of stock lengths, with start, pose and offset fitted anew.
+
+Which combination of stock lengths is best is a closest-point problem: near a solution the squared objective is a square form of
+the four logarithms, whose triangle says how much each choice costs at least, link by link (Fincke and Pohst, Mathematics of
+Computation 44 (1985), 463-471). So combinations come in the order of that estimate; each is then judged by a scan of its own.
+"""
 
 from __future__ import annotations
 
+import heapq
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.kinematics import close_loop, wrap
-from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.solution import Solution, assess, four
-from synthesis.least_squares import Evaluation, minimise
-from synthesis.pose import rotation_residual
-from synthesis.target import TURN, Target
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.placement import place, response_to_lengths, scan
+from synthesis.fourbar.solution import Solution
+from synthesis.target import Target
+from synthesis.work import Work
 
 Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
-_STEPS = 400
-_AROUND = 0.4 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
-"""Starts and ground angles beside the solution's, in radians: rounded links may have their best place in another valley."""
-_DIFFERENCE = 1e-6
+AROUND = 3
+"""Where the nearest lengths of a grid break a limit, so many steps to each side are looked at."""
+_TOGETHER = 64
+"""Combinations that are scanned at once."""
+_PLACED = 8
+"""Combinations that are refined at once."""
+_MOST_PLACED = 64
+_SCANS_OF_PLACING = 16
+"""Within limits a place is found in the time of more scans than this: of few tries fewer are refined, at least `_PLACED`."""
+_WORSE = 2.0
+"""A combination whose squared objective in the scan, over fewer samples, is so many times the best one refined is given up."""
+_NEARER = 1e-3
+"""Weight of a length's own change beside the estimate: of lengths that the motion does not fix the nearest come first."""
 
 
-def round_solution(target: Target, solution: Solution, grid: float) -> Solution | None:
-    """The solution with its links rounded to a grid and everything else fitted anew.
+@dataclass(frozen=True)
+class Rounding:
+    """What came of looking for lengths that can be had.
+
+    Attributes
+    ----------
+    solution : Solution or None
+        The best; None where no combination that was tried has a place within the limits.
+    tried : int
+        How many combinations were fitted.
+    combinations : int or None
+        How many there are; None for a grid, which has no end.
+    exhaustive : bool or None
+        Whether the choice is the best of all combinations: every one was scanned over the whole turn of the start, and refined
+        unless the scan shows it to be worse. None for a grid.
+    """
+
+    solution: Solution | None
+    tried: int
+    combinations: int | None = None
+    exhaustive: bool | None = None
+
+
+def round_to_grid(
+    target: Target, solution: Solution, grid: float, limits: Limits, tries: int, work: Work
+) -> Rounding:
+    """The solution with its links on a grid and everything else fitted anew, within the limits.
 
     Parameters
     ----------
@@ -33,59 +74,100 @@ def round_solution(target: Target, solution: Solution, grid: float) -> Solution 
     solution : Solution
     grid : float
         Step of the lengths, in the user's unit; a link is at least one step long.
+    limits : Limits
+    tries : int
+        At most so many combinations, where the nearest lengths do not do.
+    work : Work
+        Asked between steps whether the answer is still wanted; its budget is the search's.
 
     Returns
     -------
-    Solution or None
-        None where the rounded linkage does not close over the samples. Fitted are the start, the ground angle, the pivot, the
-        coupler point and the offset. Law: no length is off the grid, none moved by more than half a step (or up to one step).
+    Rounding
+        The nearest lengths, or where these break a limit in every place the best combination around them. Law: no length is off
+        the grid; where the nearest lengths do, none moved by more than half a step (or up to one step).
     """
     old = solution.linkage
-    links = np.maximum(np.round(np.array(old.links) / grid), 1.0) * grid
-
-    def evaluate(place: Floats, branch: Floats) -> Evaluation:
-        residual = _fit(target, links, branch, place)[0]
-        stack = np.empty((len(place), 3, residual.shape[1]))
-        stack[:, 2] = residual
-        for k in range(2):
-            step = _DIFFERENCE * np.eye(2)[k]
-            ahead, behind = (_fit(target, links, branch, moved)[0] for moved in (place + step, place - step))
-            stack[:, k] = (ahead - behind) / (2 * _DIFFERENCE)
-        cost = np.einsum("nm,nm->n", residual, residual)
-        # next to where it opens there are no derivatives: such a place is no answer, unless it is all there is
-        return Evaluation(np.where(np.isnan(stack).any(axis=(1, 2)), np.inf, cost), np.nan_to_num(stack))
-
-    branch = np.full(len(_AROUND), float(old.branch))
-    found = minimise(
-        evaluate, np.array([old.start, old.ground_angle]) + _AROUND, branch, _STEPS, stall=0.0, damping=1e-6
-    )
-    place = found.unknowns[[found.cost.argmin()]]
-    start, turn = place[0]
-    residual, pivot, coupler = _fit(target, links, branch[:1], place)
-    if np.isnan(residual).any():
-        return None
-    point = float(abs(coupler[0])), wrap(float(np.angle(coupler[0])))
-    linkage = Linkage(four(links), old.branch, float(start % TURN), complex(pivot[0]), wrap(float(turn)), point)
-    return assess(target, [linkage])[0]
+    steps = np.maximum(np.round(np.array(old.links) / grid), 1.0)
+    links = steps[None] * grid
+    starts = scan(target, links, old.branch, limits)[1]
+    if (found := place(target, links, old.branch, starts, old, limits)[0]) is not None:
+        return Rounding(found, 1)
+    near = [np.arange(max(1.0, step - AROUND), step + AROUND + 1) * grid for step in steps]
+    best = _best_of(target, solution, near, limits, tries, work)
+    return Rounding(best.solution, best.tried)
 
 
-def _fit(target: Target, links: Floats, branch: Floats, place: Floats) -> tuple[Floats, Complexes, Complexes]:
-    """Residuals of the objective (n, rows), pivot A and coupler vector (n,) at starts and ground angles; NaN where it opens."""
-    assert target.position is not None
-    start, turn = place[:, :1], place[:, 1:]
-    crank = start + target.crank
-    angle = close_loop(links, crank).coupler_angle(branch)
-    parts: list[Any] = []
-    if target.rotation is not None:
-        parts.append(rotation_residual(target, angle)[1] * target.rotation_mean.root)
-    mean, scale = target.position_mean, target.length_scale
-    middle = mean(target.position)
-    wanted = (target.position - middle - links[0] * np.exp(1j * (crank + turn))) / scale
-    arm = np.exp(1j * (angle + turn))
-    own = arm - mean(arm)[:, None]
-    square = mean(np.abs(own) ** 2)
-    independent = square > 1e-28
-    coupler: Any = np.where(independent, mean(np.conj(own) * wanted), 0.0) / np.where(independent, square, 1.0)
-    gap = (wanted - mean(wanted)[:, None] - coupler[:, None] * own) * mean.root
-    pivot = middle + scale * (mean(wanted) - coupler * mean(arm))
-    return np.concatenate([*parts, gap.real, gap.imag], axis=1), pivot, scale * coupler
+def best_from_stock(
+    target: Target, solution: Solution, stock: Sequence[float], limits: Limits, tries: int, work: Work
+) -> Rounding:
+    """The solution with each link of a stock length and everything else fitted anew, within the limits; arguments as above.
+
+    Returns
+    -------
+    Rounding
+        Law: each length is one of the stock; where it is exhaustive no combination is better.
+    """
+    return _best_of(target, solution, [np.unique(stock)] * 4, limits, tries, work)
+
+
+def _best_of(
+    target: Target, solution: Solution, choices: Sequence[Floats], limits: Limits, tries: int, work: Work
+) -> Rounding:
+    """The best combination of lengths, one of each of four lists."""
+    old = solution.linkage
+    every = int(np.prod([float(values.size) for values in choices]))
+    order = _nearest_first(target, solution, choices)
+    tried, found = 0, []
+    while tried < tries and (links := np.array(list(itertools.islice(order, min(_TOGETHER, tries - tried))))).size:
+        work.check()
+        found.append((links, *scan(target, links, old.branch, limits)))
+        tried += len(links)
+    links, cost, starts = (np.concatenate(columns) for columns in zip(*found))
+    best: Solution | None = None
+    refined_all = True
+    ranked = np.flatnonzero(np.isfinite(cost))[np.argsort(cost[np.isfinite(cost)], kind="stable")]
+    for first in range(0, ranked.size, _PLACED):
+        if best is not None and cost[ranked[first]] > _WORSE * best.errors.objective**2:
+            break
+        if first >= min(_MOST_PLACED, max(_PLACED, tries // _SCANS_OF_PLACING)):
+            refined_all = False
+            break
+        work.check()
+        some = ranked[first : first + _PLACED]
+        for one in place(target, links[some], old.branch, starts[some], old, limits):
+            if one is not None and (best is None or one.errors.objective < best.errors.objective):
+                best = one
+    return Rounding(best, tried, every, tried == every and refined_all)
+
+
+def _nearest_first(target: Target, solution: Solution, choices: Sequence[Floats]) -> Iterator[Floats]:
+    """Combinations of lengths, one of each list, by their estimated objective; best first."""
+    old = solution.linkage
+    triangle, right = response_to_lengths(target, old)
+    size = _NEARER * max(float(np.abs(triangle).max()), np.finfo(float).tiny)
+    stack = np.concatenate([np.column_stack([triangle, right]), size * np.eye(4, 5)])
+    upper: Any = np.linalg.qr(stack, mode="r")
+    moved = [np.log(values / length) for values, length in zip(choices, old.links)]
+    # a node is a choice for the last links; its children choose the link before, the nearest first
+    heap: list[tuple[float, tuple[int, ...], int, list[int], Floats]] = []
+
+    def push(chosen: tuple[int, ...], at: int, order: list[int], costs: Floats) -> None:
+        if at < len(order):
+            heapq.heappush(heap, (float(costs[order[at]]), (order[at], *chosen), at, order, costs))
+
+    def open_node(bound: float, chosen: tuple[int, ...]) -> None:
+        link = 3 - len(chosen)
+        rest = upper[link, 4] + sum(
+            upper[link, link + 1 + k] * moved[link + 1 + k][place] for k, place in enumerate(chosen)
+        )
+        costs = bound + (upper[link, link] * moved[link] + rest) ** 2
+        push(chosen, 0, np.argsort(costs, kind="stable").tolist(), costs)
+
+    open_node(0.0, ())
+    while heap:
+        bound, chosen, at, order, costs = heapq.heappop(heap)
+        push(chosen[1:], at + 1, order, costs)
+        if len(chosen) == 4:
+            yield np.array([values[place] for values, place in zip(choices, chosen)])
+        else:
+            open_node(bound, chosen)

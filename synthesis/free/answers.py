@@ -12,9 +12,10 @@ from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over,
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution, assess
+from synthesis.fourbar.within import keeps
 from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
-from synthesis.mechanism import Chart
+from synthesis.mechanism import Chart, Placed
 from synthesis.ranking import APART, distinct
 from synthesis.target import TURN, Target
 
@@ -68,7 +69,13 @@ class _Mounted(NamedTuple):
     @property
     def pivots(self) -> list[Complexes]:
         """Pivots A and B."""
-        return FOURBAR.pivots(self.links, self.pivot, self.turn)
+        return [self.pivot, self.pivot + self.links[:, 3] * np.exp(1j * self.turn)]
+
+    @property
+    def placed(self) -> Placed:
+        """They as the limits see them."""
+        used = self.poses.used(self.crank).interval.after(self.start)
+        return Placed(self.links, self.branch, used, self.pivot, self.turn, self.coupler)
 
     @property
     def target(self) -> Target:
@@ -128,7 +135,7 @@ def solutions_of(
     if not pool.cost.size:
         return []
     every = _Mounted.of(poses, pool.take(np.isfinite(pool.cost)), chart)
-    kept = limits.kept_by(poses.used(every.crank), every.links, every.start, every.pivots)
+    kept = keeps(poses, limits, every.placed)
     kept &= np.all(np.isfinite(every.links) & (every.links > 0), axis=1)
     if poses.ordered:
         used = np.abs(pool.timed.angles[np.isfinite(pool.cost)][:, [0, -1]] @ [-1.0, 1.0])
@@ -137,7 +144,7 @@ def solutions_of(
     ranked = every.take(every.order(tolerance)[: 8 * top + 20])
     found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
     place = {id(one): rank for rank, one in enumerate(found)}
-    return distinct(found, top, APART, order=lambda one: place[id(one)])
+    return distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:

@@ -188,7 +188,20 @@ class JointProblem:
         return np.where(np.isfinite(cost), cost, np.inf)
 
     def evaluate(self, timed: Timed, turned: Turned) -> Rows:
-        """Rows and derivatives of candidates whose body angles carry their derivatives."""
+        """Rows and derivatives of candidates whose body angles carry their derivatives; what a bound holds has none."""
+        return self.within_bounds(timed, self.derivatives(timed, turned))
+
+    def within_bounds(self, timed: Timed, rows: Rows) -> Rows:
+        """The rows without derivatives by unknowns that a bound of the chart holds."""
+        if self.bounded is not None:
+            stack, size = rows.stack, self.size
+            flat = stack.reshape(*stack.shape[:2], -1)
+            held = self.bounded.held(timed.shape, (flat[:, :size] @ flat[:, -1, :, None])[:, :, 0])
+            stack[:, :size][held] = 0.0
+        return rows
+
+    def derivatives(self, timed: Timed, turned: Turned) -> Rows:
+        """Rows and all of their derivatives."""
         count, samples = timed.angles.shape
         slope = turned.body.slope
         assert slope is not None
@@ -217,9 +230,6 @@ class JointProblem:
                 imag[:, at + 1] = column.real
             by_angle = lever * slope[:, size] + 1j * z1 * e1
             turn[:, -2], turn[:, -1] = by_angle.real, by_angle.imag
-        if self.bounded is not None:
-            gradient = stack[:, :size].reshape(count, size, -1) @ residual.reshape(count, -1, 1)
-            stack[:, :size][self.bounded.held(timed.shape, gradient[:, :, 0])] = 0.0
         return Rows(self.cost(residual, turned.body), stack, turn)
 
     # -- steps ------------------------------------------------------------------------------------------------------

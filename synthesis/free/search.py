@@ -31,14 +31,18 @@ from synthesis.free.screen import COARSE, FINE, PathScreen
 from synthesis.mechanism import Chart
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, StoppedBy
+from synthesis.search.windows import Windows
 from synthesis.work import Work
+
+
+def bounded_windows(family: str) -> Windows:
+    """The windows that a search within limits begins with."""
+    return Windows(FOURBAR, FOURBAR.bounded_types(family))
+
 
 Screens = Callable[[str], Sequence[PathScreen]]
 """Gives the screens of a family; made once by whoever keeps them."""
-
 _COARSE_PERIMETER, _FINE_PERIMETER, _FINE_SEEDS = 28, 44, 1000
-_LIMITED = 60
-"""Candidates that are refined within limits."""
 _FEWEST_FULL = 3
 """Samples with rotation and position from which on dyads lead to four-bars that fit the others too."""
 
@@ -62,6 +66,7 @@ def search_free(
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
     screens: Screens = path_screens,
+    windows: Callable[[str], Windows] = bounded_windows,
 ) -> tuple[list[Solution], SearchReport]:
     """The best four-bars for samples whose crank angles are free.
 
@@ -75,8 +80,8 @@ def search_free(
         Stop the search when the objective is below it.
     work : Work, optional
         Once it has expired the best found so far is returned.
-    screens : callable
-        For paths.
+    screens, windows : callable
+        For paths, and for limits, by family; made once by whoever keeps them.
 
     Returns
     -------
@@ -102,7 +107,7 @@ def search_free(
     if by_dyads:
         pool, ended = search_motion(poses, limits.family, tolerance, work, note)
         seeds = pool.cost.size
-        solutions = _within(poses, pool, chart_of(limits.family), limits, top, tolerance, work)
+        solutions = _within(poses, pool, chart_of(limits.family), limits, top, tolerance, work, windows)
     elif not poses.ordered:
         raise FieldError("/order", "'any' needs rotation and position at three samples or more: a path has an order")
     reached = Status.of(solutions, tolerance) is Status.REACHED
@@ -115,7 +120,7 @@ def search_free(
                 trace.append((seconds, objective))
         pool = Pool.of(found.pool)
         ended, seeds = not work.expired(), seeds + pool.cost.size
-        others = _within(poses, pool, chart, limits, top, tolerance, work)
+        others = _within(poses, pool, chart, limits, top, tolerance, work, windows)
         solutions = sorted(solutions + others, key=lambda one: max(one.errors.objective, tolerance))[:top]
         reached = Status.of(solutions, tolerance) is Status.REACHED
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
@@ -123,11 +128,18 @@ def search_free(
 
 
 def _within(
-    poses: Poses, pool: Pool, chart: Chart, limits: Limits, top: int, tolerance: float, work: Work
+    poses: Poses,
+    pool: Pool,
+    chart: Chart,
+    limits: Limits,
+    top: int,
+    tolerance: float,
+    work: Work,
+    windows: Callable[[str], Windows],
 ) -> list[Solution]:
     """The best of a pool within the limits: as they are where that is enough, otherwise refined within them."""
     solutions = solutions_of(poses, pool, chart, limits, top, tolerance)
     if limits.only_family or Status.of(solutions, tolerance) is Status.REACHED or work.expired():
         return solutions
-    inside = within_limits(poses, chart, limits, pool.best(_LIMITED), work)
+    inside = within_limits(poses, limits, pool, windows(limits.family), work)
     return solutions_of(poses, inside.joined(pool), chart, limits, top, tolerance)

@@ -366,14 +366,27 @@ def generate(
         motion, report = search(tables, wanted.target, Limits(family=limits.family), top, tolerance, work)
         linkages = [exchanged(one.linkage).scaled(limits.ground) for one in motion]
         found = [one for one in finished(wanted, linkages, False) if one.transmission_angle_min > 0]
-        return found, report
+        given = wanted.start is not None or wanted.offset is not None
+        if not given or Status.of(found, tolerance) is Status.REACHED or work.expired():
+            return found, report
+        # with given zeros the search for motions ends with full cranks
+        run = _Search(wanted, other, False, top, tolerance, work)
+        found = distinct(found + run.run(tables), top, APART)
+        trace = report.trace + [
+            (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
+        ]
+        stopped = _stopped_by(found, tolerance, work)
+        return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
     run = _Search(wanted, other, largest, top, tolerance, work)
     found = run.run(tables)
-    if Status.of(found, tolerance) is Status.REACHED:
-        stopped = StoppedBy.TOLERANCE
-    else:
-        stopped = StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
+    stopped = _stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
+
+
+def _stopped_by(found: list[Generator], tolerance: float, work: Work) -> StoppedBy:
+    if Status.of(found, tolerance) is Status.REACHED:
+        return StoppedBy.TOLERANCE
+    return StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
 
 
 def refit(

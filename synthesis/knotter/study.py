@@ -11,6 +11,7 @@ from synthesis.errors import FieldError
 from synthesis.knotter.conditions import Condition, Result
 from synthesis.knotter.mechanism import Mechanism
 from synthesis.one_variable import Flags, Floats
+from synthesis.work import Work
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,13 @@ class StudyResult:
     margin: Floats
 
 
-def study(mechanism: Mechanism, grid: Mapping[str, Sequence[float]], conditions: Sequence[Condition]) -> StudyResult:
-    """Every condition for every combination of the grid's parameters.
+def study(
+    mechanism: Mechanism,
+    grid: Mapping[str, Sequence[float]],
+    conditions: Sequence[Condition],
+    work: Work | None = None,
+) -> StudyResult:
+    """Every condition for every combination of the grid's parameters; ``work`` is asked before each condition.
 
     Raises
     ------
@@ -57,7 +63,10 @@ def study(mechanism: Mechanism, grid: Mapping[str, Sequence[float]], conditions:
     mechanism = mechanism.with_parameters(**flat)
     for condition in conditions:
         condition.check(mechanism)
-    results = {condition.name: condition.evaluate(mechanism, items) for condition in conditions}
+    work, results = work or Work(), {}
+    for condition in conditions:
+        work.go_on()
+        results[condition.name] = condition.evaluate(mechanism, items)
     return StudyResult(
         flat,
         results,

@@ -176,7 +176,7 @@ class Evaluator:
         return by_blocks(self._moments, max(1, BLOCK // self._weights.size), *design.as_tuple(), gamma)
 
     def _moments(self, *fields: Floats) -> Floats:
-        self.work.check()
+        self.work.go_on()
         self.evaluations += fields[0].size
         task = self.task
         *lengths, gamma = (field[:, None] for field in fields)

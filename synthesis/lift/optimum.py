@@ -137,7 +137,7 @@ def _answer(found: Optimum, unit: Task, task: Task) -> Optimum:
 
 
 def _optimize_at_unit_speed(task: Task, work: Work) -> Optimum:
-    work.check()  # one without an admissible design evaluates nothing
+    work.go_on()  # one without an admissible design evaluates nothing
     drive = task.cylinder
     evaluator = Evaluator(task, work)
     low, high = arm_range(task)

@@ -1,150 +1,192 @@
-"""The search within limits: shape and pose together are unknown, because the best pose of a shape may break a limit.
+"""The search where no linkage may be exact, or limits hold: the best there is, from seeds that know the limits.
 
-Unknowns are those of `projected` and, with positions, six more, lengths over l and positions from their mean: A (two), ln k
-(k scales the chart's lengths), theta4, and the coefficient of e^{i theta2} (two). The offset stays projected out. Leaving a
-limit costs rows ``penalty * max(0, margin - slack)`` beside the residual.
+Data flow::
+
+    windows of a coarse table in the best pose within the limits -> seeds, the first that keep all limits are answers
+      -> descents under constraints, in rounds: more seeds and hops about the best valleys in turn
+      -> the best of each round on all samples, moved onto the limits that they still break
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.least_squares import Evaluation
-from synthesis.mechanism import Chart, Limits, Mechanism
-from synthesis.pose import fit_positions
-from synthesis.search.projected import ProjectedProblem
+from synthesis.mechanism import Bounded
+from synthesis.search.constrained import Descended, Plan, descend, restored
+from synthesis.search.placed import PosedProblem, ShapeProblem
+from synthesis.search.windows import Windows
 from synthesis.target import Target
+from synthesis.work import Work
 
 Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
-_MARGIN = 1e-5
-"""Makes up for what a finite penalty gives way."""
-_STEP = 1e-6
+_SAMPLES = 16
+_SEEDS, _FURTHER = 60, 100
+"""Seeds of the first round, and of each later one."""
+_FIRST = 24
+"""Seeds that may be answers at once."""
+_VALLEYS, _POLISHED = 24, 10
+_ORIGINS, _COPIES = 8, 8
+_ROUNDS = 6
+_GAIN = 2e-3
+"""A round that lowers J by a smaller part has gained nothing; two in a row end the search."""
+_ALIKE = 1e-3
+"""Candidates whose J^2 differ by a smaller part lie in one valley."""
+_SAME_LENGTHS = 0.3
+"""Logarithms of lengths by which candidates of one valley differ at most."""
+_OPTIMA = 14
+_KEPT = 1e-13
+"""To which an answer must keep equations; other constraints it keeps entirely."""
+
+_DOWN = Plan(15, (0.1, 0.3, 1.0, 3.0, 10.0), 3)
+_ON = Plan(24, (3.0, 10.0, 30.0, 100.0), 4)
+_TO_THE_END = Plan(30, (10.0, 30.0, 100.0, 300.0), 5)
+_STATIONARY = Plan(60, (100.0, 300.0, 1000.0), 8)
 
 
-class LimitedProblem:
-    """A target, a chart and limits made ready for many evaluations; unknowns and rows as in the module's head.
+def search_limited(
+    target: Target, way: Bounded, windows: Windows, work: Work, note: Callable[[Floats], None]
+) -> tuple[Descended, ShapeProblem, int]:
+    """The best candidates for a target within limits.
 
     Parameters
     ----------
-    mechanism : Mechanism
     target : Target
         With a crank that turns counter-clockwise.
-    chart : Chart
-    limits : Limits
-    penalty : float
-        Its square weighs squared violations against J squared.
+    way : Bounded
+        The limits, and the chart in which to look.
+    windows : Windows
+    work : Work
+    note : callable
+        Called with J squared of answers as they are found.
+
+    Returns
+    -------
+    candidates : Descended
+        Best first, of different valleys; on all samples, every one within the limits.
+    problem : ShapeProblem
+        Whose unknowns they have.
+    seeds : int
+        How many descents began.
     """
+    run = _Run(target, way, windows, work, note)
+    run.search()
+    return run.optima(), run.whole, run.used
 
-    def __init__(self, mechanism: Mechanism, target: Target, chart: Chart, limits: Limits, penalty: float) -> None:
-        rotation = np.zeros(target.samples) if target.rotation is None else target.rotation
-        # without a rotation this still tells what closes
-        self.plain = ProjectedProblem(replace(target, position=None, rotation=rotation), chart)
-        self.mechanism, self.target, self.chart = mechanism, target, chart
-        self.limits, self.penalty = limits, penalty
-        self.shape_size = len(chart.cell) - 1
-        if target.position is not None:
-            self.middle = target.position_mean(target.position)
-            self.scaled = (target.position - self.middle) / target.length_scale
 
-    def with_pose(self, unknowns: Floats, branch: Floats) -> Floats:
-        """Candidates of this problem from those of `ProjectedProblem`: their best pose added; unchanged without positions."""
-        if self.target.position is None:
-            return unknowns
-        start = unknowns[:, -1]
-        lengths = self.chart.shape(unknowns[:, :-1]).lengths
-        angle = self.mechanism.body_angle(lengths, branch, start[:, None] + self.target.crank)
-        fit = fit_positions(self.target, angle)
-        scale = self.target.length_scale
-        pivot, coupler = (fit.pivot - self.middle) / scale, fit.coupler_vector / scale
-        crank = np.maximum(np.abs(fit.crank_vector) / scale, 1e-3)
-        ground_angle = np.angle(fit.crank_vector) - start
-        pose = [pivot.real, pivot.imag, np.log(crank / lengths[:, 0]), ground_angle, coupler.real, coupler.imag]
-        return np.hstack([unknowns, np.stack(pose, axis=1)])
+class _Run:
+    def __init__(
+        self, target: Target, way: Bounded, windows: Windows, work: Work, note: Callable[[Floats], None]
+    ) -> None:
+        self.work, self.note = work, note
+        kind = ShapeProblem if way.boxes is None else PosedProblem
+        self.rough = kind(target.condensed(_SAMPLES), way.chart, way.constraints)
+        self.whole = kind(target, way.chart, way.constraints)
+        # far random numbers, the same for every request
+        self.random = np.random.default_rng(20)
+        self.seeds = windows.seeds(self.rough, way.on_shape, way.boxes)
+        self.used = 0
+        nothing = np.empty(0)
+        self.pool = Descended(np.empty((0, self.rough.unknowns)), nothing, nothing, nothing)
+        self.answers = self.pool
+        self.polished = nothing
+        """Costs in the pool of candidates that were refined on all samples."""
 
-    def lengths(self, unknowns: Floats) -> Floats:
-        """Actual lengths, (n, d); without positions the last is 1."""
-        lengths = self.chart.shape(unknowns[:, : self.shape_size]).lengths
-        if self.target.position is None:
-            return lengths / lengths[:, -1:]
-        scale = unknowns[:, self.shape_size + 3, None]
-        return lengths * (self.target.length_scale * np.exp(np.clip(scale, -60, 60)))
+    def search(self) -> None:
+        """Rounds until they gain nothing."""
+        self.first_answers()
+        idle, best = 0, np.inf
+        for number in range(_ROUNDS):
+            if number % 2:
+                unknowns, branch = self.hops(1.0 if number % 4 == 1 else 0.5)
+            else:
+                unknowns, branch = self.fresh(_FURTHER if number else _SEEDS)
+            self.round(unknowns, branch, 1.0 if number == 0 else 0.5)
+            found = self.least()
+            idle = idle + 1 if found > best * (1 - _GAIN) and np.isfinite(found) else 0
+            best = min(best, found)
+            if idle == 2 or self.work.expired():
+                break
 
-    def pose(self, unknowns: Floats) -> tuple[Complexes, Floats, Complexes] | None:
-        """Pivot A, ground angle and the coefficient of e^{i theta2} in the user's unit, (n,) each; None without positions."""
-        if self.target.position is None:
-            return None
-        ax, ay, _, ground_angle, zx, zy = unknowns[:, self.shape_size + 1 :].T
-        scale = self.target.length_scale
-        return self.middle + scale * (ax + 1j * ay), ground_angle, scale * (zx + 1j * zy)
+    def least(self) -> float:
+        """The best J so far."""
+        return float(np.sqrt(self.answers.cost.min(initial=np.inf)))
 
-    def linkages(self, unknowns: Floats, branch: Floats) -> list[Any]:
-        """The linkages that candidates are."""
-        start = unknowns[:, self.shape_size]
-        return self.mechanism.posed(self.lengths(unknowns), branch, start, self.pose(unknowns))
+    def fresh(self, count: int) -> tuple[Floats, Floats]:
+        """The next seeds."""
+        part = slice(self.used, self.used + count)
+        self.used += count
+        return self.seeds.unknowns[part], self.seeds.branch[part]
 
-    def slacks(self, unknowns: Floats) -> Floats:
-        """Slacks of all limits, see `mechanism.Limits.slacks`, (n, columns)."""
-        lengths, pose = self.lengths(unknowns), self.pose(unknowns)
-        pivots = () if pose is None else self.mechanism.pivots(lengths, pose[0], pose[1])
-        return self.limits.slacks(self.target, lengths, unknowns[:, self.shape_size], pivots)
+    def hops(self, width: float) -> tuple[Floats, Floats]:
+        """Perturbed copies of the best valleys."""
+        best = _valleys(self.pool, _ORIGINS, 5 * _ALIKE)
+        unknowns, branch = np.repeat(best.unknowns, _COPIES, axis=0), np.repeat(best.branch, _COPIES)
+        flipped = self.random.random(len(branch)) < 0.12
+        return self.rough.hopped(unknowns, self.random, width), np.where(flipped, -branch, branch)
 
-    def evaluate(self, unknowns: Floats, branch: Floats) -> Evaluation:
-        """Residuals and derivatives, the penalty included."""
-        shape = self.shape_size + 1
-        plain = self.plain.evaluate(unknowns[:, :shape], branch)
-        parts = []
-        cost = np.where(np.isfinite(plain.cost), 0.0, np.inf)
-        if self.target.rotation is not None:
-            cost = cost + plain.cost
-            part = np.zeros((len(unknowns), unknowns.shape[1] + 1, plain.stack.shape[2]))
-            part[:, :shape], part[:, -1] = plain.stack[:, :-1], plain.stack[:, -1]
-            parts.append(part)
-        if self.target.position is not None:
-            parts.append(self._position(unknowns, branch))
-            cost = cost + np.sum(parts[-1][:, -1] ** 2, axis=1)
-        parts.append(self._violation(unknowns))
-        cost = cost + np.sum(parts[-1][:, -1] ** 2, axis=1)
-        return Evaluation(np.where(np.isnan(cost), np.inf, cost), np.nan_to_num(np.concatenate(parts, axis=2)))
+    def first_answers(self) -> None:
+        """The best seeds, where they keep the limits or can be moved onto them."""
+        unknowns, branch = self.seeds.unknowns[:_FIRST], self.seeds.branch[:_FIRST]
+        if len(branch):
+            self.keep(restored(self.whole, Descended(unknowns, branch, np.empty(0), np.empty(0)), 4))
 
-    def _position(self, unknowns: Floats, branch: Floats) -> Floats:
-        size, samples = self.shape_size, self.target.samples
-        shape, start = self.chart.shape(unknowns[:, :size]), unknowns[:, size, None]
-        crank_angle = start + self.target.crank
-        angle, by_length = self.mechanism.body_angle_gradient(shape.lengths, branch, crank_angle)
-        slope = np.zeros((len(unknowns), size + 1, samples))
-        slope[:, :size] = np.einsum("nmi,nik->nkm", by_length[..., :-1], shape.jacobian)
-        slope[:, size] = by_length[..., -1]
-        ax, ay, log_scale, ground_angle, zx, zy = unknowns[:, size + 1 :].T
-        coupler = zx + 1j * zy
-        crank_vector = shape.lengths[:, 0] * np.exp(np.clip(log_scale, -60, 60) + 1j * ground_angle)
-        crank = crank_vector[:, None] * np.exp(1j * crank_angle)
-        arm = np.exp(1j * angle)
-        columns = np.empty((len(unknowns), size + 8, samples), dtype=complex)
-        columns[:, : size + 1] = -1j * (coupler[:, None] * arm)[:, None, :] * slope
-        columns[:, :size] -= crank[:, None, :] * (shape.jacobian[:, 0] / shape.lengths[:, :1])[:, :, None]
-        columns[:, size] -= 1j * crank
-        columns[:, size + 1], columns[:, size + 2] = -1.0, -1j
-        columns[:, size + 3], columns[:, size + 4] = -crank, -1j * crank
-        columns[:, size + 5], columns[:, size + 6] = -arm, -1j * arm
-        columns[:, size + 7] = self.scaled - (ax + 1j * ay)[:, None] - crank - coupler[:, None] * arm
-        columns *= self.target.position_mean.root
-        return np.concatenate([columns.real, columns.imag], axis=2)
+    def round(self, unknowns: Floats, branch: Floats, share: float) -> None:
+        """Descents from some candidates; the best of the pool is polished on all samples."""
+        if len(branch):
+            found = descend(self.rough, unknowns, branch, _DOWN, self.work)
+            found = _valleys(found, int(_VALLEYS * share), _ALIKE, slack=1.0)
+            found = descend(self.rough, found.unknowns, found.branch, _ON, self.work)
+            self.pool = self.pool.joined(found)
+        best = _valleys(self.pool, int(_POLISHED * share), _ALIKE, slack=1.0)
+        new = ~np.any(np.abs(best.cost[:, None] - self.polished) <= _ALIKE * best.cost[:, None], axis=1)
+        best = best.take(new)
+        if len(best.branch):
+            self.polished = np.append(self.polished, best.cost)
+            best = descend(self.whole, best.unknowns, best.branch, _TO_THE_END, self.work)
+            self.keep(restored(self.whole, best))
 
-    def _violation(self, unknowns: Floats) -> Floats:
-        count, size = unknowns.shape
-        violation = np.maximum(_MARGIN - self.slacks(unknowns), 0.0)
-        rows = np.zeros((count, size + 1, violation.shape[1]))
-        rows[:, -1] = violation
-        if violation.any():
-            # central differences: the limits' derivatives steer the search, its answer is checked on the limits themselves
-            steps = _STEP * np.concatenate([np.eye(size), -np.eye(size)])
-            moved = self.slacks((unknowns[:, None, :] + steps).reshape(-1, size)).reshape(count, 2, size, -1)
-            change = (moved[:, 1] - moved[:, 0]) / (2 * _STEP)
-            rows[:, :-1] = np.where(violation[:, None, :] > 0, change, 0.0)
-        return self.penalty * rows
+    def optima(self) -> Descended:
+        """The answers, the best of them descended to their end, one of each valley."""
+        best = _valleys(self.answers, _OPTIMA, _ALIKE)
+        if len(best.branch):
+            self.keep(restored(self.whole, descend(self.whole, best.unknowns, best.branch, _STATIONARY, self.work)))
+        return self._of_each_valley(self.answers)
+
+    def _of_each_valley(self, found: Descended) -> Descended:
+        """The best of those of nearly the same cost and lengths, best first."""
+        found = _valleys(found, len(found.branch), 1e-6)
+        lengths = np.log(self.whole.chart.shape(found.unknowns[:, : self.whole.size]).lengths)
+        if not isinstance(self.whole, PosedProblem):
+            lengths = lengths - lengths.mean(axis=1, keepdims=True)
+        kept: list[int] = []
+        for k in range(len(found.branch)):
+            same = (found.cost[k] <= found.cost[kept] * (1 + 10 * _ALIKE)) & (found.branch[k] == found.branch[kept])
+            if not np.any(same & np.all(np.abs(lengths[k] - lengths[kept]) < _SAME_LENGTHS, axis=1)):
+                kept.append(k)
+        return found.take(np.array(kept, dtype=int))
+
+    def keep(self, found: Descended) -> None:
+        """Take those that keep the limits as answers."""
+        inside = found.take((found.broken <= _KEPT) & np.isfinite(found.cost))
+        self.answers = self.answers.joined(inside)
+        self.note(inside.cost)
+
+
+def _valleys(found: Descended, count: int, alike: float, slack: float = 0.0) -> Descended:
+    """The best candidates of different cost; what breaks limits counts ``slack`` times the square of that beside J^2."""
+    merit = found.cost + slack * found.broken**2
+    order = np.argsort(merit, kind="stable")
+    order = order[np.isfinite(merit[order])]
+    kept: list[int] = []
+    last = -np.inf
+    for place in order.tolist():
+        if len(kept) == count:
+            break
+        if merit[place] > last * (1 + alike) or last < 0:
+            kept.append(place)
+            last = merit[place]
+    return found.take(np.array(kept, dtype=int))

@@ -10,7 +10,7 @@ Data flow of a request::
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from typing import Any, NamedTuple
 
@@ -21,10 +21,11 @@ from synthesis.least_squares import minimise
 from synthesis.mechanism import Chart, Limits
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search import schedule
-from synthesis.search.limited import LimitedProblem
+from synthesis.search.limited import search_limited
 from synthesis.search.projected import ProjectedProblem
 from synthesis.search.schedule import Round
-from synthesis.search.seeds import Candidates, SeedTables, grid
+from synthesis.search.seeds import Candidates, SeedTables
+from synthesis.search.windows import Windows
 from synthesis.target import Target
 from synthesis.work import Work
 
@@ -33,6 +34,11 @@ Floats = NDArray[np.float64]
 DEFAULT_TOLERANCE = 1e-10
 SEARCH_SAMPLES = 64
 """Samples that the rounds look at; longer requests are thinned for them and polished on all samples."""
+
+
+_NEAR, _NEARER, _FINISHED = 1e-2, 1e-5, 12
+"""J from which on an exact answer may be near, and how many candidates are then refined to machine precision.
+From the second on it does, in a narrow valley."""
 
 
 class StoppedBy(StrEnum):
@@ -109,14 +115,6 @@ class _Search:
                     noise[:, -1] = 0.0
                 unknowns = unknowns + noise
                 return Candidates(unknowns, np.repeat(best.branch, source.copies), np.full(len(unknowns), np.inf))
-            case schedule.Grid():
-                unknowns = grid(self.chart.unknowns(self.chart.types), source.starts, self.target.start)
-                return self._each_branch(unknowns, source.most, 0.7, lambda branch, cost: cost)
-            case schedule.NearestToLimits():
-                unknowns = grid(self.chart.unknowns(self.tables.tables[0].scan.lengths), source.starts)
-                return self._each_branch(
-                    unknowns, source.most, 0.3, lambda branch, cost: self._violation(unknowns, branch) + 1e-6 * cost
-                )
 
     def _fresh(self, index: int, count: int) -> Candidates:
         if index not in self.screened:
@@ -128,30 +126,12 @@ class _Search:
         places = [np.flatnonzero(table.branch == branch)[before:count] for branch in self.mechanism.branches]
         return table.take(np.concatenate(places))
 
-    def _each_branch(self, unknowns: Floats, count: int, cell: float, order: Any) -> Candidates:
-        """The first ``count`` of each branch by an order of those that close, at most one a cell."""
-        parts = []
-        for branch in self.mechanism.branches:
-            side = np.full(len(unknowns), float(branch))
-            cost = self.problem.evaluate(unknowns, side, derivatives=False).cost
-            ranked = np.where(np.isfinite(cost), order(side, cost), np.inf)
-            parts.append(Candidates(unknowns, side, ranked).thinned(count, cell))
-        return parts[0].joined(*parts[1:])
-
-    def _violation(self, unknowns: Floats, branch: Floats) -> Floats:
-        """Sum of the squares by which limits are broken in the best pose."""
-        problem = self.limited(0.0)
-        slacks = np.nan_to_num(problem.slacks(problem.with_pose(unknowns, branch)), nan=-1e3, neginf=-1e3)
-        return np.sum(np.minimum(slacks, 0.0) ** 2, axis=1)
-
     # -- rounds -------------------------------------------------------------------------------------------------------
 
-    def free_search(self, rounds: Sequence[Round], further: bool = False) -> None:
-        """Rounds without limits until reached, out of time or out of rounds; in a further chart with a pool of its own."""
+    def free_search(self, rounds: Sequence[Round]) -> None:
+        """Rounds without limits until reached, out of time or out of rounds."""
         for one in rounds:
             seeds = self.draw(one.sources)
-            if further and one is rounds[0]:
-                self.pool = Candidates.none(len(self.chart.cell))
             self.seeds += len(seeds.branch)
             found = minimise(
                 self.problem.evaluate, seeds.unknowns, seeds.branch, one.iterations, 0.3 * self.tolerance, self.work
@@ -161,14 +141,6 @@ class _Search:
                 self.note(self.pool.cost)
             if self.reached or self.work.expired():
                 return
-
-    def continue_in(self, chart: Chart) -> None:
-        """Go on in a further chart, from the best so far and from its own types."""
-        lengths = self.chart.shape(self.pool.unknowns[:, :-1]).lengths
-        best = self.pool._replace(unknowns=np.hstack([chart.unknowns(lengths), self.pool.unknowns[:, -1:]]))
-        self.use(chart)
-        self.pool = best
-        self.free_search(schedule.FURTHER_CHART, further=True)
 
     @property
     def reached(self) -> bool:
@@ -198,43 +170,42 @@ class _Search:
         found = minimise(problem.evaluate, best.unknowns, best.branch, iterations, 0.0, self.work).unknowns
         lengths = self.chart.shape(found[:, :-1]).lengths
         linkages = self.mechanism.mounted(self.target, lengths, best.branch, found[:, -1])
-        return self.limits.within(self.target, self.mechanism.assess(self.target, linkages))
+        return self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, linkages))
 
-    # -- within limits ------------------------------------------------------------------------------------------------
+    # -- within limits, or where none is exact ------------------------------------------------------------------------
 
-    def limited(self, penalty: float) -> LimitedProblem:
-        """The problem within limits, with a weight of broken ones."""
-        return LimitedProblem(self.mechanism, self.thin_target, self.chart, self.limits, penalty)
-
-    def limited_search(self, top: int) -> list[Any]:
-        """Solutions that keep to the limits: penalties that grow until the candidates lie inside."""
-        found: list[Any] = []
-        for one in (*schedule.LIMITED, schedule.LAST_RESORT):
-            if found and one is schedule.LAST_RESORT:
+    def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any]) -> list[Any]:
+        """Go on within the limits, in one chart after the other; what it finds, and of the solutions those that are better."""
+        charts, ways = self.mechanism.charts(self.limits.family), self.mechanism.bounded(self.target, self.limits)
+        if self.target.start is not None or self.target.offset is not None:
+            ways = []  # they find the start and the offset themselves
+        if not ways:
+            self.free_search(schedule.TO_THE_END)
+            return solutions + self.polished(_FINISHED, 30)
+        first, solutions = solutions, []
+        for chart, way in zip(charts, ways):
+            found, problem, seeds = search_limited(
+                self.target, way, windows(self.limits.family), self.work, self.note
+            )
+            self.seeds += seeds
+            linkages = problem.linkages(self.mechanism, found.unknowns, found.branch, self.target)
+            solutions = solutions + self.mechanism.within(
+                self.target, self.limits, self.mechanism.assess(self.target, linkages)
+            )
+            near = found.take(found.cost < _NEAR**2)
+            if near.cost.size:  # normal equations lose half of the digits: an exact answer may lie there
+                self.use(chart)
+                lengths = way.chart.shape(near.unknowns[:, : problem.size]).lengths
+                shape, start = chart.unknowns(lengths), near.unknowns[:, [problem.size]]
+                self.pool = Candidates(np.hstack([shape, start]), near.branch, near.cost)
+                solutions = solutions + self.polished(_FINISHED, 100)
+                if not self.reached and near.cost.min() < _NEARER**2:
+                    self.free_search(schedule.TO_THE_END)
+                    solutions = solutions + self.polished(_FINISHED, 30)
+            if self.done(sorted(solutions, key=lambda one: one.errors.objective)):
                 break
-            seeds = self.draw(one.sources)
-            unknowns, branch = self.limited(0.0).with_pose(seeds.unknowns, seeds.branch), seeds.branch
-            self.seeds += len(branch)
-            for index, (penalty, iterations) in enumerate(schedule.PENALTIES, 1):
-                kept = 4 * top + 20 if index == len(schedule.PENALTIES) else len(branch)
-                done = minimise(self.limited(penalty).evaluate, unknowns, branch, iterations, 0.0, self.work)
-                best = np.argsort(done.cost, kind="stable")[:kept]
-                best = best[np.isfinite(done.cost[best])]
-                unknowns, branch = done.unknowns[best], branch[best]
-            found = distinct(found + self._finished(unknowns, branch), 2 * top + 4, APART)
-            self.note(np.array([s.errors.objective for s in found[:1]]) ** 2)
-            if self.done(found):
-                break
-        return found
-
-    def _finished(self, unknowns: Floats, branch: Floats) -> list[Any]:
-        """Limited candidates as solutions on all samples, those outside of the limits left out."""
-        problem = self.limited(0.0)
-        start = unknowns[:, len(self.chart.cell) - 1, None]
-        angle = self.mechanism.body_angle(problem.lengths(unknowns), branch, start + self.target.crank)
-        closes = np.isfinite(angle).all(axis=1)
-        solutions = self.mechanism.assess(self.target, problem.linkages(unknowns[closes], branch[closes]))
-        return self.limits.within(self.target, solutions)
+        best = min((one.errors.objective for one in solutions), default=np.inf)
+        return solutions + [one for one in first if one.errors.objective < best]
 
     def report(self, solutions: list[Any]) -> SearchReport:
         """How it went, by the objectives of the solutions that are returned."""
@@ -282,21 +253,19 @@ def search(
     clockwise = target.clockwise
     if clockwise:  # a mirror image: one search serves both
         target, limits = target.mirrored(), limits.mirrored()
-    first, *further = tables.mechanism.charts(limits.family)
+    first = tables.mechanism.charts(limits.family)[0]
     run = _Search(tables, target, limits, tolerance, work or Work(), first)
-    solutions: list[Any] = []
-    for chart in (first, *further):
-        if chart is first:
-            run.free_search(schedule.FREE if limits.only_family else schedule.FIRST_LOOK)
-        else:
-            run.continue_in(chart)
+    # within limits the answer is seldom exact: one round tells
+    run.free_search(schedule.FIRST_LOOK if limits.only_family else schedule.FIRST_LOOK[:1])
+    near = bool(run.pool.cost.size) and run.pool.cost.min() < _NEAR**2
+    solutions = []
+    if near or limits.only_family:
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
-        solutions = distinct(solutions + run.polished(top + 4, 6 if run.reached else 30), top, APART)
-        run.note(np.array([s.errors.objective for s in solutions[:1]]) ** 2)
-        if not limits.only_family and not run.done(solutions):
-            solutions = distinct(solutions + run.limited_search(top), top, APART)
-        if run.done(solutions):
-            break
+        solutions = run.polished(top + 4, 30 if near and not run.reached else 6)
+    run.note(np.array([s.errors.objective for s in solutions]) ** 2)
+    if not (run.done(solutions) or (solutions and run.reached)):
+        solutions = run.bounded_search(tables.windows, solutions)
+    solutions = distinct(solutions, top, APART, exact=tolerance)
     report = run.report(solutions)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report
 

@@ -14,6 +14,7 @@ from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.mechanism import Mechanism
 from synthesis.pose import whole_turns
+from synthesis.search.windows import Windows
 from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
@@ -97,6 +98,7 @@ class SeedTables:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
+        self._windows: dict[str, Windows] = {}
         chart = mechanism.charts("full_crank")[0]
         self.tables = []
         for lengths in mechanism.tables:
@@ -110,6 +112,12 @@ class SeedTables:
                     table.winding.astype(float),
                 )
             )
+
+    def windows(self, family: str) -> Windows:
+        """The windows of a family's types for a search within limits; made by the first that asks."""
+        if family not in self._windows:
+            self._windows[family] = Windows(self.mechanism, self.mechanism.bounded_types(family))
+        return self._windows[family]
 
     @property
     def nbytes(self) -> int:
@@ -139,10 +147,3 @@ class SeedTables:
         # one number a cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
         return parts.take(np.sort(first))
-
-
-def grid(shapes: Floats, starts: int, given: float | None = None) -> Floats:
-    """Unknowns of all of some shapes at evenly spaced starts, or at a given one, (shapes x starts, k + 1)."""
-    start = np.arange(starts) * (TURN / starts) if given is None else np.array([given])
-    starts = start.size
-    return np.hstack([np.repeat(shapes, starts, axis=0), np.tile(start, len(shapes))[:, None]])

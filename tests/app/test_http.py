@@ -308,7 +308,7 @@ def test_tolerance_decides_the_status(client) -> None:
     assert (strict["status"], strict["report"]["stopped_by"]) == ("closest", "converged")
     impossible = {"crank_span": 10, "effort": "atlas", "limits": {"link_max": 1e-3}}
     none = ask(client, "/v1/synthesize", rotation=ROTATION[:3], **impossible)
-    assert (none["status"], none["solutions"]) == ("infeasible", [])
+    assert (none["status"], none["solutions"]) == ("unknown", [])  # not all windows were looked at
     refined = ask(client, "/v1/synthesize", **EXAMPLE, tolerance=1e-3, top=1)
     assert refined["status"] == "reached" and refined["solutions"][0]["errors"]["objective"] < 1e-3
 
@@ -514,7 +514,7 @@ def test_a_number_of_5000_digits_is_refused(field, client) -> None:
         ({"features": "yes"}, "#/features"),
         ({"angle_unit": MARK}, "#/angle_unit"),
         ({"angle_unit": "\ud800"}, "#/angle_unit"),
-        ({"budget_ms": 5}, "#/budget_ms"),
+        ({"budget_ms": 0}, "#/budget_ms"),
         ({"a/b~c d": 5}, "#/a~1b~0c%20d"),
         ({"body": 5}, "#/body"),
         ({"\u00e9": 5}, "#/%C3%A9"),

@@ -280,6 +280,58 @@ def test_every_format_is_exported(opened, downloads) -> None:
     assert ElementTree.fromstring(saved(downloads, "linkage-1.xml")).tag == "mujoco"
 
 
+def enter(browser, **fields: str) -> None:
+    """Type into fields by their ids, with dashes for underscores."""
+    browser.execute_script("for (const one of document.querySelectorAll('details')) one.open = true")
+    for name, value in fields.items():
+        field = find(browser, name.replace("_", "-"))
+        browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", field)
+        field.clear()
+        field.send_keys(value, Keys.TAB)
+
+
+def test_what_a_designer_asks_next_is_shown_and_taken_away(opened, downloads) -> None:
+    choose(opened, "worked")
+    enter(opened, speed_of_crank="90", force_y="-20", torque="5", study_links="0.05", study_clearance="0.02")
+    enter(opened, stock="20 70; 72.5 144 165")
+    solve(opened)
+    enter(opened, plate_hole="4", plate_width="9")
+    titles = opened.execute_script(
+        "return [...document.querySelectorAll('#curves h3')].map((one) => one.textContent)"
+    )
+    for name in ("Velocity", "Acceleration", "Angular velocity", "Crank torque", "Transmission"):
+        assert any(title.startswith(name) for title in titles), name
+    # the band: as far from the path as the service says, where its factor is taken out
+    note = opened.execute_script("return document.querySelector('#canvas .band-note').textContent")
+    factor = float(note.rpartition("drawn ")[2].partition(" times")[0]) if "drawn" in note else 1.0
+    outline = opened.execute_script("return document.querySelector('#canvas .band').getAttribute('d')")
+    pairs = [complex(*map(float, pair.split())) for pair in outline.strip("MZ").split("L")]
+    widths = np.abs(np.array(pairs[: len(pairs) // 2]) - np.array(pairs[: len(pairs) // 2 - 1 : -1])) / 2
+    wanted = next(e["request"] for e in EXAMPLES if e["name"] == "worked")
+    study = {"links": 0.05, "clearance": 0.02, "samples": 2000}
+    best = la.synthesize(**wanted | {"top": 1}, tolerance_study=study).best.tolerance_study
+    np.testing.assert_allclose(widths / view(opened)[2] / factor, best.band[1].p95, rtol=0.02)
+    numbers = find(opened, "numbers").text
+    assert "Contributes most" in numbers and best.largest["position"] in numbers and "of 625 combinations" in numbers
+    slide(opened, 30)
+    Select(find(opened, "range")).select_by_value("turn")
+    wait(opened, "document.querySelectorAll('#curves canvas').length >= 8")
+    opened.execute_cdp_cmd(
+        "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(downloads), "eventsEnabled": True}
+    )
+    for kind, ending in (("plates", "plates.dxf"), ("pylinkage", "pylinkage.json")):
+        (downloads / f"linkage-1.{ending}").unlink(missing_ok=True)
+        button = opened.find_element(By.CSS_SELECTOR, f"#exports [data-format={kind}]")
+        opened.execute_script("arguments[0].scrollIntoView({block: 'center'})", button)
+        button.click()
+        content = saved(downloads, f"linkage-1.{ending}").decode()
+        if kind == "plates":
+            space = ezdxf.read(io.StringIO(content)).modelspace()
+            assert {circle.dxf.radius for circle in space.query("CIRCLE")} == {2.0}
+        else:
+            assert {link["id"] for link in json.loads(content)["links"]} == {"ground", "crank", "coupler", "rocker"}
+
+
 def test_a_link_holds_the_whole_request(opened, address) -> None:
     choose(opened, "gear")
     solve_soon(opened)
@@ -738,6 +790,14 @@ BODIES = [
     {"position": [[0, 0], [3, 4]], "timing": "free", "tolerances": {"position": 0.2}, "sensitivity": True},
     {"rotation": [0, 5, None, 20], "crank_angle": [0, -5, -9, -20], "limits": {"family": "any", "link_ratio_max": 5}},
     {"rotation": [0, 5, 20], "crank_span": 70, "weights": {"rotation": [1, 0, 1]}},
+    {
+        "position": [[0, 0], [3, 4], [5, 9]],
+        "crank_span": -70,
+        "lengths_from": [20, 35.5, 50],
+        "analysis": {"crank_speed": -30, "load": {"force": [0, -20], "torque": 4}},
+        "tolerance_study": {"links": 0.05, "clearance": 0.02, "samples": 3000, "seed": 1},
+    },
+    {"rotation": [0, 5, 20], "crank_span": 70, "analysis": {"crank_speed": 30}},
 ]
 
 

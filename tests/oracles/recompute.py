@@ -158,20 +158,28 @@ def compare(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Compared
     return Compared(mine.objective, max(gaps), size)
 
 
+DENSE = 20_001
+"""Crank angles at which limits are looked at."""
+
+
 def broken_limits(request: Mapping[str, Any], solution: Mapping[str, Any]) -> list[str]:
-    """Names of the limits that a solution breaks."""
+    """Names of the limits that a solution breaks, on `DENSE` crank angles over the used interval and over the turn.
+
+    Angles in degrees. What is given, pivots and lengths, must be met to 1e-12 of the linkage's size; the rest is kept to the
+    last bit, angles to 1e-9 degrees.
+    """
     limits, broken = request["limits"], []
     links = np.array([solution["links"][name] for name in LINKS])
-    l1, l2, l3, l4 = links
+    l1, _, _, l4 = links
     if "link_min" in limits and links.min() < limits["link_min"]:
         broken.append("link_min")
     if "link_max" in limits and links.max() > limits["link_max"]:
         broken.append("link_max")
-    if "pivot_box" in limits:
-        xmin, ymin, xmax, ymax = limits["pivot_box"]
-        for x, y in (solution["mount"]["pivot_a"], solution["mount"]["pivot_b"]):
-            if not (xmin <= x <= xmax and ymin <= y <= ymax):
-                broken.append("pivot_box")
+    if "link_ratio_max" in limits and links.max() > limits["link_ratio_max"] * links.min():
+        broken.append("link_ratio_max")
+    for name, length in limits.get("links", {}).items():
+        if abs(solution["links"][name] - length) > 1e-12 * links.max():
+            broken.append(f"links.{name}")
     # Grashof: shortest + longest < the other two, in exact arithmetic; the family is named by the shortest link
     shortest, *middle, longest = sorted(Fraction(float(value)) for value in links)
     grashof = shortest + longest < sum(middle)
@@ -182,19 +190,81 @@ def broken_limits(request: Mapping[str, Any], solution: Mapping[str, Any]) -> li
         "double_crank": double_crank,
         "any": True,
     }
-    if not allowed[limits["family"]]:
+    if not allowed[limits.get("family", "full_crank")]:
         broken.append("family")
-    crank = np.array([float(t) for t in requested_crank(request)])
-    fine = np.radians(solution["start_angle"]) + np.linspace(crank[0], crank[-1], 4001)
-    square = l1**2 + l4**2 - 2 * l1 * l4 * np.cos(fine)
+    fine = np.radians(solution["start_angle"]) + _used(request, solution)
+    least = _transmission(links, fine)
+    if least is None:
+        broken.append("closure")
+    elif least < limits.get("transmission_angle_min", 0.0) - 1e-9:
+        broken.append("transmission_angle_min")
+    if (crank_rocker or double_crank) and "transmission_angle_min_turn" in limits:
+        turn = _transmission(links, np.linspace(0, 2 * np.pi, DENSE))
+        if turn is None or turn < limits["transmission_angle_min_turn"] - 1e-9:
+            broken.append("transmission_angle_min_turn")
+    if least is not None and solution.get("mount"):
+        broken += _broken_places(limits, solution, links, fine)
+    return broken
+
+
+def _used(request: Mapping[str, Any], solution: Mapping[str, Any]) -> np.ndarray:
+    """Crank angles of the used interval from the first sample on, in radians, densely."""
+    if request.get("timing") == "free":
+        crank = np.radians(solution["crank_angle"])
+    else:
+        crank = np.array([float(t) for t in requested_crank(request)])
+    return np.linspace(crank.min(), crank.max(), DENSE)
+
+
+def _transmission(links: np.ndarray, theta1: np.ndarray) -> float | None:
+    """Least transmission angle in degrees; None where the linkage opens."""
+    l1, l2, l3, l4 = links
+    square = l1**2 + l4**2 - 2 * l1 * l4 * np.cos(theta1)
     cosine = (l2**2 + l3**2 - square) / (2 * l2 * l3)
     if np.abs(cosine).max() > 1 + 1e-9:
-        broken.append("closure")
-    elif "transmission_angle_min" in limits:
-        least = np.degrees(np.arccos(np.minimum(np.abs(cosine), 1.0)).min())
-        if least < limits["transmission_angle_min"] - 1e-9:
-            broken.append("transmission_angle_min")
+        return None
+    return float(np.degrees(np.arccos(np.minimum(np.abs(cosine), 1.0)).min()))
+
+
+def _broken_places(
+    limits: Mapping[str, Any], solution: Mapping[str, Any], links: np.ndarray, theta1: np.ndarray
+) -> list[str]:
+    """The limits on pivots, body point and joints that a mounted solution breaks."""
+    broken, mount = [], solution["mount"]
+    a, b = (complex(*mount[name]) for name in ("pivot_a", "pivot_b"))
+    size = max(links.max(), abs(a), abs(b))
+    for name, pivot in (("pivot_a", a), ("pivot_b", b)):
+        if name in limits and abs(pivot - complex(*limits[name])) > 1e-12 * size:
+            broken.append(name)
+        for box in (f"{name}_box", "pivot_box"):
+            if box in limits and not _in_box(pivot, limits[box]):
+                broken.append(box)
+        for out in limits.get("keep_out", []):
+            if out[0] < pivot.real < out[2] and out[1] < pivot.imag < out[3]:
+                broken.append("keep_out")
+    point = mount["coupler_point"]
+    if "coupler_radius_max" in limits and point["radius"] > limits["coupler_radius_max"]:
+        broken.append("coupler_radius_max")
+    if "envelope" in limits:
+        # the coupler pin by circles about crank pin and pivot B, on the solution's side
+        turned = np.exp(1j * np.radians(mount["ground_angle"]))
+        pin = a + links[0] * np.exp(1j * theta1) * turned
+        gap = b - pin
+        along = (links[1] ** 2 - links[2] ** 2 + np.abs(gap) ** 2) / (2 * np.abs(gap))
+        aside = np.sqrt(np.maximum(links[1] ** 2 - along**2, 0.0))
+        joint = pin + (along + 1j * solution["branch"] * aside) * gap / np.abs(gap)
+        body = pin + point["radius"] * np.exp(1j * np.radians(point["angle"])) * (joint - pin) / links[1]
+        # the box is met between the looked-at angles too: to the sagitta of one step
+        spare = 1e-9 * size
+        if not all(_in_box(places, limits["envelope"], spare) for places in (a, b, pin, joint, body)):
+            broken.append("envelope")
     return broken
+
+
+def _in_box(places: Any, box: Sequence[float], spare: float = 0.0) -> bool:
+    xmin, ymin, xmax, ymax = box
+    x, y = np.real(places), np.imag(places)
+    return bool(np.all((x >= xmin - spare) & (x <= xmax + spare) & (y >= ymin - spare) & (y <= ymax + spare)))
 
 
 def _unit(request: Mapping[str, Any]) -> Any:

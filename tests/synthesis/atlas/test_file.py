@@ -23,7 +23,7 @@ from synthesis.atlas.file import (
     encode_atlas,
     load_atlas,
 )
-from synthesis.atlas.table import Atlas, AtlasRule
+from synthesis.atlas.table import COLUMNS, Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
@@ -252,6 +252,11 @@ def deflate_bomb(file: h5py.File, values: np.ndarray) -> None:
     chunks.id.write_direct_chunk((0,), bomb)
 
 
+def trailing(file: h5py.File, values: np.ndarray) -> None:
+    chunks = file.create_dataset("average", values.shape, values.dtype, chunks=values.shape, compression="gzip")
+    chunks.id.write_direct_chunk((0,), zlib.compress(values.tobytes()) + b"hidden" * 100)
+
+
 HOSTILE = {
     "external_link": swap(
         "average", lambda f, _: f.__setitem__("average", h5py.ExternalLink("other.h5", "/average"))
@@ -297,8 +302,47 @@ HOSTILE = {
     "rule_of_no_order": set_rule(order="any"),
     "rule_of_odd_samples": set_rule(samples=17),
     "generator_is_a_list": set_attribute("generator", "[1]"),
+    "generator_of_20_MB": set_attribute("generator", json.dumps({"numpy": "1" * 20_000_000})),
+    "rule_of_200_MB": set_attribute("rule", "1" * 200_000_000),
+    "other_attribute_of_20_MB": lambda f: f.attrs.__setitem__("more", "1" * 20_000_000),
+    "generator_of_long_text": set_attribute("generator", json.dumps({"numpy": "1" * 5000})),
+    "generator_with_a_lone_surrogate": set_attribute("generator", '{"numpy": "\\ud800"}'),
+    "generator_with_an_escape": set_attribute("generator", json.dumps({"numpy": "\x1b[31m2"})),
+    "generator_with_an_escape_in_a_name": set_attribute("generator", json.dumps({"\x9b2J": "2"})),
+    "generator_that_writes_backwards": set_attribute("generator", json.dumps({"numpy": "\u202e2"})),
+    "generator_of_bytes": set_attribute("generator", b'{"numpy": "\xff"}'),
+    "text_hidden_behind_a_chunk": swap("average", lambda f, v: trailing(f, v)),
 }
+
+
+def renewed(change):
+    """An edit of the arrays with the hash of the new ones: consistent in itself, and not what the lengths give."""
+
+    def edit(file: h5py.File) -> None:
+        change(file)
+        arrays = {name: file[name][()] for name in COLUMNS}
+        rule = make_atlas(AtlasRule(TypeRule(60, 6), 16)).rule
+        changed = Atlas(rule=rule, generator={}, **arrays)
+        del file.attrs["content_sha256"]
+        file.attrs["content_sha256"] = changed.content_hash()
+
+    return edit
+
+
+def scaled(name: str, factor: float):
+    def edit(file: h5py.File) -> None:
+        file[name][...] = (file[name][()] * factor).astype(file[name].dtype)
+
+    return renewed(edit)
+
+
 HOSTILE_CONTENT = {
+    "renewed_average": scaled("average", 1 + 1e-6),
+    "renewed_details": scaled("details", 1.001),
+    "renewed_details_of_one_row": renewed(lambda f: f["details"].__setitem__((0, 3), f["details"][0, 3] + 1e-4)),
+    "renewed_error_too_small": scaled("curve_error", 0.5),
+    "renewed_error_too_large": scaled("curve_error", 2.0),
+    "renewed_winding": renewed(lambda f: f["winding"].__setitem__(0, 1 - f["winding"][0])),
     "missing_chunks": swap("average", lambda f, v: f.create_dataset("average", v.shape, v.dtype, chunks=(7,))),
     "never_written": swap("average", lambda f, v: f.create_dataset("average", v.shape, v.dtype)),
     "nan": set_value("average", np.nan),

@@ -251,7 +251,9 @@ def test_no_pass_forgets_the_ceiling(scans, monkeypatch) -> None:
     monkeypatch.setattr(scan_module, "_COUNT_BELOW", 8)
     limits: list[float] = []
     batches = Descent.batches
-    monkeypatch.setattr(Descent, "batches", lambda part, limit: limits.append(limit) or batches(part, limit))
+    monkeypatch.setattr(
+        Descent, "batches", lambda part, limit, *more: limits.append(limit) or batches(part, limit, *more)
+    )
     wanted, everything = naive_scan(scan, target, 1)
     rare = everything.take(np.flatnonzero(everything.row % 5 == 2))
     wanted = rare.take(np.argsort(np.round(rare.error / TIE), kind="stable")[:12])

@@ -219,7 +219,7 @@ def test_exports_by_ending_over_http_and_on_the_command_line(client, solved, tmp
         over_http = client.post(f"/v1/synthesize.{name}", json=request)
         assert over_http.status_code == 200, over_http.text
         out = tmp_path / f"linkage.{name}"
-        assert cli.main(["synthesize", str(file), "--export", str(out)]) == 0
+        assert cli.main(["synthesize", str(file), "--no-preset", "--export", str(out)]) == 0
         if name != "dxf":  # whose header holds a time and a new identity
             assert out.read_bytes() == over_http.content
     assert not ezdxf.readfile(tmp_path / "linkage.dxf").audit().errors

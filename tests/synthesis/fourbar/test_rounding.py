@@ -1,19 +1,25 @@
-"""Links on a grid: laws of the manufacturing view."""
+"""Links that can be had: laws of the grid, of the stock, and of the place that is fitted anew."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.rounding import round_solution
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.placement import response_to_lengths, scan
+from synthesis.fourbar.rounding import _nearest_first, best_from_stock, round_to_grid
 from synthesis.fourbar.solution import Solution, assess, mounted
 from synthesis.target import Target, make_target
+from synthesis.work import Cancelled, Work
 
-LAW = settings(derandomize=True, deadline=None, max_examples=25)
+LAW = settings(derandomize=True, deadline=None, max_examples=12)
+FREE = Limits("any")
 
 
 def exact_case(seed: int, with_rotation: bool = True, crank_length: float = 20.0) -> tuple[Target, Solution]:
@@ -29,18 +35,34 @@ def exact_case(seed: int, with_rotation: bool = True, crank_length: float = 20.0
     return target, assess(target, mounted(target, lengths[None], [branch], [start]))[0]
 
 
+def on_grid(target: Target, solution: Solution, grid: float, limits: Limits = FREE) -> Solution | None:
+    return round_to_grid(target, solution, grid, limits, 200, Work()).solution
+
+
 @LAW
 @given(st.integers(0, 10_000), st.floats(1e-3, 4.0), st.booleans())
 def test_links_lie_on_the_grid_and_near_the_old_ones(seed, grid, with_rotation) -> None:
     target, solution = exact_case(seed, with_rotation)
-    rounded = round_solution(target, solution, grid)
+    found = round_to_grid(target, solution, grid, FREE, 200, Work())
+    rounded = found.solution
     assume(rounded is not None)
     links, old = np.array(rounded.linkage.links), np.array(solution.linkage.links)
     steps = links / grid
     np.testing.assert_allclose(steps, np.round(steps), rtol=0, atol=1e-9)
-    assert np.all(np.abs(links - old) <= 0.5 * grid * (1 + 1e-9))
+    assert found.tried > 1 or np.all(np.abs(links - old) <= 0.5 * grid * (1 + 1e-9))
     assert rounded.errors.objective >= 0.5 * solution.errors.objective
     assert rounded.linkage.branch == solution.linkage.branch
+
+
+def changes_of(one, target: Target):
+    """The linkage with small changes of start and pose."""
+    radius, angle = one.coupler_point
+    step, size = 1e-4, 1e-4 * target.length_scale
+    changes = [replace(one, start=one.start + sign * step) for sign in (1, -1)]
+    changes += [replace(one, ground_angle=one.ground_angle + sign * step) for sign in (1, -1)]
+    changes += [replace(one, pivot_a=one.pivot_a + way * size) for way in (1, -1, 1j, -1j)]
+    changes += [replace(one, coupler_point=(radius + sign * size, angle)) for sign in (1, -1)]
+    return changes + [replace(one, coupler_point=(radius, angle + sign * step)) for sign in (1, -1)]
 
 
 @LAW
@@ -48,23 +70,29 @@ def test_links_lie_on_the_grid_and_near_the_old_ones(seed, grid, with_rotation) 
 def test_the_rest_is_fitted_anew(seed, with_rotation) -> None:
     """No small change of start or pose makes the rounded linkage better."""
     target, solution = exact_case(seed, with_rotation)
-    rounded = round_solution(target, solution, 1.0)
-    best = rounded.errors.objective
-    one = rounded.linkage
-    radius, angle = one.coupler_point
-    step, size = 1e-4, 1e-4 * target.length_scale
-    changes = [replace(one, start=one.start + sign * step) for sign in (1, -1)]
-    changes += [replace(one, ground_angle=one.ground_angle + sign * step) for sign in (1, -1)]
-    changes += [replace(one, pivot_a=one.pivot_a + way * size) for way in (1, -1, 1j, -1j)]
-    changes += [replace(one, coupler_point=(radius + sign * size, angle)) for sign in (1, -1)]
-    changes += [replace(one, coupler_point=(radius, angle + sign * step)) for sign in (1, -1)]
-    for changed in assess(target, changes):
-        assert changed.errors.objective >= best * (1 - 1e-9)
+    rounded = on_grid(target, solution, 1.0)
+    for changed in assess(target, changes_of(rounded.linkage, target)):
+        assert changed.errors.objective >= rounded.errors.objective * (1 - 1e-9)
+
+
+@LAW
+@given(st.integers(0, 10_000), st.booleans(), st.floats(0.0, 1.0), st.floats(-3.0, 3.0))
+def test_within_limits_no_small_change_that_keeps_them_is_better(seed, with_rotation, transmission, moved) -> None:
+    target, solution = exact_case(seed, with_rotation)
+    pivot, far = solution.linkage.pivot_a, 1e3
+    limits = Limits(
+        transmission_angle_min=transmission * solution.transmission_angle_min,
+        pivot_box=(pivot.real + moved, -far, far, far),
+    )
+    rounded = on_grid(target, solution, 1.0, limits)
+    assert rounded is not None and limits.within(target, [rounded]) == [rounded]
+    for changed in limits.within(target, assess(target, changes_of(rounded.linkage, target))):
+        assert changed.errors.objective >= rounded.errors.objective * (1 - 1e-5)
 
 
 def test_a_fine_grid_costs_little_and_a_coarse_one_more() -> None:
     target, solution = exact_case(1)
-    errors = [round_solution(target, solution, grid).errors.objective for grid in (1e-9, 1e-3, 1.0)]
+    errors = [on_grid(target, solution, grid).errors.objective for grid in (1e-9, 1e-3, 1.0)]
     assert errors[0] < 1e-9 < errors[1] < 1e-3 < errors[2]
 
 
@@ -72,15 +100,112 @@ def test_links_of_no_length_become_one_step() -> None:
     target, solution = exact_case(2, crank_length=5.5)
     grid = 25.0
     assert solution.linkage.links[0] < grid / 2, "to the nearest step it would be nothing"
-    assert round_solution(target, solution, grid).linkage.links[0] == grid
+    assert on_grid(target, solution, grid).linkage.links[0] == grid
 
 
-def test_a_linkage_that_no_longer_closes_is_said_to_be_none() -> None:
-    # L1 + L4 just below L2 + L3; on the grid it is above, and opens around theta1 = pi
+def change_point_case() -> tuple[Target, Solution]:
+    """L1 + L4 just below L2 + L3; on a grid of 5 it is above, and opens around theta1 = pi."""
     lengths = np.array([[20.1, 52.4, 42.4, 74.4]])
     crank = np.linspace(0, 2 * np.pi, 33)
     angle = coupler_angle(lengths[0], np.array(1), crank)
     position = 20.1 * np.exp(1j * crank) + 10 * np.exp(1j * angle)
     target = make_target(angle, position, crank_angle=crank)
-    solution = assess(target, mounted(target, lengths, [1], [0.0]))[0]
-    assert round_solution(target, solution, 5.0) is None
+    return target, assess(target, mounted(target, lengths, [1], [0.0]))[0]
+
+
+def test_where_the_nearest_lengths_do_not_close_others_around_them_do() -> None:
+    target, solution = change_point_case()
+    found = round_to_grid(target, solution, 5.0, FREE, 2500, Work())
+    nearest = np.round(np.array(solution.linkage.links) / 5) * 5
+    assert np.isinf(scan(target, nearest[None], 1, FREE)[0][0])
+    assert found.tried > 1 and found.solution.transmission_angle_min > 0
+    steps = np.abs(np.array(found.solution.linkage.links) - nearest) / 5
+    assert 1 <= steps.max() <= 3 and np.all(steps == np.round(steps))
+
+
+def test_where_no_lengths_do_there_is_none() -> None:
+    target, solution = exact_case(3)
+    limits = Limits(link_max=1.0)
+    assert on_grid(target, solution, 5.0, limits) is None
+    assert best_from_stock(target, solution, [20, 50, 70], limits, 100, Work()).solution is None
+
+
+# -- stock ------------------------------------------------------------------------------------------------------------
+
+
+def naive_best(target: Target, solution: Solution, stock: list[float], limits: Limits) -> float:
+    """The least objective of all combinations, each as if it were a grid of its own: many starts, one after the other."""
+    best = np.inf
+    for links in itertools.product(stock, repeat=4):
+        linkage = replace(solution.linkage, links=links)
+        if not limits.family_holds(target, np.array([links]), np.array([linkage.start]))[0]:
+            continue
+        for start in np.linspace(0, 2 * np.pi, 90, endpoint=False):
+            angle = coupler_angle(np.array(links), np.array(linkage.branch), start + target.crank)
+            if np.isnan(angle).any():
+                continue
+            # A and z projected out by a plain least-squares solver; the rotation of the ground by its closed form
+            columns = np.stack([np.ones_like(angle), np.exp(1j * angle)], axis=1)
+            both = np.stack([target.position, links[0] * np.exp(1j * (start + target.crank))], axis=1)
+            rest = both - columns @ np.linalg.lstsq(columns, both, rcond=None)[0]
+            way = np.vdot(rest[:, 1], rest[:, 0])
+            gap = rest[:, 0] - way / abs(way) * rest[:, 1]
+            turned = target.rotation - angle
+            cost = np.mean(np.abs(gap) ** 2) / target.length_scale**2 + np.var(turned)
+            best = min(best, cost)
+    return float(np.sqrt(best))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_best_of_a_small_stock_is_as_good_as_a_naive_search(seed) -> None:
+    target, solution = exact_case(seed)
+    target = target.thinned(9)
+    stock = [18.0, 53.0, 70.0]
+    found = best_from_stock(target, solution, stock, Limits(), 1000, Work())
+    assert found.exhaustive and found.tried == found.combinations == 81
+    assert set(found.solution.linkage.links) <= set(stock)
+    assert found.solution.errors.objective <= naive_best(target, solution, stock, Limits()) * (1 + 1e-9)
+
+
+@LAW
+@given(st.integers(0, 10_000), st.integers(2, 5))
+def test_combinations_come_in_the_order_of_their_estimate(seed, count) -> None:
+    target, solution = exact_case(seed)
+    stock = np.sort(np.random.default_rng(seed).uniform(10, 100, count))
+    found = np.array(list(_nearest_first(target, solution, [stock] * 4)))
+    every = np.array(list(itertools.product(stock, repeat=4)))
+    assert len(found) == len(every) and {tuple(row) for row in found} == {tuple(row) for row in every}
+    triangle, right = response_to_lengths(target, solution.linkage)
+    moved = np.log(found / solution.linkage.links)
+    estimate = np.sum((moved @ triangle.T + right) ** 2, axis=1)
+    estimate += (1e-3 * np.abs(triangle).max()) ** 2 * np.sum(moved**2, axis=1)
+    assert np.all(np.diff(estimate) >= -1e-9 * estimate.max())
+
+
+def test_the_estimate_is_the_objective_for_small_changes() -> None:
+    target, solution = exact_case(5)
+    triangle, right = response_to_lengths(target, solution.linkage)
+    assert np.abs(right).max() < 1e-10, "at an exact answer nothing is to be gained"
+    random = np.random.default_rng(0)
+    for size in (1e-2, 1e-3):
+        moved = size * random.uniform(-1, 1, 4)
+        links = np.array(solution.linkage.links) * np.exp(moved)
+        # a stock of the four lengths themselves leaves one combination that is near
+        found = best_from_stock(target, solution, links.tolist(), Limits(), 4, Work()).solution
+        assert found.linkage.links == pytest.approx(links)
+        assert found.errors.objective == pytest.approx(np.linalg.norm(triangle @ moved), rel=3 * size * 10)
+
+
+def test_a_search_that_is_cut_short_says_so() -> None:
+    target, solution = exact_case(1)
+    stock = np.arange(5.0, 100.0, 1.0).tolist()
+    found = best_from_stock(target, solution, stock, Limits(), 128, Work())
+    assert (found.tried, found.combinations, found.exhaustive) == (128, 95**4, False)
+    grid = on_grid(target, solution, 1.0)
+    assert found.solution.errors.objective <= grid.errors.objective * (1 + 1e-9), (
+        "the nearest lengths are among these"
+    )
+    late = best_from_stock(target, solution, stock, Limits(), 128, Work(0.0))
+    assert late.solution == found.solution, "the time of the search is not that of the choice"
+    with pytest.raises(Cancelled):
+        best_from_stock(target, solution, stock, Limits(), 128, Work(cancelled=lambda: True))

@@ -11,11 +11,8 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.least_squares import Evaluation, Minima, minimise
 from synthesis.pose import objective
-from synthesis.search.limited import LimitedProblem
 from synthesis.search.projected import ProjectedProblem
 from synthesis.target import Target, make_target
 from synthesis.work import Work
@@ -25,7 +22,7 @@ CHARTS = [FullCrankChart(), AnyChart()]
 LAW = settings(derandomize=True, deadline=None, max_examples=25)
 
 
-def refine(problem: ProjectedProblem | LimitedProblem, *arguments: object, **options: object) -> Minima:
+def refine(problem: ProjectedProblem, *arguments: object, **options: object) -> Minima:
     return minimise(problem.evaluate, *arguments, **options)
 
 
@@ -112,52 +109,6 @@ def test_no_candidate_is_worse_than_its_seed(seed, kind, chart) -> None:
     assert np.all(done.cost <= before)
     # what is returned belongs together; other batches sum in another order, which counts where q nearly vanishes
     np.testing.assert_allclose(problem.evaluate(done.unknowns, branch).cost, done.cost, rtol=1e-6, atol=1e-28)
-
-
-@LAW
-@given(st.integers(0, 10_000))
-def test_no_candidate_within_limits_is_worse_than_its_seed(seed) -> None:
-    limits = Limits("any", 0.5, (-3.0, -3.0, 3.0, 3.0), 0.2, 4.0)
-    target = random_target(seed)
-    problem = LimitedProblem(FOURBAR, target, AnyChart(), limits, 3.0)
-    unknowns, branch = closing_candidates(ProjectedProblem(target, AnyChart()), seed, 10)
-    unknowns = problem.with_pose(unknowns, branch)
-    before = problem.evaluate(unknowns, branch).cost
-    done = refine(problem, unknowns, branch, 15)
-    assert np.all(done.cost <= before)
-
-
-@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
-def test_a_penalty_of_nothing_changes_nothing(weighted) -> None:
-    target = random_target(7, weighted=weighted)
-    plain = ProjectedProblem(target, FullCrankChart())
-    free = LimitedProblem(FOURBAR, target, FullCrankChart(), Limits(link_min=1e-9), 5.0)
-    unknowns, branch = closing_candidates(plain, 8)
-    lifted = free.with_pose(unknowns, branch)
-    np.testing.assert_allclose(free.evaluate(lifted, branch).cost, plain.evaluate(unknowns, branch).cost, rtol=1e-9)
-
-
-@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: type(chart).__name__)
-def test_derivatives_within_limits_are_those_of_central_differences(chart, kind, weighted) -> None:
-    target = random_target(13, kind, weighted=weighted)
-    box = None if kind == "rotation" else (-1.0, -1.0, 1.0, 1.0)
-    problem = LimitedProblem(FOURBAR, target, chart, Limits("any", 0.9, box, 0.5, 1.5), 3.0)
-    unknowns, branch = closing_candidates(ProjectedProblem(target, chart), 14)
-    unknowns = problem.with_pose(unknowns, branch)
-    analytic = problem.evaluate(unknowns, branch).stack
-    ends = [
-        problem.evaluate(unknowns + sign * step, branch).stack[:, -1]
-        for sign in (1, -1)
-        for step in 1e-6 * np.eye(unknowns.shape[1])
-    ]
-    differences = (np.array(ends[: len(ends) // 2]) - np.array(ends[len(ends) // 2 :])) / 2e-6
-    gap = np.abs(analytic[:, :-1] - differences.transpose(1, 0, 2)) / (
-        1 + np.abs(analytic).max(axis=(1, 2))[:, None, None]
-    )
-    # a limit that is just being left has a kink there
-    assert np.quantile(gap.max(axis=(1, 2)), 0.9) < 1e-5
 
 
 @pytest.mark.parametrize("sheet", [-1, 1])

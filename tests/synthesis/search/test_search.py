@@ -284,12 +284,13 @@ def test_limits_that_the_truth_keeps_are_kept_at_no_cost(resources) -> None:
 
 
 def test_limits_that_nothing_keeps_are_infeasible(resources) -> None:
-    request = make_case("plain", 5901, FEW).request | {
-        "limits": {"link_min": 5.0, "link_max": 5.5, "family": "crank_rocker"}
-    }
-    # all links nearly as long as one another: no crank can turn
-    reply = ask(request, resources)
-    assert reply["status"] == "infeasible" and reply["solutions"] == []
+    request = make_case("plain", 5901, FEW).request
+    # links all alike make a change point, which is no crank-rocker; a little play makes one
+    for longest, status in ((5.0, "infeasible"), (5.5, "closest")):
+        limits = {"link_min": 5.0, "link_max": longest, "family": "crank_rocker"}
+        reply = ask(request | {"limits": limits}, resources)
+        assert reply["status"] == status and bool(reply["solutions"]) == (status == "closest")
+        assert not reply["solutions"] or not broken_limits({**request, "limits": limits}, reply["solutions"][0])
 
 
 def test_a_clockwise_crank_has_the_same_box_for_its_pivots(resources) -> None:

@@ -1,0 +1,131 @@
+"""Bodies to requests and replies to bytes, in steps so short that the service answers others meanwhile.
+
+Parsing and writing JSON hold the interpreter, on whatever thread they run. So a body is counted before it is parsed, and a
+reply is written piece by piece.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from fastapi import Response
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, ValidationError
+from pydantic_core import to_json
+from starlette.types import Receive, Scope, Send
+
+from app import problems
+from app.query import RequestModel
+
+MAX_KEYS = 2_000
+"""Keys of a body: the largest request has a few hundred."""
+MAX_CONTAINERS = 12_000
+"""Objects and arrays of a body: a thousand rows in each table of a knotter."""
+MAX_VALUES = 120_000
+"""Values of a body: the times of a lift's motion are at most 100,000."""
+_LISTED_AT_ONCE = 256
+_PIECE_BYTES = 1 << 18
+_DEPTH = 2
+"""Levels of a reply whose fields are written one by one."""
+
+
+def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
+    """The request in a body.
+
+    Raises
+    ------
+    problems.Malformed
+        No JSON, or an object with a key twice.
+    RequestValidationError
+        JSON that is no such request.
+    """
+    if not content:
+        raise RequestValidationError([{"type": "missing", "loc": ("body",), "msg": "Field required", "input": None}])
+    counts = {
+        "keys": (content.count(b":"), MAX_KEYS),
+        "objects and arrays": (content.count(b"{") + content.count(b"["), MAX_CONTAINERS),
+        "values": (content.count(b",") + 1, MAX_VALUES),
+    }
+    for name, (found, most) in counts.items():
+        if found > most:
+            raise problems.Malformed(f"the body has more than {most:,} {name}")
+    try:
+        values = json.loads(content, object_pairs_hook=_once)
+    except (ValueError, RecursionError):
+        raise problems.Malformed("the body is not valid JSON", "not valid JSON") from None
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        rows = error.errors(include_url=False, include_input=False)
+        raise RequestValidationError([{**row, "loc": ("body", *row["loc"])} for row in rows]) from None
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object whose keys are all different: of two alike one would be lost unnoticed."""
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        raise problems.Malformed("an object of the body has a key twice")
+    return values
+
+
+def json_pieces(value: Any, depth: int = _DEPTH) -> Iterator[bytes]:
+    """The JSON of a reply in pieces; together they are what pydantic writes at once."""
+    if isinstance(value, BaseModel):
+        value = value.__dict__
+    if isinstance(value, dict) and depth:
+        mark = b"{"
+        for name, part in value.items():
+            yield mark + to_json(name) + b":"
+            yield from json_pieces(part, depth - 1)
+            mark = b","
+        yield b"}" if value else b"{}"
+    elif isinstance(value, (list, tuple)) and len(value) > _LISTED_AT_ONCE:
+        mark = b"["
+        for first in range(0, len(value), _LISTED_AT_ONCE):
+            yield mark + to_json(value[first : first + _LISTED_AT_ONCE], inf_nan_mode="strings")[1:-1]
+            mark = b","
+        yield b"]"
+    else:
+        yield to_json(value, inf_nan_mode="strings")
+
+
+def _gathered(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """The same bytes in pieces of about the size that is sent at once."""
+    held, size = [], 0
+    for piece in pieces:
+        held.append(piece)
+        size += len(piece)
+        if size >= _PIECE_BYTES:
+            yield b"".join(held)
+            held, size = [], 0
+    yield b"".join(held)
+
+
+class Reply(Response):
+    """A reply that is sent piece by piece, as fast as its client takes it; what has been sent is given back.
+
+    Parameters
+    ----------
+    content : model or bytes
+    media_type : str
+    headers : dict, optional
+    """
+
+    def __init__(
+        self, content: Any, media_type: str = "application/json", headers: dict[str, str] | None = None
+    ) -> None:
+        if isinstance(content, bytes):
+            self._pieces = [content[k : k + _PIECE_BYTES] for k in range(0, len(content), _PIECE_BYTES)]
+        else:
+            self._pieces = list(_gathered(json_pieces(content)))
+        self.size = sum(map(len, self._pieces))
+        super().__init__(None, media_type=media_type, headers={**(headers or {}), "Content-Length": str(self.size)})
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
+        self._pieces.reverse()
+        while self._pieces:
+            await send({"type": "http.response.body", "body": self._pieces.pop(), "more_body": True})
+        await send({"type": "http.response.body", "body": b"", "more_body": False})

@@ -1,0 +1,127 @@
+"""Connections of the service: how many there are, and how long a client may take to say what it wants.
+
+uvicorn has no limit of idle connections and none of the time of a request's header and body; this adds them to its protocol.
+It also answers a client that has closed only its own side, and says what is wrong with a request that is no HTTP as problem+json.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import resource
+from typing import Any, ClassVar
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from app import problems
+from app.settings import Settings
+
+BACKLOG = 128
+"""Connections that the system accepts before the service sees the first of them."""
+_OTHER_FILES = 96
+_PROBE_SECONDS = 0.4
+"""Between two signs of life to a client that has closed its side: one that has gone altogether answers them with a reset."""
+
+
+def protocol_of(settings: Settings) -> type[H11Protocol]:
+    """The protocol of a service with these settings, for uvicorn's ``http``."""
+    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = max(16, min(settings.max_connections, files - BACKLOG - _OTHER_FILES))
+    limits = {"most": most, "seconds": {"header": settings.header_seconds, "body": settings.body_seconds}}
+    return type("Connection", (Connection,), limits)
+
+
+class Connection(H11Protocol):
+    """A connection with limits."""
+
+    most: ClassVar[int]
+    seconds: ClassVar[dict[str, float]]
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._phase: str | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._since = self.loop.time()
+        if len(self.connections) > self.most:
+            self._make_room()
+        self._expect("header")
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._expect(None)
+        super().connection_lost(exc)
+
+    @property
+    def _answers(self) -> bool:
+        """Whether a request is being received or answered."""
+        return self.cycle is not None and not self.cycle.response_complete
+
+    @property
+    def _idle_since(self) -> tuple[bool, float]:
+        return self._phase == "body", self._since
+
+    def _make_room(self) -> None:
+        """Close the connection that has said nothing for the longest time; this one where all others are being answered."""
+        slow = [one for one in self.connections if isinstance(one, Connection) and one._phase and one is not self]
+        (min(slow, key=lambda one: one._idle_since) if slow else self).transport.abort()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if self._answers:
+            self._expect("body" if self.cycle.more_body else None)
+        elif self.timeout_keep_alive_task is None:
+            self._expect("header")
+
+    def on_response_complete(self) -> None:
+        super().on_response_complete()
+        if not self._answers:
+            self._expect(None)  # uvicorn's own limit between two requests
+        self._since = self.loop.time()
+
+    def _expect(self, phase: str | None) -> None:
+        """Give the client its time for a part of a request."""
+        if phase == self._phase:
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._phase, self._since = phase, self.loop.time()
+        self._timer = self.loop.call_later(self.seconds[phase], self._too_slow) if phase else None
+
+    def _too_slow(self) -> None:
+        if self._phase == "header" and not self.conn.trailing_data[0]:
+            self.transport.close()  # it has said nothing at all
+        else:
+            self._refuse(
+                408, f"the {self._phase} of the request did not come in {self.seconds[self._phase or '']:g} s"
+            )
+
+    def send_400_response(self, msg: str) -> None:
+        self._refuse(400, "this is no request of HTTP/1.1")
+
+    def _refuse(self, status: int, detail: str) -> None:
+        if self.transport.is_closing():
+            return
+        if not (self.cycle is not None and self.cycle.response_started and not self.cycle.response_complete):
+            self.transport.write(problems.raw(status, detail))
+        self.transport.close()
+
+    def shutdown(self) -> None:
+        """End at once where a request is not complete; uvicorn would wait for the rest of it."""
+        if self._phase:
+            self.transport.abort()
+        else:
+            super().shutdown()
+
+    def eof_received(self) -> Any:
+        """Keep the connection of a client that has sent its request and waits for the answer."""
+        if not self._answers or self.cycle.more_body:
+            return None
+        self.cycle.keep_alive = False
+        self.loop.call_later(_PROBE_SECONDS, self._probe)
+        return True
+
+    def _probe(self) -> None:
+        """A sign of life, which a client ignores that is there; without it no one learns that it has gone."""
+        if self._answers and not self.transport.is_closing():
+            if not self.cycle.response_started:
+                self.transport.write(self.conn.send(h11.InformationalResponse(status_code=100, headers=[])) or b"")
+            self.loop.call_later(_PROBE_SECONDS, self._probe)

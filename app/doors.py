@@ -1,0 +1,83 @@
+"""What is let in and how replies leave: hosts, origins, framing of bodies, and the headers that every reply carries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.problems import problem
+
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+"""Hosts of a service that only its own machine reaches."""
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+"""Of every reply that does not set them itself."""
+
+
+def host_of(value: str) -> str:
+    """The host in a Host header, without its port; empty where it is none."""
+    if set(value) & set("@/?#\\"):
+        return ""
+    try:
+        return urlsplit(f"//{value}").hostname or ""
+    except ValueError:
+        return ""
+
+
+class Doors:
+    """Refuses requests under a foreign name (DNS rebinding), from a foreign page, and of ambiguous length.
+
+    Parameters
+    ----------
+    app : ASGI application
+    hosts : sequence of str
+        Names under which the service is reached; ``*`` is any.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: Sequence[str]) -> None:
+        self.app = app
+        self._hosts = None if "*" in hosts else {name.lower().strip("[]") for name in hosts}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+
+        async def send_guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        headers = Headers(scope=scope)
+        refused = self._refused(scope["method"], headers)
+        if refused is None:
+            await self.app(scope, receive, send_guarded)
+        else:
+            status, detail = refused
+            await problem(status, detail, headers={"Connection": "close"})(scope, receive, send_guarded)
+
+    def _refused(self, method: str, headers: Headers) -> tuple[int, str] | None:
+        host = headers.get("host", "")
+        if self._hosts is not None and host_of(host) not in self._hosts:
+            return 421, "the service is not known under this host name"
+        if "transfer-encoding" in headers and "content-length" in headers:
+            return 400, "a body has either Content-Length or Transfer-Encoding"
+        origin = headers.get("origin")
+        if origin is not None and method not in ("GET", "HEAD", "OPTIONS") and not _same(origin, host):
+            return 403, "requests from pages of other origins are not answered"
+        return None
+
+
+def _same(origin: str, host: str) -> bool:
+    """Whether a page's origin is the host that it asks."""
+    scheme, _, rest = origin.lower().partition("://")
+    default = {"http": ":80", "https": ":443"}.get(scheme, "")
+    return bool(default) and rest.removesuffix(default) == host.lower().removesuffix(default)

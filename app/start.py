@@ -1,0 +1,21 @@
+"""Entry of the command ``linkage-atlas``: until everything is imported an interrupt ends the process without a word."""
+
+from __future__ import annotations
+
+import signal
+
+
+def main() -> int:
+    """Run the command of the command line; returns its exit code."""
+    interrupt = signal.getsignal(signal.SIGINT)
+    if interrupt is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from app.cli import main as run
+
+    if interrupt is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
+    return run()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,205 @@
+"""Requests within limits, and such that no linkage meets: error against run time, beside general optimisers on the same problem.
+
+The best known J of a request is the least of all methods and of a heavy search (`heavy`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+from scipy.optimize import differential_evolution, minimize
+from threadpoolctl import threadpool_limits
+
+from benchmarks import product, report
+from benchmarks.heavy import heavy_objective, heavy_within
+from benchmarks.report import Times
+from tests.oracles.classes import UNREACHABLE, make_case
+from tests.oracles.limited_classes import make_limited
+from tests.oracles.recompute import REACHED, broken_limits, recompute
+
+KINDS = ("broken", "boxed", "machine", UNREACHABLE)
+BUDGETS = (50, 100, 300)
+NEAR, FAR = 1.01, 1.05
+SLSQP_STARTS = 20
+GENERATIONS, POPULATION = 300, 60
+
+
+class General:
+    """A request as general optimisers take it: J squared and its gradient, constraints and theirs, of one or many points."""
+
+    def __init__(self, target: product.Target, limits: product.Limits) -> None:
+        self.target, self.limits = target, limits
+        way = product.FOURBAR.bounded(target, limits)[0]
+        kind = product.ShapeProblem if way.boxes is None else product.PosedProblem
+        self.problem = kind(target, way.chart, way.constraints)
+        size = self.problem.unknowns
+        low, high = np.full(size, -3.0), np.full(size, 3.0)
+        low[:4], high[:4] = 1e-6, 4.0 if way.boxes else 1.0
+        high[4], low[4] = product.TURN, 0.0
+        self.bounds = np.column_stack([low, high])
+
+    def cost(self, point: np.ndarray, branch: float, family: int) -> tuple[float, np.ndarray]:
+        """J squared and its gradient at one point."""
+        side = np.concatenate([[family], np.ones(point.size - 1)])
+        found = self.problem.evaluate((side * point)[None], np.array([branch]))
+        if not np.isfinite(found.cost[0]):
+            return 1e6, np.zeros(point.size)
+        return float(found.cost[0]), 2 * side * (found.stack[0, :-1] @ found.stack[0, -1])
+
+    def slack(self, point: np.ndarray, branch: float, family: int) -> tuple[np.ndarray, np.ndarray]:
+        """Constraints and their derivatives at one point."""
+        side = np.concatenate([[family], np.ones(point.size - 1)])
+        found = self.problem.constrained((side * point)[None], np.array([branch]))
+        return found.values[0] - 1e-7, found.slopes[0] * side
+
+    def penalised(self, points: np.ndarray) -> np.ndarray:
+        """J squared and 10 times what is broken, at many points whose last two entries choose branch and family."""
+        unknowns, branch = points[:-2].T.copy(), np.where(points[-2] > 0, 1.0, -1.0)
+        unknowns[:, 0] *= np.where(points[-1] > 0, 1.0, -1.0)
+        cost = self.problem.evaluate(unknowns, branch).cost
+        lacking = np.maximum(1e-6 - self.problem.constrained(unknowns, branch).values, 0.0)
+        return np.where(np.isfinite(cost), cost + 10 * np.sum(lacking, axis=1), 1e6)
+
+    def objective(self, point: np.ndarray, branch: float, family: int) -> float:
+        """J of the linkage at a point, infinite outside of the limits."""
+        unknowns = point[None].copy()
+        unknowns[:, 0] *= family
+        linkages = self.problem.linkages(product.FOURBAR, unknowns, np.array([branch]), self.target)
+        found = product.FOURBAR.within(self.target, self.limits, product.FOURBAR.assess(self.target, linkages))
+        return found[0].errors.objective if found else np.inf
+
+
+def slsqp(target: product.Target, limits: product.Limits) -> float:
+    """The least J of scipy's SLSQP from many starts at random, with exact derivatives."""
+    general, random, best = General(target, limits), np.random.default_rng(3), np.inf
+    low, high = general.bounds.T
+    for _ in range(SLSQP_STARTS):
+        branch, family = float(random.choice([-1, 1])), int(random.choice([-1, 1]))
+        rules = []
+        if not limits.only_family:
+            rules = [
+                {
+                    "type": "ineq",
+                    "fun": lambda x, b=branch, f=family: general.slack(x, b, f)[0],
+                    "jac": lambda x, b=branch, f=family: general.slack(x, b, f)[1],
+                }
+            ]
+        found = minimize(
+            general.cost,
+            random.uniform(low, high),
+            (branch, family),
+            "SLSQP",
+            True,
+            bounds=general.bounds,
+            constraints=rules,
+            options={"maxiter": 150},
+        )
+        best = min(best, general.objective(np.clip(found.x, low, high), branch, family))
+    return best
+
+
+def evolution(target: product.Target, limits: product.Limits) -> float:
+    """The least J of scipy's differential evolution, limits as penalties."""
+    general = General(target, limits)
+    bounds = np.vstack([general.bounds, [[-1, 1], [-1, 1]]])
+    found = differential_evolution(
+        general.penalised,
+        bounds,
+        maxiter=GENERATIONS,
+        popsize=max(1, POPULATION // len(bounds)),
+        rng=3,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+    )
+    branch, family = (1.0 if value > 0 else -1.0 for value in found.x[-2:])
+    return general.objective(found.x[:-2], branch, int(family))
+
+
+def measure_kind(kind: str, cases: int) -> list[dict[str, Any]]:
+    """Rows of one kind: each method's share near the best known, and its times."""
+    tables = product.SeedTables(product.FOURBAR)
+    tables.windows("full_crank")
+    methods: dict[str, tuple[list[float], Times]] = {}
+    first: list[float] = []
+    broken = 0
+
+    def note(name: str, value: float) -> None:
+        methods[name][0].append(value)
+
+    for seed in range(cases):
+        case = make_case(UNREACHABLE, 400 + seed) if kind == UNREACHABLE else make_limited(kind, seed)
+        request = case.request if "limits" in case.request else {**case.request, "limits": {}}
+        target, limits = product.counter_clockwise(product.target_of(request), product.limits_of(request))
+        for name, budget in (*((f"linkage-atlas, {ms} ms", ms / 1000) for ms in BUDGETS), ("linkage-atlas", None)):
+            _, times = methods.setdefault(name, ([], Times()))
+            solutions, went = times.run(
+                product.search, tables, target, limits, 10, 1e-10, product.ProcessorWork(budget)
+            )
+            note(name, solutions[0].errors.objective if solutions else np.inf)
+        first.append(1000 * went.trace[0][0] if went.trace else np.inf)
+        reply = product.la.synthesize(**request, top=3).to_dict()
+        broken += any(broken_limits(request, solution) for solution in reply["solutions"])
+        for name, method in (
+            (f"SLSQP, {SLSQP_STARTS} starts", slsqp),
+            ("differential evolution", evolution),
+            ("heavy search", heavy_within if kind != UNREACHABLE else lambda t, _: heavy_objective(t)),
+        ):
+            _, times = methods.setdefault(name, ([], Times()))
+            value = times.run(method, target, limits)
+            note(name, np.inf if value is None else value)
+    best = np.maximum(np.min([values for values, _ in methods.values()], axis=0), REACHED)
+    rows = []
+    for name, (values, times) in methods.items():
+        over = np.maximum(values, REACHED) / best
+        rows.append({"kind": kind, "method": name, "cases": cases, **times.summary()})
+        rows[-1] |= {
+            "near": float(np.mean(over < NEAR)),
+            "not_far": float(np.mean(over < FAR)),
+            "worst": report.finite(over.max()),
+            "none": int(np.sum(~np.isfinite(values))),
+        }
+    rows[len(BUDGETS)] |= {"first_ms": report.finite(np.median(first)), "broken": broken}
+    return rows
+
+
+def measure_kept(cases: int) -> dict[str, Any]:
+    """Motions of linkages that just keep their limits: how many are found exactly."""
+    times, reached = Times(), 0
+    for seed in range(cases):
+        request = make_limited("kept", seed).request
+        reply = times.run(product.la.synthesize, **request, top=1).to_dict()
+        kept = reply["solutions"] and not broken_limits(request, reply["solutions"][0])
+        reached += bool(kept and recompute(request, reply["solutions"][0]).objective < REACHED)
+    return {"cases": cases, "reached": reached / cases, **times.summary()}
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The tables of docs/limits.md."""
+    rows = [row for part in results["parts"].values() for row in part]
+    kept = results.get("kept")
+    told = [row for row in rows if "first_ms" in row]
+    tables = report.tables("limited", {"methods": rows, "ours": told, "kept": [kept] if kept else []})
+    return tables | {"made": report.made_text([results["made"]])}
+
+
+def measure(
+    cases: Annotated[int, "of each kind"] = 60,
+    kept: Annotated[int, "exact cases that just keep their limits"] = 200,
+) -> Iterator[dict[str, Any]]:
+    """The kinds in turn, then the exact cases."""
+    threadpool_limits(1, "blas")
+    product.la.prepare()
+    stamp, parts = report.stamp(), {}
+    for kind in KINDS:
+        parts[kind] = measure_kind(kind, cases)
+        for row in parts[kind]:
+            print(row, flush=True)
+        yield {"made": stamp, "parts": parts}
+    yield {"made": stamp, "parts": parts, "kept": measure_kept(kept)}
+
+
+if __name__ == "__main__":
+    report.run(measure)

@@ -1,0 +1,321 @@
+"""What the software withstands: ``python -m benchmarks.reliability [--scale SHARE]``; ``make fault`` runs it whole.
+
+Kills, failing writes, flipped bits and changed bodies are counted; expensive requests are measured against their budget; and
+well-meant clients ask beside hostile ones. Each promise is one row of docs/reliability.md.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from benchmarks import hostile, report, service
+from synthesis.atlas.file import check_bytes
+from synthesis.errors import AtlasError
+
+BRIEF = ["--perimeter", "300", "--samples", "32", "--jobs", "2"]
+BUDGET_MS = 1000.0
+SHARE_OF_BUDGET = 1.2
+CLIENTS = 64
+MEGABYTE = 1e6
+
+
+def kills(count: int) -> dict[str, Any]:
+    """Builds killed at random moments and gone on with."""
+    rng = random.Random(1)
+    with tempfile.TemporaryDirectory() as folder:
+        out, reference = Path(folder) / "atlas.h5", Path(folder) / "reference.h5"
+
+        def build(to: Path) -> subprocess.Popen[bytes]:
+            command = [sys.executable, "-m", "data_build", "--out", str(to), *BRIEF]
+            return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+        begin = time.perf_counter()
+        build(reference).wait()
+        whole, done, finished, other = time.perf_counter() - begin, 0, 0, 0
+        wanted = reference.read_bytes()
+        while done < count:
+            process = build(out)
+            try:
+                process.wait(rng.uniform(0.1, 1.2) * whole)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+                done += 1
+            if out.exists():
+                other += out.read_bytes() != wanted
+                finished += process.returncode == 0
+                out.unlink()
+        build(out).wait()
+        other += out.read_bytes() != wanted
+    return {"kills": done, "finished": finished, "other_files": other}
+
+
+def flips(atlas: Path, count: int) -> dict[str, Any]:
+    """Bits of an atlas file flipped, one at a time."""
+    data, rng, accepted = bytearray(atlas.read_bytes()), np.random.default_rng(2), 0
+    for place, bit in zip(rng.integers(len(data), size=count), rng.integers(8, size=count)):
+        data[place] ^= 1 << int(bit)
+        try:
+            check_bytes(bytes(data))
+            accepted += 1
+        except AtlasError:
+            pass
+        data[place] ^= 1 << int(bit)
+    return {"flips": count, "accepted": accepted}
+
+
+def _sent(port: int, count: int, seed: int) -> tuple[dict[str, int], list[str]]:
+    """Statuses of changed bodies, and what was answered otherwise than promised."""
+    statuses: dict[str, int] = {}
+    broken: list[str] = []
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=hostile.PATIENCE)
+    bodies = hostile.mutated(seed)
+    for _ in range(count):
+        path, content = next(bodies)
+        connection.request("POST", path, content, {"Content-Type": "application/json"})
+        reply = connection.getresponse()
+        body = reply.read()
+        statuses[str(reply.status)] = statuses.get(str(reply.status), 0) + 1
+        is_problem = reply.headers.get_content_type() == "application/problem+json"
+        told = reply.status == 200 or (is_problem and json.loads(body)["status"] == reply.status)
+        if not told or (reply.status >= 500 and reply.status != 503):
+            broken.append(f"{path} {reply.status}: {content[:200]!r}")
+    connection.close()
+    return dict(sorted(statuses.items())), broken
+
+
+def bodies(port: int, count: int) -> dict[str, Any]:
+    """Changed bodies over all routes."""
+    statuses, broken = _sent(port, count, 3)
+    for line in broken[:5]:
+        print(line, flush=True)
+    return {"bodies": count, "statuses": statuses, "broken": len(broken)}
+
+
+async def _watched(port: int, work: Any, seen: hostile.Seen) -> Any:
+    """Some work, while /livez is asked."""
+    task = asyncio.ensure_future(work)
+    while not task.done():
+        begin = time.perf_counter()
+        status = await hostile.ask(port, "/livez")
+        seen.seconds.append(time.perf_counter() - begin)
+        seen.status[str(status)] += 1
+        await asyncio.sleep(0.01)
+    return task.result()
+
+
+def _reset_peak(process: int) -> None:
+    with open(f"/proc/{process}/clear_refs", "w") as file:
+        file.write("5")
+
+
+def budgets(running: service.Service, port: int) -> list[dict[str, Any]]:
+    """Each expensive request, alone, against the service's budget of `BUDGET_MS`."""
+    rows = []
+    for name, (path, body) in hostile.expensive().items():
+        process, beats = running.process.pid, hostile.Seen()
+        _reset_peak(process)
+        before, resident = sum(running.cpu_seconds().values()), running.memory("VmRSS") or 0
+        begin = time.perf_counter()
+        status = asyncio.run(_watched(port, hostile.ask(port, path, body), beats))
+        wall, spent = time.perf_counter() - begin, sum(running.cpu_seconds().values()) - before
+        row = {
+            "request": name,
+            "route": path,
+            "bytes": len(body),
+            "status": status,
+            "wall_ms": 1000 * wall,
+            "processor_ms": max(0.0, 1000 * (spent - 0.003 * len(beats.seconds))),
+            "megabytes": ((running.memory("VmHWM") or 0) - resident) / MEGABYTE,
+            "livez_p99_ms": 1000 * service.quantile(beats.seconds, 0.99),
+        }
+        print(json.dumps(row), flush=True)
+        rows.append(row)
+    return rows
+
+
+async def _crowd(port: int, seconds: float, with_hostile: bool) -> dict[str, hostile.Seen]:
+    """64 clients on a mix of short requests, /livez beside, and one hostile client of each kind."""
+    until = time.perf_counter() + seconds
+    seen = {name: hostile.Seen() for name in (*hostile.SHORT, "beat", "hostile", "half closed")}
+    tasks = [hostile.repeat(until, seen["beat"], lambda: hostile.ask(port, "/livez"), 0.02)]
+    names = list(hostile.SHORT)
+    for number in range(CLIENTS):
+        path, body = hostile.SHORT[names[number % len(names)]]
+        tasks.append(
+            hostile.repeat(
+                until, seen[names[number % len(names)]], lambda p=path, b=body: hostile.ask(port, p, b), 1.0
+            )
+        )
+    if with_hostile:
+        for path, body in hostile.expensive().values():
+            tasks.append(hostile.repeat(until, seen["hostile"], lambda p=path, b=body: hostile.ask(port, p, b), 0.5))
+        for said, count in hostile.SLOW.values():
+            tasks.append(hostile.hold(port, said, count, until))
+        path, body = hostile.SHORT["match"]
+        tasks.append(hostile.repeat(until, seen["half closed"], lambda: hostile.ask(port, path, body, True), 0.5))
+    await asyncio.gather(*tasks)
+    return seen
+
+
+def crowd(running: service.Service, port: int, seconds: float, with_hostile: bool) -> dict[str, Any]:
+    """What the well-meant clients saw, one request a second each."""
+    seen = asyncio.run(_crowd(port, seconds, with_hostile))
+    short = [value for name in hostile.SHORT if name != "livez" for value in seen[name].seconds]
+    statuses: dict[str, int] = {}
+    for name in hostile.SHORT:
+        for status, count in seen[name].status.items():
+            statuses[status] = statuses.get(status, 0) + count
+    return {
+        "hostile": with_hostile,
+        "seconds": seconds,
+        "requests": sum(statuses.values()),
+        "statuses": statuses,
+        "hostile_statuses": dict(seen["hostile"].status),
+        "half_closed": dict(seen["half closed"].status),
+        "load": os.getloadavg()[0],
+        "short_p50_ms": 1000 * service.quantile(short, 0.5),
+        "short_p99_ms": 1000 * service.quantile(short, 0.99),
+        "livez_p99_ms": 1000 * service.quantile(seen["beat"].seconds, 0.99),
+        "megabytes": (running.memory("VmHWM") or 0) / MEGABYTE,
+    }
+
+
+def memory(running: service.Service, port: int, count: int) -> dict[str, Any]:
+    """Memory after a tenth of so many requests, and after all of them."""
+    mix = [hostile.SHORT[name] for name in ("needle", "lift", "type")] * 16 + [hostile.SHORT["match"]]
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=hostile.PATIENCE)
+    found = []
+    for number in range(1, count + 1):
+        path, body = mix[number % len(mix)]
+        content = body if body is None or isinstance(body, str) else json.dumps(body)
+        connection.request("GET" if body is None else "POST", path, content, {"Content-Type": "application/json"})
+        connection.getresponse().read()
+        if number in (count // 10, count):
+            found.append((running.memory("VmRSS") or 0) / MEGABYTE)
+    connection.close()
+    return {"requests": count, "early_megabytes": found[0], "late_megabytes": found[1]}
+
+
+def ends(atlas: Path) -> list[dict[str, Any]]:
+    """Seconds from SIGTERM to the end, whatever is under way."""
+    rows = []
+    scan = hostile.expensive()["nearly no motion, 1,024 samples"]
+    request = f"POST {scan[0]} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: {len(scan[1])}"
+    for name, said in (
+        ("nothing", b""),
+        ("an unfinished body", hostile.HEAD),
+        ("a long scan", f"{request}\r\n\r\n{scan[1]}".encode()),
+    ):
+        with service.running(service.serve_command, atlas=atlas) as running:
+            import socket
+
+            with socket.create_connection(("127.0.0.1", running.port)) as client:
+                client.sendall(said)
+                time.sleep(1.0)
+                begin = time.perf_counter()
+                running.process.send_signal(signal.SIGTERM)
+                code = running.process.wait(60)
+                rows.append({"under_way": name, "seconds": time.perf_counter() - begin, "code": code})
+    return rows
+
+
+def measure(
+    atlas: Annotated[Path | None, "the default atlas; built anew if not given"] = None,
+    scale: Annotated[float, "share of the full counts"] = 1.0,
+) -> Iterator[dict[str, Any]]:
+    """All of it; at full scale about two hours."""
+
+    def some(full: int) -> int:
+        return max(full // 50, round(scale * full))
+
+    with tempfile.TemporaryDirectory() as folder:
+        if atlas is None:
+            atlas = Path(folder) / "atlas.h5"
+            service.build(atlas)
+        results: dict[str, Any] = {"scale": scale, "budget_ms": BUDGET_MS}
+        with service.running(service.serve_command, atlas=atlas, max_budget_ms=BUDGET_MS) as running:
+            results["budgets"] = budgets(running, running.port)
+        with service.running(service.serve_command, atlas=atlas) as running:
+            results["crowds"] = [crowd(running, running.port, some(600), bad) for bad in (False, True)]
+        print(json.dumps(results["crowds"]), flush=True)
+        with service.running(service.serve_command, atlas=atlas) as running:
+            results["memory"] = memory(running, running.port, some(100_000))
+        with service.running(service.serve_command, atlas=atlas, max_budget_ms=20) as running:
+            results["bodies"] = bodies(running.port, some(100_000))
+        results["ends"] = ends(atlas)
+        results["flips"] = flips(atlas, some(10_000))
+        results["kills"] = kills(some(1_000))
+    yield results
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The tables of docs/reliability.md."""
+    whole = f"python -m benchmarks.reliability --scale {results['scale']:g}"
+    short, bad = results["crowds"]
+    after = results["memory"]
+    rows = [
+        ("A killed build goes on and ends in the same bytes", "`kills`", f"{results['kills']['kills']:,} kills",
+         f"{results['kills']['other_files']} files with other bytes"),
+        ("A flipped bit of an atlas file is noticed", "`flips`", f"{results['flips']['flips']:,} flips",
+         f"{results['flips']['accepted']} accepted"),
+        ("Every changed body is answered or refused as problem+json, never with a fault", "`bodies`",
+         f"{results['bodies']['bodies']:,} bodies", f"{results['bodies']['broken']} otherwise; "
+         + ", ".join(f"{count:,} x {status}" for status, count in results["bodies"]["statuses"].items())),
+        ("Short requests of 64 clients, one a second each: 99th percentile at most 250 ms", "`crowd`",
+         f"{short['requests']:,} requests in {short['seconds']:.0f} s, load average {short['load']:.1f}",
+         f"{short['short_p99_ms']:.0f} ms"),
+        ("The same beside one hostile client of each kind: /livez at most 50 ms at the 99th percentile", "`crowd`",
+         f"{bad['requests']:,} requests in {bad['seconds']:.0f} s",
+         f"/livez {bad['livez_p99_ms']:.0f} ms, short requests {bad['short_p99_ms']:.0f} ms; "
+         + ", ".join(f"{count:,} x {status}" for status, count in sorted(bad["statuses"].items()))
+         + f"; at most {bad['megabytes']:.0f} MB in all"),
+        ("Memory does not grow with the number of requests: at most 5 MB more after ten times as many", "`memory`",
+         f"{after['requests']:,} requests", f"{after['late_megabytes'] - after['early_megabytes']:+.1f} MB"),
+    ]  # fmt: skip
+    rows += [
+        (
+            "SIGTERM ends the service within 5 s",
+            "`ends`",
+            f"with {row['under_way']} under way",
+            f"{row['seconds']:.1f} s, code {row['code']}",
+        )
+        for row in results["ends"]
+    ]
+    head = ["promise", "test", "count", "result"]
+    budget = [
+        (
+            row["request"],
+            f"`{row['route']}`",
+            str(row["status"]),
+            f"{row['wall_ms']:,.0f}",
+            f"{row['processor_ms']:,.0f}",
+            f"{row['megabytes']:.0f}",
+            f"{row['livez_p99_ms']:.0f}",
+        )
+        for row in results["budgets"]
+    ]
+    budget_head = ["request", "route", "status", "wall, ms", "processor, ms", "memory, MB", "/livez p99, ms"]
+    return {
+        "promises": report.lines(head, rows, 4),
+        "budgets": report.lines(budget_head, budget, 3),
+        "run": f"`{whole}`",
+    }
+
+
+if __name__ == "__main__":
+    report.run(measure)

@@ -1,0 +1,376 @@
+"""The best place for links of given lengths: start, ground angle, pivot and body point, within the limits of a request.
+
+With the start of the crank chosen, all directions of the links against the ground line are known, and the position error is
+that of a complex least-squares problem in A and z, with a rotation w of modulus one beside them::
+
+    P_m = A + w (L1 e^{i theta1_m} + z e^{i theta2_m}),    w = e^{i theta4}
+
+Both columns that are free are projected out; then the best w is the direction of an inner product. So one unknown is left, the
+start, which is scanned over the whole turn: no valley is missed that is wider than a step. What the scan finds is refined in
+all six unknowns by least squares, with an augmented Lagrangian where limits are in the way (Nocedal and Wright, 17.4).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.fourbar.constraints import Constraints
+from synthesis.fourbar.kinematics import close_loop, wrap
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.solution import Solution, assess, four
+from synthesis.fourbar.within import keeps, within
+from synthesis.least_squares import Evaluation, minimise
+from synthesis.mechanism import Placed
+from synthesis.pose import rotation_residual
+from synthesis.target import TURN, Target
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+STARTS = 48
+"""Starts of the scan in a turn."""
+_SAMPLES = 16
+"""The scan looks at about so many samples."""
+_HALVINGS = 8
+"""Of a step of the scan around its best start."""
+_VALLEYS = 3
+"""So many of the best valleys of the scan are refined."""
+_STEPS = 200
+_ROUNDS = 7
+_WEIGHT, _GROWTH = 1.0, 10.0
+"""Of a broken limit against the square of the objective, and its growth with each round."""
+_MARGIN = 1e-8
+"""How far inside the limits the refinement aims: what rounding leaves of it is inside too."""
+_DIFFERENCE = 1e-6
+
+
+class Places(NamedTuple):
+    """Starts and poses of n linkages; the body point is that of the coupler's frame, from the crank pin."""
+
+    start: Floats
+    turn: Floats
+    """Ground angles."""
+    pivot: Complexes
+    point: Complexes
+
+    def unknowns(self, target: Target) -> Floats:
+        """As the refinement sees them: of order one, (n, 6)."""
+        size = target.length_scale
+        moved = (self.pivot - _middle(target)) / size, self.point / size
+        return np.stack([self.start, self.turn, *(part for z in moved for part in (z.real, z.imag))], axis=-1)
+
+    @classmethod
+    def of(cls, target: Target, unknowns: Floats) -> Places:
+        """The inverse of `unknowns`."""
+        size = target.length_scale
+        start, turn, ax, ay, zx, zy = unknowns.T
+        return cls(start, turn, _middle(target) + size * (ax + 1j * ay), size * (zx + 1j * zy))
+
+
+def scan(target: Target, links: Floats, branch: int, limits: Limits) -> tuple[Floats, Floats]:
+    """The squared objective of links in their best place, and the starts it is reached from, pivots not limited.
+
+    Parameters
+    ----------
+    target : Target
+        With positions.
+    links : ndarray, shape (n, 4)
+        Actual lengths.
+    branch : int
+    limits : Limits
+        Starts and links that break one, apart from those of the pivots, are left out.
+
+    Returns
+    -------
+    cost : ndarray, shape (n,)
+        Over about 16 samples; infinite where no start is left.
+    start : ndarray, shape (n, 3)
+        In the best valleys, the best first; NaN for valleys that there are not.
+    """
+    few = target.thinned(_SAMPLES)
+    starts = np.broadcast_to(np.linspace(0, TURN, STARTS, endpoint=False), (len(links), STARTS))
+    cost = _scanned(target, few, links, branch, starts, limits)
+    lowest = (cost < np.roll(cost, 1, axis=1)) & (cost <= np.roll(cost, -1, axis=1))
+    cost = np.where(lowest, cost, np.inf)
+    valleys = np.argsort(cost, axis=1)[:, :_VALLEYS]
+    best, least = np.take_along_axis(starts, valleys, axis=1), np.take_along_axis(cost, valleys, axis=1)
+    step = TURN / STARTS
+    for _ in range(_HALVINGS):
+        step /= 2
+        for side in (-step, step):
+            trial = best[:, :1] + side
+            found = _scanned(target, few, links, branch, trial, limits)
+            better = found < least[:, :1]
+            best[:, :1], least[:, :1] = np.where(better, trial, best[:, :1]), np.where(better, found, least[:, :1])
+    return least[:, 0], np.where(np.isfinite(least), best, np.nan)
+
+
+def _scanned(target: Target, few: Target, links: Floats, branch: int, start: Floats, limits: Limits) -> Floats:
+    """Squared objectives (n, starts) over a few samples, of links (n, 4) in their best pose at starts (n, starts)."""
+    count, starts = start.shape
+    wide = np.repeat(links, starts, axis=0)
+    flat = start.reshape(-1)
+    cost = np.full(flat.size, np.inf)
+    none = np.zeros(len(wide), dtype=complex)
+    at = Placed(wide, np.full(len(wide), float(branch)), target.interval.after(flat), none, none.real, none)
+    places = np.flatnonzero(keeps(target, limits.of_lengths, at))
+    if places.size:
+        cost[places] = _best_pose(few, wide[places], branch, flat[places])[0]
+    return cost.reshape(count, starts)
+
+
+def _best_pose(target: Target, links: Floats, branch: int, start: Floats) -> tuple[Floats, Places]:
+    """Squared objectives (n,) of links at starts, and the poses that have them; infinite where a sample is not reached."""
+    assert target.position is not None
+    mean, scale = target.position_mean, target.length_scale
+    crank = start[:, None] + target.crank
+    angle = close_loop(links, crank).coupler_angle(np.array(branch))
+    wanted = (target.position - _middle(target)) / scale
+    arm, own = np.exp(1j * angle), (links[:, :1] / scale) * np.exp(1j * crank)
+    centred = arm - mean(arm)[:, None]
+    square = mean(np.abs(centred) ** 2)
+    independent = square > 1e-28
+
+    def share(values: Any) -> Complexes:
+        found: Any = np.where(independent, mean(np.conj(centred) * values), 0.0)
+        return found / np.where(independent, square, 1.0)
+
+    def rest(values: Any) -> Complexes:
+        return values - np.expand_dims(mean(values), -1) - share(values)[:, None] * centred
+
+    left, moved = rest(wanted), rest(own)
+    inner = mean(np.conj(moved) * left)
+    turn = np.angle(inner)
+    way = np.exp(1j * turn)
+    cost = mean(np.abs(left - way[:, None] * moved) ** 2)
+    if target.rotation is not None:
+        cost = cost + target.rotation_mean(rotation_residual(target, angle)[1] ** 2)
+    vector = share(wanted) - way * share(own)
+    pivot = mean(wanted) - way * mean(own) - vector * mean(arm)
+    with np.errstate(invalid="ignore"):  # NaN where it opens
+        places = Places(start, turn, _middle(target) + scale * pivot, scale * vector / way)
+    return np.where(np.isnan(cost), np.inf, cost), places
+
+
+def place(
+    target: Target, links: Floats, branch: int, starts: Floats, old: Linkage, limits: Limits
+) -> list[Solution | None]:
+    """Links in their best place within the limits.
+
+    Parameters
+    ----------
+    target : Target
+        With positions.
+    links : ndarray, shape (n, 4)
+    branch : int
+    starts : ndarray, shape (n, m)
+        Where to begin; NaN: nowhere.
+    old : Linkage
+        A linkage nearby, whose place is tried as well.
+    limits : Limits
+
+    Returns
+    -------
+    list of Solution or None
+        None where no place within the limits was found. Law: what is returned keeps the limits by its own numbers, and no
+        small change of its place that keeps them is better.
+    """
+    rows, columns = np.nonzero(np.isfinite(starts))
+    tried = np.concatenate([rows, np.arange(len(links))])
+    begin = np.concatenate([starts[rows, columns], np.full(len(links), old.start)])
+    own, around = links[tried], _best_pose(target, links[tried], branch, begin)[1]
+    best: list[Solution | None] = [None] * len(links)
+    refined = _refined(target, own, branch, around.unknowns(target))
+    kept = _offer(best, target, own, branch, tried, refined, limits)
+    open_rows = np.flatnonzero(~kept)
+    if open_rows.size and not limits.only_family:
+        assert old.coupler_point is not None
+        count = len(links)
+        radius, angle = old.coupler_point
+        same = Places(
+            np.full(count, old.start),
+            np.full(count, old.ground_angle),
+            np.full(count, old.pivot_a),
+            np.full(count, radius * np.exp(1j * angle)),
+        )
+        unknowns = np.concatenate([refined[open_rows], same.unknowns(target)])
+        tried = np.concatenate([tried[open_rows], np.arange(count)])
+        limited = _within(target, links[tried], branch, unknowns, limits)
+        _offer(best, target, links[tried], branch, tried, limited, limits)
+    return best
+
+
+def _offer(
+    best: list[Solution | None],
+    target: Target,
+    links: Floats,
+    branch: int,
+    tried: NDArray[np.intp],
+    unknowns: Floats,
+    limits: Limits,
+) -> NDArray[np.bool_]:
+    """Put into ``best`` what is better and within the limits; returns which candidates are."""
+    places, kept = _at_given_pivots(Places.of(target, unknowns), links, limits), np.zeros(len(tried), dtype=bool)
+    good = np.all(np.isfinite(unknowns), axis=1)
+    crank = places.start[:, None] + target.crank
+    good &= np.all(close_loop(links, crank).closed, axis=1)
+    for k in np.flatnonzero(good):
+        point = float(abs(places.point[k])), wrap(float(np.angle(places.point[k])))
+        linkage = Linkage(
+            four(links[k]),
+            branch,
+            float(places.start[k] % TURN),
+            complex(places.pivot[k]),
+            wrap(float(places.turn[k])),
+            point,
+        )
+        found = within(target, limits, assess(target, [linkage]))
+        if not found:
+            continue
+        kept[k] = True
+        now = best[tried[k]]
+        if now is None or found[0].errors.objective < now.errors.objective:
+            best[tried[k]] = found[0]
+    return kept
+
+
+def _refined(target: Target, links: Floats, branch: int, unknowns: Floats) -> Floats:
+    """Candidates (n, 6) after their descent, no limits."""
+
+    def evaluate(some: Floats, which: Floats) -> Evaluation:
+        return _evaluation(_rows(target, links[which.astype(int)], branch, some))
+
+    return minimise(evaluate, unknowns, np.arange(len(links), dtype=float), _STEPS, stall=0.0, damping=1e-6).unknowns
+
+
+def _within(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits) -> Floats:
+    """Candidates (n, 6) after a descent that limits hold back, by the method of multipliers."""
+    shift = np.zeros_like(_slacks(target, links, branch, unknowns, limits))
+    weight = _WEIGHT
+    for _ in range(_ROUNDS):
+        root = np.sqrt(weight)
+
+        def evaluate(some: Floats, which: Floats, root: float = root, shift: Floats = shift) -> Evaluation:
+            own = links[which.astype(int)]
+            wanted = shift[which.astype(int)]
+            ahead = _slacks(target, own, branch, some, limits)
+            broken = root * np.maximum(wanted - ahead, 0.0)
+            stack = np.zeros((len(some), 7, ahead.shape[1]))
+            stack[:, 6] = broken
+            for k in range(6):
+                step = _DIFFERENCE * np.eye(6)[k]
+                ends = (_slacks(target, own, branch, some + sign * step, limits) for sign in (1, -1))
+                slope = np.subtract(*ends)
+                stack[:, k] = np.where(broken > 0, -root * slope / (2 * _DIFFERENCE), 0.0)
+            return _evaluation(np.concatenate([_rows(target, own, branch, some), stack], axis=2))
+
+        unknowns = minimise(evaluate, unknowns, np.arange(len(links), dtype=float), _STEPS // 4, stall=1e-8).unknowns
+        shift = np.maximum(np.nan_to_num(shift - _slacks(target, links, branch, unknowns, limits)), 0.0) / _GROWTH
+        weight *= _GROWTH
+    return unknowns
+
+
+def _slacks(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits) -> Floats:
+    """How far inside the limits, and the margin, candidates are: one column a limit, two an equation."""
+    places, scale = Places.of(target, unknowns), target.length_scale
+    placed = Placed(
+        links / scale,
+        np.full(len(links), float(branch)),
+        target.interval.after(places.start),
+        (places.pivot - _middle(target)) / scale,
+        places.turn,
+        places.point * np.exp(1j * places.turn) / scale,
+    )
+    found = Constraints(limits, _middle(target), scale, exact=False)(placed)
+    return np.concatenate([found.values - _MARGIN * ~found.equal, -found.values[:, found.equal]], axis=1)
+
+
+def _at_given_pivots(places: Places, links: Floats, limits: Limits) -> Places:
+    """The places with the pivots that the limits give, which the descent only comes near to."""
+    a, b, turn = limits.pivot_a, limits.pivot_b, places.turn
+    if a is not None and b is not None:
+        turn = np.full(len(turn), np.angle(b - a))
+    if a is not None:
+        return places._replace(pivot=np.full(len(turn), a), turn=turn)
+    if b is not None:
+        return places._replace(pivot=b - links[:, 3] * np.exp(1j * turn))
+    return places
+
+
+def response_to_lengths(target: Target, linkage: Linkage) -> tuple[Floats, Floats]:
+    """How the objective answers to the lengths of a linkage, to first order and with its place refitted.
+
+    Returns
+    -------
+    upper : ndarray, shape (4, 4)
+        Upper triangular.
+    right : ndarray, shape (4,)
+        Law: with the lengths multiplied by ``exp(d)`` the squared objective is ``|upper @ d + right|^2`` and a constant, up to
+        third order in d where the residual is small.
+    """
+    assert linkage.coupler_point is not None
+    radius, angle = linkage.coupler_point
+    own = Places(
+        np.array([linkage.start]),
+        np.array([linkage.ground_angle]),
+        np.array([linkage.pivot_a]),
+        np.array([radius * np.exp(1j * angle)]),
+    )
+    links = np.array([linkage.links])
+    rows = _rows(target, links, linkage.branch, own.unknowns(target), with_lengths=True)[0]
+    triangle: Any = np.linalg.qr(np.nan_to_num(rows).T, mode="r")
+    triangle = np.concatenate([triangle, np.zeros((max(0, 11 - len(triangle)), 11))])
+    return triangle[6:10, 6:10], triangle[6:10, 10]
+
+
+def _rows(target: Target, links: Floats, branch: int, unknowns: Floats, *, with_lengths: bool = False) -> Floats:
+    """The residual of the objective and its derivatives by the six unknowns, (n, 7, rows), the residual last.
+
+    With lengths also by their logarithms, (n, 11, rows), behind the six unknowns.
+    """
+    assert target.position is not None
+    places, scale = Places.of(target, unknowns), target.length_scale
+    crank = places.start[:, None] + target.crank
+    closure = close_loop(links, crank)
+    angle = closure.coupler_angle(np.array(branch))
+    gradient = closure.coupler_angle_gradient(np.array(branch))
+    slope, size = gradient[..., 4], 11 if with_lengths else 7
+    by_length = np.moveaxis(gradient[..., :4] * links[:, None], -1, 1) if with_lengths else np.empty((0, 0, 0))
+    parts = []
+    if target.rotation is not None:
+        turned = np.zeros((len(links), size, target.samples))
+        turned[:, -1] = rotation_residual(target, angle)[1]
+        turned[:, 0] = -(slope - np.expand_dims(target.rotation_mean(slope), -1))
+        if with_lengths:
+            turned[:, 6:10] = -(by_length - np.expand_dims(target.rotation_mean(by_length), -1))
+        parts.append(turned * target.rotation_mean.root)
+    way = np.exp(1j * places.turn)[:, None]
+    first = way * links[:, :1] * np.exp(1j * crank)
+    arm = way * np.exp(1j * angle)
+    second = places.point[:, None] * arm
+    gap = np.empty((len(links), size, target.samples), dtype=complex)
+    gap[:, -1] = (target.position - places.pivot[:, None] - first - second) / scale
+    gap[:, 0] = -1j * (first + slope * second) / scale
+    gap[:, 1] = -1j * (first + second) / scale
+    gap[:, 2], gap[:, 3] = -1.0, -1j
+    gap[:, 4], gap[:, 5] = -arm, -1j * arm
+    if with_lengths:
+        gap[:, 6:10] = -1j * second[:, None] * by_length / scale
+        gap[:, 6] -= first / scale
+    gap = gap * target.position_mean.root
+    return np.concatenate([*parts, gap.real, gap.imag], axis=2)
+
+
+def _evaluation(stack: Floats) -> Evaluation:
+    """What the descent reads; a place next to where it opens has no derivatives, and is no answer."""
+    cost = np.einsum("nm,nm->n", stack[:, 6], stack[:, 6])
+    return Evaluation(np.where(np.isnan(stack).any(axis=(1, 2)), np.inf, cost), np.nan_to_num(stack))
+
+
+def _middle(target: Target) -> complex:
+    assert target.position is not None
+    return complex(target.position_mean(target.position))

@@ -1,0 +1,292 @@
+"""How far the body of a four-bar as it is made lies from that of the four-bar as designed: simulated, and to first order.
+
+Three kinds of deviation act. Lengths: crank, coupler, rocker, and the two coordinates of the body point in the coupler. Places:
+both fixed pivots. Play: in each of the four joints the pin lies against the wall of its hole, in a direction that does not turn
+with the crank. Since all are constant over the motion, the four-bar as made is again a four-bar: play of the crank's pins moves
+its pivot A, that of the rocker's pins its pivot B. The drive holds the crank's direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.fourbar.kinematics import close_loop
+from synthesis.fourbar.linkage import Linkage
+from synthesis.target import TURN
+from synthesis.work import Work
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+SHARES = (0.05, 0.50, 0.95)
+"""The quantiles that a study gives: as many of all linkages made are at most so far off."""
+_BLOCK = 2**17
+"""Positions of made linkages that are computed at once: a few megabytes an array."""
+_WAY = np.exp(1j * np.pi * (np.arange(128) + 0.5) / 256)
+"""Directions in a quarter of the plane, for means over all directions."""
+_HALVINGS = 60
+
+
+class Tolerances(NamedTuple):
+    """Of manufacture, in the user's unit of length, at least 0 each."""
+
+    links: float = 0.0
+    """Each length lies evenly within this of its nominal value, either way."""
+    pivots: float = 0.0
+    """So does each coordinate of a fixed pivot."""
+    clearance: float = 0.0
+    """Diameter of a hole less that of its pin, in all four joints."""
+
+
+SOURCES = (
+    "crank length",
+    "coupler length",
+    "rocker length",
+    "body point",
+    "pivot A",
+    "pivot B",
+    "clearance at pivot A",
+    "clearance at the crank pin",
+    "clearance at the coupler pin",
+    "clearance at pivot B",
+)
+"""What contributes to the error, in this order; each a real number (the lengths) or a place in the plane."""
+_LENGTHS = 3
+_PLACES = 6
+"""Sources before this one are even within their tolerance, those from it on lie on a circle."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Quantiles of an error at n crank angles, radians or the user's unit of length; infinite where too many do not close."""
+
+    simulated: Floats
+    """(n, 3): for each of `SHARES`."""
+    linear: Floats
+    """(n, 3): the same to first order, for normally distributed deviations of the same variance."""
+    worst: Floats
+    """(3,): of each made linkage's largest error over the samples."""
+    contributions: Floats
+    """(10,): the part of each of `SOURCES` in the variance to first order, in the mean over the samples that are not dead."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What made linkages do.
+
+    Attributes
+    ----------
+    position, rotation : Spread or None
+        Distance of the body point, and absolute difference of the rotation, from those as designed at the same crank angle.
+        ``position`` is None where the linkage guides no body point.
+    count : int
+        How many linkages were simulated.
+    open_share : float
+        The part of them that does not close at every sample.
+    """
+
+    position: Spread | None
+    rotation: Spread
+    count: int
+    open_share: float
+
+
+def simulate(
+    linkage: Linkage, travel: Floats, samples: int, tolerances: Tolerances, count: int, seed: int, work: Work
+) -> Study:
+    """Made linkages against the one as designed.
+
+    Parameters
+    ----------
+    linkage : Linkage
+    travel : ndarray, shape (n,)
+        Crank angles from the first sample: those of the samples come first.
+    samples : int
+        How many of ``travel`` are samples; worst errors and contributions are over these.
+    tolerances : Tolerances
+    count : int
+        How many linkages to simulate.
+    seed : int
+        The same seed makes the same linkages.
+    work : Work
+        Asked between blocks whether the answer is still wanted.
+
+    Returns
+    -------
+    Study
+        Law: with tolerances k times as large, ``linear`` is k times as large, and so is ``simulated`` in the limit of small k.
+    """
+    linkage = replace(linkage, pivot_a=0j)  # where it stands takes digits, and changes nothing
+    made = _Made.of(linkage, tolerances, count, np.random.default_rng(seed))
+    nominal = linkage.joints(travel)
+    quantiles: list[list[Floats]] = [[], []]
+    worst = np.zeros((2, count))
+    for places in _blocks(travel.size, count):
+        work.check()
+        point, direction = made.positions(travel[places])
+        turned = _wrapped(direction - nominal.coupler_angle[places])
+        gaps = [np.abs(turned)]
+        if nominal.body_point is not None:
+            gaps.append(np.abs(point - nominal.body_point[places]))
+        inside = np.arange(travel.size)[places] < samples
+        for kind, gap in enumerate(gaps):
+            gap = np.where(np.isnan(gap), np.inf, gap)
+            quantiles[kind].append(_quantiles(gap))
+            if inside.any():
+                worst[kind] = np.maximum(worst[kind], gap[:, inside].max(axis=1))
+    by_rotation, by_position = _derivatives(linkage, travel)
+    variances = _variances(tolerances)
+    unclosed = float(np.mean(np.isinf(worst[0])))
+
+    def spread(kind: int, derivatives: Floats) -> Spread:
+        found = np.concatenate(quantiles[kind])
+        return Spread(
+            found,
+            _linear_quantiles(derivatives, variances),
+            _quantiles(worst[kind][:, None])[0],
+            _contributions(derivatives[:, :samples], variances),
+        )
+
+    position = None if by_position is None else spread(1, by_position)
+    return Study(position, spread(0, by_rotation), count, unclosed)
+
+
+def _blocks(points: int, count: int) -> Iterator[slice]:
+    """The crank angles in parts of at most `_BLOCK` positions."""
+    step = max(1, _BLOCK // count)
+    return (slice(first, first + step) for first in range(0, points, step))
+
+
+def _wrapped(angle: Floats) -> Floats:
+    return angle - TURN * np.round(angle / TURN)
+
+
+def _quantiles(values: Floats) -> Floats:
+    """For each of `SHARES` the least value (count, n) that so many do not exceed, (n, 3)."""
+    places = [max(0, int(np.ceil(share * len(values))) - 1) for share in SHARES]
+    return np.partition(values, places, axis=0)[places].T
+
+
+class _Made(NamedTuple):
+    """Linkages as made, (count,) each, relative to the plane: equivalent four-bars, see the module's head."""
+
+    origin: Complexes
+    """The crank's centre moved by the play of its pins."""
+    links: Floats
+    """(count, 4)"""
+    turn: Floats
+    """Directions of the ground line."""
+    point: Complexes
+    """The body point in the coupler's frame."""
+    branch: int
+    start: float
+    """Direction of the crank at the first sample."""
+
+    @classmethod
+    def of(cls, linkage: Linkage, tolerances: Tolerances, count: int, random: np.random.Generator) -> _Made:
+        """So many linkages by chance."""
+        lengths = tolerances.links * random.uniform(-1, 1, (count, _LENGTHS))
+        offset: Any
+        offset, pivot_a, pivot_b = (
+            size * (random.uniform(-1, 1, (count, 2)) @ [1, 1j])
+            for size in (tolerances.links, tolerances.pivots, tolerances.pivots)
+        )
+        play = tolerances.clearance / 2 * np.exp(1j * random.uniform(0, TURN, (count, 4)))
+        links = np.array(linkage.links[:_LENGTHS]) + lengths
+        moved_a = pivot_a + play[:, 0] + play[:, 1]
+        moved_b = pivot_b + play[:, 3] - play[:, 2]
+        along = np.exp(1j * linkage.ground_angle)
+        # the ground line in its own frame, in which it turns by little
+        ground = linkage.links[3] + (moved_b - moved_a) / along
+        point = complex(0.0)
+        if linkage.coupler_point is not None:
+            point = complex(linkage.coupler_point[0] * np.exp(1j * linkage.coupler_point[1]))
+        return cls(
+            linkage.pivot_a + moved_a,
+            np.concatenate([links, np.abs(ground)[:, None]], axis=1),
+            linkage.ground_angle + np.angle(ground),
+            point + offset,
+            linkage.branch,
+            linkage.start + linkage.ground_angle,
+        )
+
+    def positions(self, travel: Floats) -> tuple[Complexes, Floats]:
+        """Body points and directions of the coupler at crank angles, (count, n); NaN where one does not close."""
+        crank = self.start + travel
+        closure = close_loop(self.links, crank - self.turn[:, None])
+        direction = closure.coupler_angle(np.array(self.branch)) + self.turn[:, None]
+        pin = self.origin[:, None] + self.links[:, :1] * np.exp(1j * crank)
+        return pin + self.point[:, None] * np.exp(1j * direction), direction
+
+
+def _derivatives(linkage: Linkage, travel: Floats) -> tuple[Floats, Floats | None]:
+    """Derivatives of the body's rotation (sources, n, 2, 1) and place (sources, n, 2, 2), by both coordinates of each source.
+
+    From the loop's differential, its real part after multiplication by the conjugate of e3. A length is a source with a first
+    coordinate only; coordinates of the body point are those of the coupler. NaN at a dead position.
+    """
+    closure = close_loop(np.array(linkage.links), linkage.start + travel)
+    slope = closure.coupler_angle_gradient(np.array(linkage.branch))
+    turn = linkage.ground_angle
+    e1 = np.exp(1j * (closure.crank_angle + turn))
+    e2 = np.exp(1j * (closure.coupler_angle(np.array(linkage.branch)) + turn))
+    e3 = np.exp(1j * (closure.rocker_angle(np.array(linkage.branch)) + turn))
+    none = np.zeros(travel.size)
+    # a ground vector that changes by g turns the coupler like a rocker that changes by Re(g conj(e3))
+    by_ground = np.stack([slope[:, 2] * e3.real, slope[:, 2] * e3.imag], axis=-1)
+    turned = [np.stack([slope[:, k], none], axis=-1) for k in range(_LENGTHS)] + [np.zeros((travel.size, 2))]
+    # pivot A, pivot B, and the play at A, crank pin, coupler pin, B: which way each moves the ground vector
+    turned += [sign * by_ground for sign in (-1, 1, -1, -1, -1, 1)]
+    rotation = np.stack(turned)
+    if linkage.coupler_point is None:
+        return rotation[..., None], None
+    radius, angle = linkage.coupler_point
+    arm = 1j * radius * np.exp(1j * angle) * e2
+    place = rotation * arm[:, None]
+    place[0, :, 0] += e1
+    place[3] += np.stack([e2, 1j * e2], axis=-1)
+    for source in (4, 6, 7):
+        place[source] += [1, 1j]
+    return rotation[..., None], np.stack([place.real, place.imag], axis=-1)
+
+
+def _variances(tolerances: Tolerances) -> Floats:
+    """Of one coordinate of each source: even over an interval, or on a circle."""
+    links, pivots, clearance = tolerances
+    even = [links**2 / 3] * 4 + [pivots**2 / 3] * 2
+    return np.array(even + [(clearance / 2) ** 2 / 2] * 4)
+
+
+def _linear_quantiles(derivatives: Floats, variances: Floats) -> Floats:
+    """Quantiles (n, 3) of the length of a normally distributed error with the covariance that the sources give.
+
+    In the axes of its covariance the error is ``rho (s1 cos psi, s2 sin psi)``, rho Rayleigh distributed, psi even; so
+    ``P(length > R) = mean over psi of exp(-R^2 / (2 (s1^2 cos^2 psi + s2^2 sin^2 psi)))``, which for s2 = 0 is Craig's form
+    of erfc (J. W. Craig, MILCOM 1991).
+    """
+    with np.errstate(invalid="ignore"):
+        covariance = np.einsum("s,snci,sncj->nij", variances, derivatives, derivatives)
+    known = np.all(np.isfinite(covariance), axis=(1, 2))
+    size = np.sqrt(np.maximum(np.linalg.eigvalsh(np.where(known[:, None, None], covariance, 0.0)), 0.0))
+    largest, second = size[:, -1], size[:, 0] if size.shape[1] == 2 else 0.0 * size[:, 0]
+    ratio = second / np.where(largest > 0, largest, 1.0)
+    square = _WAY.real**2 + ratio[:, None, None] ** 2 * _WAY.imag**2
+    low, high = np.zeros((len(size), len(SHARES))), np.full((len(size), len(SHARES)), 4.0)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        above = np.exp(-(middle[..., None] ** 2) / (2 * square)).mean(axis=-1) > 1 - np.array(SHARES)
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return np.where(known[:, None], high * largest[:, None], np.nan)
+
+
+def _contributions(derivatives: Floats, variances: Floats) -> Floats:
+    """The part of each source in the variance, (sources,), in the mean over the samples; zeros where nothing contributes."""
+    known = np.all(np.isfinite(derivatives), axis=(0, 2, 3))
+    square = variances * np.sum(derivatives[:, known] ** 2, axis=(1, 2, 3))
+    total = square.sum()
+    return square / total if total > 0 else np.zeros_like(square)

@@ -1,0 +1,231 @@
+"""Where a search within limits begins: windows of a coarse table in the best pose that the limits leave them.
+
+A window is a type, a start and a branch. With e = e^{i t} and E = e^{i theta2} at the samples, its position is linear,
+
+    P = A (1 - rho e) + B rho e + z2 E,      rho = L1 / L4 e^{i start}
+
+z2 is eliminated, and what is left is a quadratic form in A and B, isotropic in each: clipping A and B to their boxes in turn
+is a coordinate descent to the best pair within them.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.mechanism import Boxes, Constrained, Constraints, Mechanism, Placed
+from synthesis.search.placed import PosedProblem, Poses, ShapeProblem
+from synthesis.target import TURN, Target
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+STARTS = 24
+_STEPS = 144
+"""Crank angles of a type's table."""
+_SAMPLES = 12
+_MISS = 0.2
+"""Radians by which the transmission angle of a window may fall short before its pose is looked at."""
+_POSED, _CHECKED = 8000, 2500
+"""Windows whose pose is fitted within boxes, and of those the ones whose other limits are looked at."""
+_SWEEPS = 12
+_SPARE = 1.25
+"""A type whose ratios exceed those of the limits by more is not looked at."""
+
+
+class Seeds(NamedTuple):
+    """Starting points, best first."""
+
+    unknowns: Floats
+    branch: Floats
+
+
+class Windows:
+    """The windows of a mechanism's coarse types, their angles prepared once (3 MB)."""
+
+    def __init__(self, mechanism: Mechanism, lengths: Floats) -> None:
+        self.mechanism, self.lengths = mechanism, lengths
+        grid = np.linspace(0, TURN, _STEPS + 1)
+        self.tables = np.stack([mechanism.body_angle(lengths, side, grid) for side in mechanism.branches])
+
+    def angles(self, side: int, crank: Floats, window: NDArray[np.intp]) -> Floats:
+        """theta2 of windows (n,) of one branch at crank angles (N,) after their starts, (n, N)."""
+        table = self.tables[side]
+        place = (np.arange(STARTS)[:, None] * (TURN / STARTS) + crank) * (_STEPS / TURN)
+        turn, rest = np.divmod(place, _STEPS)
+        low = np.minimum(rest.astype(np.intp), _STEPS - 1)
+        part = rest - low
+        kind, start = np.divmod(window, STARTS)
+        kind = kind[:, None]
+        low, part, turn = low[start], part[start], turn[start]
+        wound = np.nan_to_num(table[:, -1] - table[:, 0])[kind]
+        before = table[kind, low]
+        return before + (table[kind, low + 1] - before) * part + turn * wound
+
+    def seeds(self, problem: ShapeProblem, on_shape: Constraints, boxes: Boxes | None = None) -> Seeds:
+        """Windows by how well they move and keep the limits, best first, at most one a cell.
+
+        Parameters
+        ----------
+        problem : ShapeProblem
+        on_shape : Constraints
+            The limits that concern shape and start alone: windows that break them by far are not looked at.
+        boxes : Boxes, optional
+            For a `PosedProblem`.
+        """
+        target = problem.target.condensed(_SAMPLES)
+        types = len(self.lengths)
+        start = np.tile(np.arange(STARTS) * (TURN / STARTS), types)
+        lengths = np.repeat(self.lengths, STARTS, axis=0)
+        miss = _missed(on_shape, Placed(lengths, np.ones(len(start)), target.interval.after(start)))
+        reach = None
+        if boxes is not None:
+            reach = boxes.reach(lengths)
+            miss = np.where(reach[0] > _SPARE * reach[1], np.inf, miss)
+        windows, sides, angles = [], [], []
+        for side, sign in enumerate(self.mechanism.branches):
+            near = np.flatnonzero(miss < _MISS)
+            angle = self.angles(side, target.crank, near)
+            closed = np.isfinite(angle).all(axis=1)
+            windows.append(near[closed])
+            sides.append(np.full(closed.sum(), float(sign)))
+            angles.append(angle[closed])
+        window, branch, angle = np.concatenate(windows), np.concatenate(sides), np.concatenate(angles)
+        fits = _Fits.of(target, angle)
+        merit = fits.rotation + fits.least + 3 * miss[window] ** 2
+        if isinstance(problem, PosedProblem):
+            assert boxes is not None and reach is not None
+            best = _least(merit, _POSED)
+            window, branch, fits = window[best], branch[best], fits.take(best)
+            chosen = lengths[window]
+            turned: Complexes = np.exp(1j * start[window])
+            error, pivot, ground, coupler = fits.within(
+                turned * (chosen[:, 0] / chosen[:, -1]), boxes, (reach[0][window], reach[1][window])
+            )
+            merit = error + fits.rotation + miss[window] ** 2
+            best = _least(merit, _CHECKED)
+            window, branch, merit = window[best], branch[best], merit[best]
+            pivot, ground, coupler = pivot[best], ground[best], coupler[best]
+            scaled = lengths[window] * (np.abs(ground) / lengths[window, -1])[:, None]
+            pose = Poses(pivot, np.angle(ground), coupler)
+            unknowns = problem.posed(problem.chart.unknowns(scaled), start[window], pose)
+            merit = merit + np.sum(_lacking(problem.constrained(unknowns, branch)) ** 2, axis=1)
+        else:
+            best = _least(merit, _CHECKED)
+            window, branch, merit = window[best], branch[best], merit[best]
+            unknowns = np.hstack([problem.chart.unknowns(lengths[window]), start[window, None]])
+        order = np.argsort(merit, kind="stable")
+        order = order[np.isfinite(merit[order])]
+        place = problem.chart.place(unknowns[:, : problem.size])
+        cells = np.floor(np.hstack([place, unknowns[:, [problem.size]] / 0.6, branch[:, None]])[order]).astype(
+            np.int64
+        )
+        # one number a cell: many times faster to sort than rows
+        _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
+        order = order[np.sort(first)]
+        return Seeds(unknowns[order], branch[order])
+
+
+def _least(merit: Floats, count: int) -> NDArray[np.intp]:
+    """Places of the least values, in their order."""
+    if len(merit) <= count:
+        return np.arange(len(merit))
+    return np.sort(np.argpartition(merit, count)[:count])
+
+
+def _lacking(found: Constrained) -> Floats:
+    """By how much each constraint is broken, (n, C)."""
+    return np.where(found.equal, np.abs(found.values), np.maximum(-found.values, 0.0))
+
+
+def _missed(on_shape: Constraints, placed: Placed) -> Floats:
+    """By how much limits on shape and start alone are broken at most; infinite where a linkage does not close."""
+    found = on_shape(placed)
+    return np.nan_to_num(np.max(_lacking(found), axis=1, initial=0.0), nan=np.inf)
+
+
+class _Fits(NamedTuple):
+    """Inner products of windows with the positions over l, <f, g> = mean(conj(f) g), after z2 E is taken out; (n,) each."""
+
+    rotation: Floats
+    """Mean square of the rotation's error."""
+    least: Floats
+    """That of the position's in the best pose."""
+    one_one: Floats
+    one_turned: Complexes
+    turned_turned: Floats
+    one_rest: Complexes
+    turned_rest: Complexes
+    rest: Floats
+    share: Complexes
+    """(n, 3): <E, 1>, <E, e>, <E, P>."""
+
+    @classmethod
+    def of(cls, target: Target, angle: Floats) -> _Fits:
+        """Of the angles (n, N) of windows."""
+        rotation = np.zeros(len(angle))
+        if target.rotation is not None:
+            gap = target.rotation - angle
+            mean = target.rotation_mean
+            rotation = mean((gap - mean(gap)[:, None]) ** 2)
+        nothing = np.zeros(len(angle))
+        if target.position is None:
+            share: Complexes = np.zeros((len(angle), 3), dtype=np.complex128)
+            no = share[:, 0]
+            return cls(rotation, nothing, nothing, no, nothing, no, no, nothing, share)
+        mean = target.position_mean
+        turned = np.exp(1j * target.crank)
+        place = (target.position - mean(target.position)) / target.length_scale
+        share = np.exp(-1j * angle) @ np.stack(
+            [mean.weighted(c) / mean.total for c in (turned**0, turned, place)], axis=1
+        )
+        one, own, held = share.T
+        along, across = mean(turned), mean(np.conj(turned) * place)
+        one_one, turned_turned = 1 - np.abs(one) ** 2, 1 - np.abs(own) ** 2
+        one_turned = along - np.conj(one) * own
+        one_rest, turned_rest = -np.conj(one) * held, across - np.conj(own) * held
+        rest = mean(np.abs(place) ** 2) - np.abs(held) ** 2
+        determinant = np.maximum(one_one * turned_turned - np.abs(one_turned) ** 2, 1e-12)
+        free = (
+            turned_turned * np.abs(one_rest) ** 2
+            + one_one * np.abs(turned_rest) ** 2
+            - 2 * (np.conj(one_rest) * one_turned * turned_rest).real
+        ) / determinant
+        least = np.clip(rest - free, 0.0, None)
+        return cls(rotation, least, one_one, one_turned, turned_turned, one_rest, turned_rest, rest, share)
+
+    def take(self, places: Any) -> _Fits:
+        """Some of them."""
+        return _Fits(*(column[places] for column in self))
+
+    def within(
+        self, rho: Complexes, boxes: Boxes, reach: tuple[Floats, Floats]
+    ) -> tuple[Floats, Complexes, Complexes, Complexes]:
+        """Mean square of the position's error, A, B - A and z2 with the pivots in boxes and |B - A| within a reach."""
+        size = np.abs(rho) ** 2
+        aa = self.one_one - 2 * (rho * self.one_turned).real + size * self.turned_turned
+        ab = rho * self.one_turned - size * self.turned_turned
+        bb = size * self.turned_turned
+        ha, hb = self.one_rest - np.conj(rho) * self.turned_rest, np.conj(rho) * self.turned_rest
+        determinant = np.maximum(aa * bb - np.abs(ab) ** 2, 1e-12)
+        a = boxes.clip_a((bb * ha - ab * hb) / determinant)
+        b = boxes.clip_b((aa * hb - np.conj(ab) * ha) / determinant)
+        aa, bb = np.maximum(aa, 1e-9), np.maximum(bb, 1e-9)
+        for _ in range(_SWEEPS):
+            a = boxes.clip_a((ha - ab * b) / aa)
+            b = boxes.clip_b((hb - np.conj(ab) * a) / bb)
+        ground = b - a
+        length = np.abs(ground)
+        direction = np.where(length > 0, ground, 1.0) / np.where(length > 0, length, 1.0)
+        wanted = direction * np.clip(length, np.minimum(*reach), np.maximum(reach[1], 1e-6))
+        a = boxes.clip_a(a + (ground - wanted) / 2)
+        b = boxes.clip_b(a + wanted)
+        a = boxes.clip_a(b - wanted)
+        ground = wanted
+        b = a + ground
+        square = self.rest - 2 * (np.conj(a) * ha + np.conj(b) * hb).real
+        square += aa * np.abs(a) ** 2 + bb * np.abs(b) ** 2 + 2 * (np.conj(a) * ab * b).real
+        one, own, held = self.share.T
+        return np.maximum(square, 0.0), a, ground, held - a * one - ground * rho * own

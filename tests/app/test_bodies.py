@@ -1,0 +1,108 @@
+"""Bodies are bounded before they are parsed; replies are written piece by piece, and are the same bytes."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from fastapi.exceptions import RequestValidationError
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app import bodies
+from app.bodies import MAX_CONTAINERS, MAX_KEYS, MAX_VALUES, json_pieces, read_request
+from app.problems import Malformed
+from app.query import ReplyModel
+from app.registry import all_queries
+from app.resources import ServiceResources
+from app.settings import Settings
+
+MODEL = {query.path: query.request for query in all_queries()}
+QUERIES = {query.path: query for query in all_queries()}
+SCENES = [path for path in MODEL if path not in ("/v1/match", "/v1/synthesize")]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "{" + ",".join(f'"k{k}":1' for k in range(MAX_KEYS + 1)) + "}",
+        '{"position":[' + ",".join(["[]"] * (MAX_CONTAINERS + 1)) + "]}",
+        '{"times":[' + ",".join("1" * (MAX_VALUES + 1)) + "]}",
+        '{"rotation":' + "[" * 5000 + "]" * 5000 + "}",
+        '{"rotation":[1,2,' + "9" * 100_000 + "]}",
+        '{"rotation":[1,2,3],"crank_span":70,"rotation":[1,2,4]}',
+        '{"limits":{"family":"any","family":"full_crank"}}',
+        "{",
+    ],
+    ids=["keys", "arrays", "values", "depth", "digits", "key twice", "key twice within", "no JSON"],
+)
+def test_what_cannot_be_read_is_malformed(content, client) -> None:
+    with pytest.raises(Malformed):
+        read_request(content.encode(), MODEL["/v1/match"])
+    reply = client.post("/v1/match", content=content, headers={"content-type": "application/json"})
+    assert reply.status_code == 400 and reply.json()["errors"][0]["pointer"] == "#"
+    assert len(reply.content) < 1000
+
+
+@pytest.mark.parametrize("path", MODEL)
+def test_a_body_within_the_bounds_that_is_no_request_is_refused_shortly(path) -> None:
+    content = "{" + ",".join(f'"k{k}":[1]' for k in range(MAX_KEYS)) + "}"
+    with pytest.raises(RequestValidationError) as error:
+        read_request(content.encode(), MODEL[path])
+    assert all(row["loc"][0] == "body" for row in error.value.errors())
+
+
+def test_a_list_of_nothing_but_errors_ends_at_the_first() -> None:
+    content = '{"times":[' + ",".join(['""'] * 100_000) + "]}"
+    with pytest.raises(RequestValidationError) as error:
+        read_request(content.encode(), MODEL["/v1/lift/motion"])
+    assert sum(row["loc"][1] == "times" for row in error.value.errors()) == 1
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=8) | st.dictionaries(st.text(max_size=4), inner, max_size=5),
+    max_leaves=40,
+)
+
+
+class Holder(ReplyModel):
+    first: object
+    second: object = None
+
+
+@settings(max_examples=50)
+@given(VALUES, st.integers(0, 3))
+def test_pieces_are_what_is_written_at_once(value, depth) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bodies, "_LISTED_AT_ONCE", 3)
+        model = Holder(first=value, second=[value] * 4)
+        joined = b"".join(json_pieces(model, depth))
+    assert joined == model.model_dump_json().encode()
+
+
+@pytest.mark.parametrize("path", SCENES)
+def test_replies_are_those_of_the_model(path, client) -> None:
+    query = QUERIES[path]
+    for body in query.examples.values():
+        reply = client.post(path, json=body)
+        assert reply.status_code == 200
+        assert reply.headers["content-length"] == str(len(reply.content))
+        answer = query.answer(query.request.model_validate(body), ServiceResources(Settings(atlas="none")))
+        values, found = json.loads(answer.model_dump_json()), reply.json()
+        assert values.pop("report", None) is None or found.pop("report")
+        assert values == found
+
+
+def test_a_long_reply_is_sent_in_pieces_and_given_back() -> None:
+    import asyncio
+
+    reply = bodies.Reply(Holder(first=[1.25] * 400_000))
+    sent: list[bytes] = []
+
+    async def send(message) -> None:
+        sent.append(message.get("body", b""))
+
+    asyncio.run(reply({}, None, send))
+    assert max(map(len, sent)) < 1 << 19 and sum(map(len, sent)) == reply.size
+    assert not reply._pieces

@@ -1,0 +1,249 @@
+"""Clients that are slow, many, half gone or rude, against a real server; and turns of short and long requests."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import resource
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+from typing import Any
+
+import pytest
+import uvicorn
+
+from app import connections
+from app.connections import protocol_of
+from app.main import create_app
+from app.problems import Ending, Overloaded
+from app.settings import Settings
+from app.turnstile import Turnstile
+
+PATIENCE = 20.0
+NEEDLE = (
+    b"POST /v1/knotter/needle HTTP/1.1\r\nHost: a\r\nContent-Type: application/json\r\nContent-Length: 2\r\n\r\n{}"
+)
+LIVEZ = b"GET /livez HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n"
+
+
+@contextmanager
+def serving(**settings: Any) -> Iterator[tuple[int, uvicorn.Server]]:
+    chosen = Settings(atlas="none", **settings)
+    config = uvicorn.Config(
+        create_app(chosen), log_config=None, http=protocol_of(chosen), timeout_graceful_shutdown=1, ws="none"
+    )
+    server = uvicorn.Server(config)
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+        thread.start()
+        while not server.started:
+            time.sleep(0.01)
+        yield listener.getsockname()[1], server
+        server.should_exit = True
+        thread.join(PATIENCE)
+        assert not thread.is_alive()
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    with serving(header_seconds=0.5, body_seconds=0.8, max_connections=20) as (port, _):
+        yield port
+
+
+def connected(port: int) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", port), PATIENCE)
+
+
+def everything(client: socket.socket) -> bytes:
+    """What comes until the connection is closed."""
+    received = b""
+    try:
+        while part := client.recv(1 << 16):
+            received += part
+    except ConnectionResetError:
+        pass
+    return received
+
+
+def said(reply: bytes) -> tuple[int, dict[str, Any]]:
+    """Status and problem of a reply."""
+    head, _, body = reply.partition(b"\r\n\r\n")
+    assert b"application/problem+json" in head
+    return int(head.split()[1]), json.loads(body)
+
+
+@pytest.mark.parametrize(
+    ("sent", "status"),
+    [
+        (b"GET /livez HT", 408),
+        (NEEDLE[:-1], 408),
+        (
+            b"POST /v1/knotter/needle HTTP/1.1\r\nHost: a\r\nContent-Type: application/json\r\nContent-Length: 900000\r\n\r\n{",
+            408,
+        ),
+        (b"\x16\x03\x01 no HTTP\r\n\r\n", 400),
+        (b"GET /livez HTTP/1.1\r\nHost: a\r\nContent-Length: x\r\n\r\n", 400),
+        (NEEDLE.replace(b"Content-Length: 2", b"Content-Length: 2\r\nTransfer-Encoding: chunked"), 400),
+    ],
+    ids=["header", "body", "large body", "no HTTP", "length", "two lengths"],
+)
+def test_what_does_not_come_or_is_no_request_is_told_and_closed(sent, status, port) -> None:
+    with closing(connected(port)) as client:
+        client.sendall(sent)
+        found, problem = said(everything(client))
+        assert found == problem["status"] == status
+
+
+def test_one_who_says_nothing_is_closed_without_a_word(port) -> None:
+    with closing(connected(port)) as client:
+        assert everything(client) == b""
+
+
+def test_between_two_requests_there_is_time(port) -> None:
+    with closing(connected(port)) as client:
+        for _ in range(3):
+            client.sendall(NEEDLE)
+            assert client.recv(1 << 16).startswith(b"HTTP/1.1 200")
+            time.sleep(0.7)  # more than a header's time
+
+
+@pytest.mark.parametrize("request_bytes", [NEEDLE, LIVEZ], ids=["needle", "livez"])
+def test_a_client_that_has_closed_its_own_side_is_answered(request_bytes, port) -> None:
+    with closing(connected(port)) as client:
+        client.sendall(request_bytes)
+        client.shutdown(socket.SHUT_WR)
+        assert everything(client).startswith(b"HTTP/1.1 200")
+
+
+def test_a_half_closed_client_of_a_long_request_is_answered(monkeypatch, port) -> None:
+    monkeypatch.setattr(connections, "_PROBE_SECONDS", 0.05)
+    from app.scenes import knotter
+
+    plain = knotter.answer_needle
+    query = next(query for query in knotter.QUERIES if query.path.endswith("needle"))
+    slow = lambda *arguments: time.sleep(0.3) or plain(*arguments)  # noqa: E731
+    object.__setattr__(query, "answer", slow)
+    try:
+        with closing(connected(port)) as client:
+            client.sendall(NEEDLE)
+            client.shutdown(socket.SHUT_WR)
+            received = everything(client)
+    finally:
+        object.__setattr__(query, "answer", plain)
+    assert b"HTTP/1.1 200" in received and received.count(b"HTTP/1.1 100") >= 2
+
+
+def test_idle_connections_make_room(port) -> None:
+    with ExitStack() as stack:
+        idle = [stack.enter_context(closing(connected(port))) for _ in range(60)]
+        for client in idle[:10]:
+            client.sendall(NEEDLE[:-1])
+        with closing(connected(port)) as client:
+            client.sendall(LIVEZ)
+            assert everything(client).startswith(b"HTTP/1.1 200")
+
+
+def test_no_more_connections_than_files() -> None:
+    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    assert protocol_of(Settings(max_connections=10**9)).most < files
+    assert protocol_of(Settings(max_connections=100)).most == 100
+
+
+def test_an_unfinished_body_holds_no_one_up_at_the_end() -> None:
+    with serving() as (port, server), closing(connected(port)) as client:
+        client.sendall(NEEDLE[:-1])
+        time.sleep(0.2)
+        begin = time.monotonic()
+        server.should_exit = True
+        everything(client)
+        assert time.monotonic() - begin < 2
+
+
+# -- turns ------------------------------------------------------------------------------------------------------------
+
+
+class Patient:
+    async def receive(self) -> dict[str, str]:
+        await asyncio.Event().wait()
+        return {}
+
+
+def turns(turnstile: Turnstile, story: Any) -> Any:
+    async def told() -> Any:
+        def ask(seconds: float, long: bool) -> asyncio.Task[Any]:
+            def work(body: Any, resources: Any) -> float:
+                time.sleep(seconds)
+                return time.perf_counter()
+
+            return asyncio.create_task(turnstile.run(Patient(), work, None, None, long))
+
+        return await story(ask)
+
+    return asyncio.run(told())
+
+
+@pytest.mark.parametrize("places", [2, 3, 5])
+def test_short_requests_do_not_wait_for_long_ones(places) -> None:
+    async def story(ask):
+        long = [ask(0.4, True) for _ in range(8)]
+        await asyncio.sleep(0.05)
+        short = [ask(0.01, False) for _ in range(10)]
+        last_short, first_long = max(await asyncio.gather(*short)), min(await asyncio.gather(*long))
+        return first_long - last_short
+
+    assert turns(Turnstile(places, 64), story) > 0
+
+
+def test_long_requests_do_not_wait_for_ever() -> None:
+    async def story(ask):
+        short = [ask(0.02, False) for _ in range(40)]
+        long = [ask(0.02, True) for _ in range(3)]
+        return max(await asyncio.gather(*long)) < max(await asyncio.gather(*short))
+
+    for places in (1, 2, 3):
+        assert turns(Turnstile(places, 64), story)
+
+
+def test_long_requests_leave_room_to_wait() -> None:
+    async def story(ask):
+        long = [ask(0.1, True) for _ in range(100)]
+        await asyncio.sleep(0.02)
+        short = [ask(0.001, False) for _ in range(5)]
+        return await asyncio.gather(*long, return_exceptions=True), await asyncio.gather(*short)
+
+    long, short = turns(Turnstile(2, 16), story)
+    assert sum(isinstance(one, Overloaded) for one in long) == 100 - 1 - 8 and len(short) == 5
+
+
+def test_the_end_of_the_service_ends_its_work() -> None:
+    turnstile = Turnstile(2, 4)
+
+    class Resources:
+        max_budget_ms = 1e6
+
+        def work(self, budget, cancelled):
+            from linkage_atlas import Work
+
+            return Work(budget, cancelled)
+
+    async def story() -> Any:
+        def work(body: Any, resources: Any) -> None:
+            watch = resources.work()
+            while not watch.expired():
+                time.sleep(0.005)
+
+        task = asyncio.create_task(turnstile.run(Patient(), work, None, Resources()))
+        await asyncio.sleep(0.05)
+        turnstile.stop()
+        return await asyncio.gather(task, return_exceptions=True)
+
+    assert isinstance(asyncio.run(story())[0], Ending)
+
+
+def test_the_time_in_the_queue_is_said(client) -> None:
+    timing = client.post("/v1/knotter/needle", json={}).headers["server-timing"]
+    assert timing.startswith("queue;dur=") and ", answer;dur=" in timing

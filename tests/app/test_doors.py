@@ -1,0 +1,95 @@
+"""Who is let in: hosts, origins, framing; and the headers that every reply carries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.doors import HEADERS, LOOPBACK, host_of
+from app.main import create_app
+from app.page import static_files
+from app.settings import Settings
+
+EVERYTHING = [
+    "/",
+    "/docs",
+    "/redoc",
+    "/livez",
+    "/readyz",
+    "/openapi.json",
+    "/v1/atlas",
+    "/v1/types/1",
+    "/nowhere",
+    "/scenes",
+]
+
+
+@pytest.fixture(scope="module")
+def local() -> Iterator[TestClient]:
+    """A service that its own machine alone reaches."""
+    with TestClient(create_app(Settings(atlas=Path("none"), allowed_hosts=LOOPBACK))) as client:
+        yield client
+
+
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1:8000", "[::1]:8000", "LOCALHOST:80"])
+def test_the_machine_itself_is_let_in(host, local) -> None:
+    assert local.get("/livez", headers={"host": host}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:8000", "127.0.0.1.evil.example", "localhost.", "", "[", "a@localhost:b"]
+)
+def test_foreign_names_are_refused_on_every_route(host, local) -> None:
+    for path in EVERYTHING:
+        reply = local.get(path, headers={"host": host})
+        assert reply.status_code == 421 and reply.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize(
+    ("origin", "host", "status"),
+    [
+        ("http://localhost:8000", "localhost:8000", 200),
+        ("https://localhost", "localhost", 200),
+        ("http://localhost:80", "localhost", 200),
+        ("https://localhost:443", "localhost", 200),
+        ("http://evil.example", "localhost:8000", 403),
+        ("http://localhost:8001", "localhost:8000", 403),
+        ("http://localhost.evil.example:8000", "localhost:8000", 403),
+        ("null", "localhost:8000", 403),
+        ("", "localhost:8000", 403),
+        ("file://", "localhost:8000", 403),
+    ],
+)
+def test_pages_of_other_origins_are_refused(origin, host, status, local) -> None:
+    reply = local.post("/v1/knotter/needle", json={}, headers={"origin": origin, "host": host})
+    assert reply.status_code == status
+    assert local.get("/livez", headers={"origin": origin, "host": host}).status_code == 200
+
+
+@pytest.mark.parametrize("path", EVERYTHING)
+def test_every_reply_says_how_it_may_be_used(path, local) -> None:
+    reply = local.get(path, headers={"host": "localhost"})
+    for name in HEADERS:
+        assert reply.headers[name]
+    assert "frame-ancestors 'none'" in reply.headers["content-security-policy"]
+    assert "http" not in reply.headers["content-security-policy"]
+
+
+def test_the_routes_are_shown_from_local_files(local) -> None:
+    for path in ("/docs", "/redoc"):
+        page = local.get(path, headers={"host": "localhost"})
+        assert page.status_code == 200 and "://" not in page.text
+    for name in ("vendor/swagger-ui-bundle.js", "vendor/swagger-ui.css", "docs.js"):
+        assert f"/static/{name}" in page.text and name in static_files()
+
+
+def test_a_type_has_one_name(local) -> None:
+    for name in ("1_0", "+1", "1.0", "%201", "1%20", "1_000"):
+        assert local.get(f"/v1/types/{name}", headers={"host": "localhost"}).status_code == 404
+
+
+def test_hosts_are_read_as_a_browser_does() -> None:
+    assert host_of("Localhost:1") == "localhost" and host_of("[::1]:80") == "::1" and host_of("[") == ""

@@ -1,0 +1,188 @@
+"""Analysis, tolerance study, stock lengths and further files over HTTP and on the command line: as in Python, bounded, named."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from app import cli
+from app.registry import worked_example
+
+EXAMPLE = {**worked_example(), "top": 2}
+ANALYSIS = {"crank_speed": 90, "load": {"force": [1.5, -20], "torque": 30}}
+STUDY = {"links": 0.05, "pivots": 0.05, "clearance": 0.02, "samples": 500, "seed": 3}
+FREE = {
+    "timing": "free",
+    "position": [[0, 0], [40, 8], [75, 30]],
+    "rotation": [0, 15, 40],
+    "top": 2,
+    "limits": {"family": "any"},
+}
+
+
+def ask(client, **more):
+    reply = client.post("/v1/synthesize", json={**EXAMPLE, **more})
+    assert reply.status_code == 200, reply.text
+    return reply.json()
+
+
+def refused(client, **more) -> str:
+    reply = client.post("/v1/synthesize", json={**EXAMPLE, **more})
+    assert reply.status_code == 422
+    return reply.json()["errors"][0]["pointer"]
+
+
+@pytest.mark.parametrize(
+    "request_body", [EXAMPLE, {**FREE}, {**FREE, "order": "any"}], ids=["timed", "free", "any order"]
+)
+def test_an_analysis_is_the_derivative_of_the_motion(client, request_body) -> None:
+    reply = client.post("/v1/synthesize", json={**request_body, "analysis": ANALYSIS}).json()
+    assert reply["solutions"]
+    for solution in reply["solutions"]:
+        linkage, analysis = la.FourBar.from_dict(solution), solution["analysis"]
+        crank = solution["crank_angle"] or np.linspace(0, EXAMPLE["crank_span"], 16)
+        assert np.mod(analysis["crank_angle"], 360) == pytest.approx(np.mod(crank, 360))
+        curve = np.array(analysis["curve"]["crank_angle"])
+        assert np.abs(np.diff(curve)).max() <= 1 + 1e-9
+        assert min(analysis["crank_angle"]) == pytest.approx(curve.min())
+        assert max(analysis["crank_angle"]) == pytest.approx(curve.max())
+        step = 1e-3  # degrees, at 90 degrees a second
+        for part in (analysis, analysis["curve"]):
+            at = np.array(part["crank_angle"])
+            moved = [linkage.joints(at + sign * step).body_point for sign in (1, -1)]
+            steep = np.array(part["transmission_angle"]) > 10
+            velocity = (moved[0] - moved[1]) / (2 * step / 90)
+            np.testing.assert_allclose(np.array(part["velocity"])[steep], velocity[steep], rtol=1e-3, atol=1e-4)
+            power = np.array(part["velocity"]) @ [1.5, -20] + 30 * np.deg2rad(part["angular_velocity"]["coupler"])
+            np.testing.assert_allclose(np.array(part["crank_torque"]) * np.deg2rad(90), -power, rtol=1e-9, atol=1e-9)
+            assert len(part["pin_forces"]["coupler_pin"]) == len(at)
+
+
+def test_python_and_http_say_the_same(client) -> None:
+    wishes = {"analysis": ANALYSIS, "tolerance_study": STUDY, "lengths_from": [15, 20, 70, 80, 140, 160]}
+    over_http = ask(client, **wishes)["solutions"]
+    mine = la.synthesize(**EXAMPLE, **wishes)
+    assert json.loads(json.dumps([one.to_dict() for one in mine.solutions])) == over_http
+    again = mine.linkage.analysis(90, ANALYSIS["load"])
+    assert again.to_dict() == mine.best.analysis.to_dict()
+    study = mine.linkage.tolerance_study(**STUDY)
+    assert study.to_dict() == mine.best.tolerance_study.to_dict()
+    assert mine.best.tolerance_study.position.simulated.p95.shape == (16,)
+
+
+def test_radians_are_the_same_motion(client) -> None:
+    turned = {name: np.deg2rad(EXAMPLE[name]).tolist() for name in ("rotation", "crank_span")}
+    speed = {"crank_speed": float(np.deg2rad(90)), "load": ANALYSIS["load"]}
+    one = ask(client, analysis=ANALYSIS, tolerance_study=STUDY)["solutions"][0]
+    two = ask(client, **turned, angle_unit="rad", analysis=speed, tolerance_study=STUDY)["solutions"][0]
+    for name in ("velocity", "crank_torque"):
+        np.testing.assert_allclose(two["analysis"][name], one["analysis"][name], rtol=1e-6)
+    both = [np.array(some["analysis"]["angular_acceleration"]["rocker"]) for some in (one, two)]
+    np.testing.assert_allclose(both[1], np.deg2rad(both[0]), rtol=1e-6)
+    both = [np.array(some["tolerance_study"]["rotation"]["p95"]) for some in (one, two)]
+    np.testing.assert_allclose(both[1], np.deg2rad(both[0]), rtol=1e-6)
+
+
+def test_without_positions_there_are_angular_rates_only(client) -> None:
+    asked = {"rotation": EXAMPLE["rotation"], "crank_span": 70, "top": 1}
+    reply = client.post(
+        "/v1/synthesize", json={**asked, "analysis": {"crank_speed": 1, "load": {"torque": 2}}}
+    ).json()
+    analysis = reply["solutions"][0]["analysis"]
+    assert analysis["velocity"] is None and len(analysis["crank_torque"]) == 16
+    for name, wish in (
+        ("analysis/load/force", {"analysis": ANALYSIS}),
+        ("tolerance_study", {"tolerance_study": STUDY}),
+        ("lengths_from", {"lengths_from": [1, 2]}),
+        ("round_to", {"round_to": 1}),
+    ):
+        wrong = client.post("/v1/synthesize", json={**asked, **wish})
+        assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == f"#/{name}"
+
+
+def test_a_study_has_its_bounds_and_says_so(client, monkeypatch) -> None:
+    monkeypatch.setattr("linkage_atlas.studies.MOST_POSITIONS", 130_000)
+    reply = ask(client, tolerance_study={"links": 0.1, "samples": 100_000})
+    study = reply["solutions"][0]["tolerance_study"]
+    assert study["samples"] == 1000, "for 2 linkages at 16 samples and 49 places of the band"
+    assert any("1,000 linkages instead of 100,000" in note for note in reply["report"]["notes"])
+    assert study["largest"]["position"] == "body point" or study["largest"]["position"].endswith("length")
+    assert sum(row["position"] for row in study["contributions"]) == pytest.approx(1)
+    assert len(study["band"]["crank_angle"]) == len(study["band"]["position"]["p95"])
+    quiet = ask(client, tolerance_study={})["solutions"][0]["tolerance_study"]
+    assert quiet["largest"] == {"position": None, "rotation": None} and max(quiet["position"]["p95"]) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("wishes", "pointer"),
+    [
+        ({"analysis": {}}, "#/analysis/crank_speed"),
+        ({"analysis": {"crank_speed": 1e13}}, "#/analysis/crank_speed"),
+        ({"analysis": {"crank_speed": 1, "load": {"force": [1]}}}, "#/analysis/load/force"),
+        ({"analysis": {"crank_speed": 1, "speed": 2}}, "#/analysis/speed"),
+        ({"analysis": {"crank_speed": 1}, "top": 100, "crank_span": 3600}, "#/top"),
+        ({"tolerance_study": {"links": -1}}, "#/tolerance_study/links"),
+        ({"tolerance_study": {"samples": 50}}, "#/tolerance_study/samples"),
+        ({"tolerance_study": {"samples": 1e3}}, "#/tolerance_study/samples"),
+        ({"tolerance_study": {"play": 1}}, "#/tolerance_study/play"),
+        ({"lengths_from": []}, "#/lengths_from"),
+        ({"lengths_from": [1, 0]}, "#/lengths_from/1"),
+        ({"lengths_from": [1, 2], "round_to": 1}, "#/lengths_from"),
+    ],
+    ids=str,
+)
+def test_what_has_no_meaning_is_named(client, wishes, pointer) -> None:
+    assert refused(client, **wishes) == pointer
+    with pytest.raises(la.FieldError) as error:
+        la.synthesize(**{**EXAMPLE, **wishes})
+    assert f"#{error.value.field}" == pointer
+
+
+def test_the_csv_has_the_analysis_in_further_columns(client) -> None:
+    solved = ask(client, analysis=ANALYSIS)
+    body = {"request": {**EXAMPLE, "analysis": ANALYSIS}, "solution": solved["solutions"][0], "format": "csv"}
+    rows = list(csv.DictReader(io.StringIO(client.post("/v1/export", json=body).text)))
+    analysis = solved["solutions"][0]["analysis"]
+    assert [float(row["velocity_x"]) for row in rows] == pytest.approx([v[0] for v in analysis["velocity"]])
+    assert [float(row["crank_torque"]) for row in rows] == pytest.approx(analysis["crank_torque"])
+    force = [float(row["force_pivot_b_y"]) for row in rows]
+    assert force == pytest.approx([pair[1] for pair in analysis["pin_forces"]["pivot_b"]])
+    best = client.post("/v1/synthesize.csv", json={**EXAMPLE, "analysis": {"crank_speed": 1}}).text
+    assert "rocker_angular_acceleration" in best and "crank_torque" not in best
+
+
+@pytest.mark.parametrize(
+    ("kind", "ending", "start"), [("plates", "plates.dxf", "  0\nSECTION"), ("pylinkage", "pylinkage.json", "{")]
+)
+def test_further_files(client, tmp_path, kind, ending, start) -> None:
+    body = {"request": EXAMPLE, "format": kind, "rank": 2}
+    reply = client.post("/v1/export", json=body)
+    assert reply.status_code == 200 and reply.text.startswith(start)
+    assert reply.headers["content-disposition"].endswith(f'linkage.{ending}"')
+    assert client.post(f"/v1/synthesize.{ending}", json=EXAMPLE).text.startswith(start)
+    file = tmp_path / f"one.{ending}"
+    assert cli.main(["synthesize", "--example", "worked_example", "--export", str(file)]) == 0
+    assert file.read_text().startswith(start)
+
+
+def test_sizes_of_plates_are_checked_where_they_are_given(client) -> None:
+    body = {"request": EXAMPLE, "format": "plates", "plates": {"hole": 4, "width": 10}}
+    assert client.post("/v1/export", json=body).status_code == 200
+    wrong = client.post("/v1/export", json={**body, "plates": {"hole": 30}})
+    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/plates/hole"
+
+
+def test_the_command_line_prints_what_was_asked_for(tmp_path, capsys) -> None:
+    file = tmp_path / "request.json"
+    wishes = {"analysis": ANALYSIS, "tolerance_study": STUDY, "lengths_from": [15, 20, 70, 140, 160]}
+    file.write_text(json.dumps({**EXAMPLE, **wishes}))
+    assert cli.main(["synthesize", str(file)]) == 0
+    printed = capsys.readouterr().out
+    assert "crank torque" in printed and "pin force" in printed
+    assert "as made, position off by at most" in printed and "in 95 % of 500 linkages; most from" in printed
+    assert "the best of 625 combinations" in printed

@@ -1,0 +1,91 @@
+"""Budgets of the front door: the best found by then, with what was left out said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from synthesis.work import OutOfTime, Work
+
+RANDOM = np.random.default_rng(1)
+POSES = {"rotation": RANDOM.normal(size=5), "position": RANDOM.normal(size=(5, 2)), "crank_span": 300}
+
+
+class Clock:
+    """Goes on by so much at every reading, from some reading on."""
+
+    def __init__(self, step: float, after: int = 0) -> None:
+        self.step, self.left, self.now = step, after, 0.0
+
+    def __call__(self) -> float:
+        self.left -= 1
+        if self.left < 0:
+            self.now += self.step
+        return self.now
+
+
+@pytest.fixture(scope="module")
+def atlas(small_atlas) -> la.Atlas:
+    return la.Atlas(small_atlas)
+
+
+def test_a_match_that_is_cut_short_says_so(atlas) -> None:
+    motion = {"rotation": RANDOM.normal(size=40).cumsum(), "crank_span": 300}
+    whole = la.match(**motion, atlas=atlas, top=20)
+    assert whole.report.exhaustive and not whole.report.notes
+    short = la.match(**motion, atlas=atlas, top=20, budget=2.5, work=lambda budget: Work(budget, clock=Clock(1.0)))
+    assert not short.report.exhaustive and short.matches
+    assert any("cut short" in note for note in short.report.notes)
+    assert short.matches[0].similarity >= whole.matches[0].similarity
+    assert short.to_dict()["report"]["exhaustive"] is False
+
+
+def test_rows_are_left_out_where_finishing_them_takes_too_long(atlas) -> None:
+    motion = {"rotation": np.linspace(0, 1, 8), "crank_span": 40}
+    # the scan asks a few times, the report of each row once
+    found = la.match(**motion, atlas=atlas, top=50, budget=30.0, work=lambda budget: Work(budget, clock=Clock(1.0)))
+    assert 1 <= len(found.matches) < 50 and any("the time was up" in note for note in found.report.notes)
+
+
+@pytest.mark.parametrize("round_to", [None, 0.01])
+def test_solutions_are_left_out_where_finishing_them_takes_too_long(round_to) -> None:
+    def work(budget: float | None) -> Work:
+        return Work(budget, clock=clock)
+
+    clock = Clock(0.0)
+    whole = la.synthesize(**POSES, top=40, budget=1.0, round_to=round_to, work=work)
+    clock = Clock(1.0, 10_000)
+    readings = []
+    work_of_steps = Work(1e9, clock=lambda: readings.append(0) or 0.0)
+    la.synthesize(**POSES, top=40, budget=1.0, work=lambda _: work_of_steps)
+    clock = Clock(1.0, len(readings) - 4)
+    short = la.synthesize(**POSES, top=40, budget=1.0, round_to=round_to, work=work)
+    assert 1 <= len(short.solutions) < len(whole.solutions)
+    assert any("the time was up" in note for note in short.report.notes)
+    assert [one.rank for one in short.solutions] == list(range(1, len(short.solutions) + 1))
+
+
+def test_work_without_an_answer_until_its_end_ends_with_its_budget() -> None:
+    work = Work(2.0, clock=Clock(1.0))
+    work.go_on()
+    with pytest.raises(OutOfTime):
+        work.go_on()
+    longer = Work(10.0, clock=Clock(1.0)).extended(0.5)
+    assert [longer.expired() for _ in range(15)] == [False] * 14 + [True]
+
+
+def test_a_scene_that_takes_too_long_is_refused(tmp_path) -> None:
+    from fastapi.testclient import TestClient
+
+    from app.main import create_app
+    from app.settings import Settings
+
+    with TestClient(create_app(Settings(atlas=tmp_path / "none", max_budget_ms=1e-3))) as client:
+        for path, body in (
+            ("/v1/knotter/scan", {}),
+            ("/v1/lift/optimize", {"cylinder": {"length": 220, "speed": 100}, "stroke": [200, 510]}),
+        ):
+            reply = client.post(path, json=body)
+            assert reply.status_code == 503 and "longer than this service allows" in reply.json()["detail"]
+            assert reply.headers["retry-after"]

@@ -1,0 +1,201 @@
+"""Requests that many windows, or all, meet alike: answered in order, without evaluating them, in bounded memory and time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.atlas import leaders as leaders_module
+from synthesis.atlas import scan as scan_module
+from synthesis.atlas.leaders import Leaders, Numbering, lowest, lowest_steps
+from synthesis.atlas.scan import STARTS, Scan
+from synthesis.atlas.table import AtlasRule
+from synthesis.atlas.windows import TIE, Windows
+from synthesis.errors import FieldError
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule
+from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.pose import objective
+from synthesis.target import Target, make_target
+from synthesis.work import Work
+from tests.conftest import make_atlas
+
+WHOLE_TURNS = {
+    "even": {"rotation": np.arange(5.0), "crank_span": 8 * np.pi},
+    "far apart": {"rotation": np.deg2rad([0.0, 100, -50]), "crank_span": 20 * np.pi},
+    "clockwise": {"rotation": np.array([3.0, 1, 4, 1, 5]), "crank_span": -8 * np.pi},
+    "uneven": {"rotation": np.array([0.0, 7, 6]), "crank_angle": np.deg2rad([90.0, 450, 3330])},
+    "that of the crank": {"rotation": np.array([0.0, 2 * np.pi, 4 * np.pi]), "crank_span": 4 * np.pi},
+    "weighted": {
+        "rotation": np.arange(5.0),
+        "crank_angle": np.deg2rad([0.0, 100, 360, 720, 1000]),
+        "rotation_weights": np.array([1.0, 0, 2, 1, 0]),
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def scan() -> Scan:
+    return Scan(make_atlas(AtlasRule(TypeRule(60, 8, OrderRule.FULL_CRANK), 32)))
+
+
+def all_errors(scan: Scan, target: Target) -> np.ndarray:
+    """The error of every window, in the order that breaks ties."""
+    row, start, branch = np.meshgrid(np.arange(len(scan.lengths)), np.arange(STARTS), [1, -1], indexing="ij")
+    return scan.errors(target, Windows(row.ravel(), start.ravel(), branch.ravel(), np.zeros(row.size)))
+
+
+def assert_best(scan: Scan, target: Target, found: Windows, top: int) -> None:
+    """The windows found are those of sorting all by error in steps of a tie, stably."""
+    order = np.argsort(np.round(all_errors(scan, target) / TIE), kind="stable")[:top]
+    assert np.array_equal(found.row, order // (2 * STARTS))
+    assert np.array_equal(found.start, order // 2 % STARTS)
+    assert np.array_equal(found.branch, np.where(order % 2, -1, 1))
+
+
+@pytest.mark.parametrize("kind", WHOLE_TURNS)
+def test_samples_whole_turns_apart_are_answered_in_order_and_at_once(kind, scan) -> None:
+    target = make_target(**WHOLE_TURNS[kind])
+    for top in (1, 30, 1000):
+        found, report = scan.best(target, top)
+        assert_best(scan, target, found, top)
+        assert report.exhaustive and report.evaluated <= 4 * top + 8
+
+
+@pytest.mark.parametrize("samples", [3, 7, 12])
+def test_a_path_that_every_window_meets_is_answered_in_order_and_at_once(samples, scan) -> None:
+    # any three positions; or the crank pin's own circle
+    crank = np.linspace(0, 1, samples)
+    path = np.exp(1j * crank) if samples > 3 else np.array([0, 1 + 0.3j, 1.5 + 2j])
+    target = make_target(None, path, crank_angle=crank)
+    found, report = scan.best(target, 20)
+    assert_best(scan, target, found, 20)
+    assert report.exhaustive and report.evaluated <= 100
+
+
+def test_refused_windows_are_passed_over_in_order(scan) -> None:
+    target = make_target(**WHOLE_TURNS["even"])
+
+    def third_rows(windows: Windows) -> np.ndarray:
+        return np.where(windows.row % 3 == 2, scan.errors(target, windows), np.inf)
+
+    found, report = scan.best(target, 800, third_rows)
+    assert report.exhaustive and set(found.row) <= set(range(2, len(scan.lengths), 3)) and found.row.size == 800
+    assert np.all(np.diff(found.row) >= 0) or len(set(scan._table.winding[found.row])) > 1
+    _, cut_short = scan.best(target, 800, third_rows, max_windows=3200)
+    assert cut_short.evaluated <= 3200
+
+
+def test_positions_whole_turns_apart_are_refused() -> None:
+    for field, crank in (("crank_span", 4 * np.pi), ("crank_angle", np.array([0, 2, 4]) * np.pi)):
+        with pytest.raises(FieldError, match="whole turns apart") as error:
+            make_target(np.arange(3.0), np.array([0, 1, 1j]), **{field: crank})
+        assert error.value.field == f"/{field}"
+
+
+@pytest.mark.parametrize("kind", ["rotation", "position", "both"])
+@pytest.mark.parametrize("held", [64, 1000])
+def test_more_windows_than_may_be_held_are_evaluated_one_by_one(kind, held, scan, monkeypatch) -> None:
+    monkeypatch.setattr(scan_module, "_MOST_HELD", held)
+    monkeypatch.setattr(scan_module, "_COUNT_BELOW", 64)
+    monkeypatch.setattr(scan_module, "_FIRST_COUNT", 64)
+    most = []
+    plain = leaders_module.lowest
+    monkeypatch.setattr(
+        scan_module, "lowest", lambda numbering, ids, *more: most.append(ids.size) or plain(numbering, ids, *more)
+    )
+    # next to no motion at all, which no bound of a series resolves
+    crank = np.linspace(0, np.deg2rad(0.2), 6)
+    path = 1e-3 * np.exp(3j * crank)
+    rotation = 1e-9 * np.cos(5000 * crank)
+    target = make_target(
+        rotation if kind != "position" else None, path if kind != "rotation" else None, crank_angle=crank
+    )
+    found, report = scan.best(target, 12)
+    assert report.exhaustive
+    assert_best(scan, target, found, 12)
+    block = 64 * 2 * STARTS
+    assert max(most) <= 5 * max(held, 64) + block
+
+
+def test_tied_bounds_are_kept_in_order() -> None:
+    numbering, random = Numbering(STARTS), np.random.default_rng(3)
+    ids = random.permutation(4 * 2 * STARTS)
+    bounds = np.where(random.random(ids.size) < 0.9, 0.0, random.random(ids.size))
+    for count in (1, 10, 2000, ids.size, 2 * ids.size):
+        keep, first_left = lowest(numbering, ids, bounds, count)
+        order = np.lexsort((numbering.ranks(ids), lowest_steps(bounds)))
+        assert set(keep) == set(order[:count])
+        if count < ids.size:
+            left = order[count]
+            assert first_left == (lowest_steps(bounds[[left]])[0], numbering.ranks(ids[[left]])[0])
+
+
+def test_ranks_are_by_number_start_and_branch() -> None:
+    numbering = Numbering(STARTS)
+    ids = np.arange(3 * 2 * STARTS)
+    windows = numbering.windows(ids)
+    order = np.lexsort((windows.branch < 0, windows.start, windows.row))
+    assert np.array_equal(numbering.ranks(ids)[order], ids)
+    row, within = np.divmod(ids, 2 * STARTS)
+    assert np.array_equal(numbering.ranks(numbering.at_ranks(row, within)), ids)
+
+
+def test_a_bound_that_rounding_lifts_above_its_error_excludes_nothing() -> None:
+    errors = np.concatenate([[0.0], 10.0 ** np.arange(-13, 8), (np.arange(20) + 0.5) * TIE])
+    for lifted in (errors, errors * (1 + 2e-15) + 1e-15):
+        assert np.all(lowest_steps(lifted) <= np.round(errors / TIE))
+
+
+def test_the_search_stops_where_as_many_as_are_wanted_are_good_enough(scan) -> None:
+    crank = np.linspace(0, 1, 9)
+    target = make_target(coupler_angle(scan.lengths[7], 1, 1 + crank) + 0.01 * np.cos(9 * crank), crank_angle=crank)
+    _, whole = scan.best(target, 10)
+    found, report = scan.best(target, 10, enough=1.0)
+    assert found.error.max() <= 1.0 and found.row.size == 10
+    assert whole.exhaustive and report.evaluated <= whole.evaluated
+
+
+class Ticking:
+    """A clock that goes on by a second at every reading."""
+
+    readings = 0
+
+    def __call__(self) -> float:
+        self.readings += 1
+        return float(self.readings)
+
+
+@pytest.mark.parametrize("kind", ["rotation", "position"])
+@pytest.mark.parametrize("budget", [1.5, 3.5, 9.5])
+def test_little_more_is_evaluated_once_the_time_is_up(kind, budget, scan) -> None:
+    """Whatever it is about, between two looks at the clock lies at most one evaluation of some 100,000 samples."""
+    random = np.random.default_rng(4)
+    noise = random.normal(size=500)
+    target = make_target(
+        noise if kind == "rotation" else None,
+        noise + 1j * random.normal(size=500) if kind == "position" else None,
+        5.0,
+    )
+    after: list[int] = []
+    work = Work(budget, clock=Ticking())
+
+    def exact(windows: Windows) -> np.ndarray:
+        if work._clock.readings > budget + 1:
+            after.append(windows.row.size)
+        return objective(target, scan.angles(target, windows))
+
+    found, report = scan.best(target, 40, exact, work=work)
+    assert (budget > 5 or not report.exhaustive) and found.row.size
+    assert sum(after) * 500 <= 3 * scan_module._EXACT_SAMPLES
+
+
+def test_leaders_evaluate_no_more_at_once_than_they_are_told() -> None:
+    sizes: list[int] = []
+
+    def exact(windows: Windows) -> np.ndarray:
+        sizes.append(windows.row.size)
+        return 1.0 + windows.start
+
+    leaders = Leaders(5, Numbering(STARTS), exact, 100, lambda: False)
+    leaders.consider(np.arange(3000), np.zeros(3000))
+    assert max(sizes) <= 100 and leaders.windows.start.max() < 5

@@ -1,0 +1,149 @@
+"""Velocities, accelerations and forces: difference quotients, the equilibrium of each link, and virtual work."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.fourbar.analysis import CURVE_STEP, Forces, Load, curve_over, forces, rates
+from synthesis.fourbar.linkage import Joints, Linkage
+from synthesis.target import Interval
+from tests.oracles.recompute import close_by_circles
+
+LAW = settings(derandomize=True, deadline=None, max_examples=60)
+
+TRAVEL = np.linspace(-0.4, 0.4, 9)
+
+
+def random_linkage(seed: int, least: float) -> Linkage:
+    """A linkage of any family whose transmission angle at `TRAVEL` is somewhere above ``least``, mostly not far above."""
+    random = np.random.default_rng(seed)
+    while True:
+        linkage = Linkage(
+            tuple(random.uniform(1, 100, 4).tolist()),
+            int(random.choice([-1, 1])),
+            float(random.uniform(0, 6.28)),
+            complex(*random.uniform(-100, 100, 2)),
+            float(random.uniform(-3, 3)),
+            (float(random.uniform(0, 100)), float(random.uniform(-3, 3))),
+        )
+        joints = linkage.joints(TRAVEL)
+        if joints.closed and joints.transmission_angle.min() > least:
+            return linkage
+
+
+SEEDS = st.integers(0, 2**32 - 1)
+LOADS = st.builds(Load, st.complex_numbers(max_magnitude=50, min_magnitude=1), st.floats(-500, 500))
+
+
+def equilibrium(linkage: Linkage, joints: Joints, k: int, load: Load) -> tuple[np.ndarray, float]:
+    """Pin forces A, D, C, B as `Forces` has them and the crank's torque, (9,): nine equations, three a link, from places alone.
+
+    Also the largest entry of the inverse times that of the right side: what rounding is measured by.
+    """
+    a, b, d, c, p = joints.pivot_a, joints.pivot_b, joints.crank_pin[k], joints.coupler_pin[k], joints.body_point[k]
+    system, right = np.zeros((9, 9)), np.zeros(9)
+
+    def add(link: int, force: int, sign: float, arm: complex) -> None:
+        x, y = 2 * force, 2 * force + 1
+        system[3 * link, x] += sign
+        system[3 * link + 1, y] += sign
+        system[3 * link + 2, x] -= sign * arm.imag
+        system[3 * link + 2, y] += sign * arm.real
+
+    # the moments are taken about the crank's pivot, the body point, and the rocker's pivot
+    add(0, 0, 1.0, 0j)
+    add(0, 1, -1.0, d - a)
+    system[2, 8] = 1.0
+    add(1, 1, 1.0, d - p)
+    add(1, 2, 1.0, c - p)
+    right[3:6] = -load.force.real, -load.force.imag, -load.torque
+    add(2, 2, -1.0, c - b)
+    add(2, 3, 1.0, 0j)
+    found = np.linalg.solve(system, right)
+    return found, float(np.linalg.cond(system))
+
+
+def as_row(found: Forces, k: int) -> np.ndarray:
+    pins = [found.pivot_a[k], found.crank_pin[k], found.coupler_pin[k], found.pivot_b[k]]
+    return np.array([part for pin in pins for part in (pin.real, pin.imag)] + [found.crank_torque[k]])
+
+
+@LAW
+@given(SEEDS, LOADS, st.floats(0.01, 20), st.sampled_from([-1, 1]))
+def test_virtual_work_and_the_equilibrium_of_each_link_agree(seed, load, speed, way) -> None:
+    linkage, speed = random_linkage(seed, 1e-3), speed * way
+    joints = linkage.joints(TRAVEL)
+    found, moving = forces(linkage, TRAVEL, load), rates(linkage, TRAVEL, speed)
+    power = np.real(np.conj(load.force) * moving.velocity) + load.torque * moving.coupler_velocity
+    size = abs(load.force) * np.abs(moving.velocity) + np.abs(load.torque * moving.coupler_velocity)
+    assert np.all(np.abs(found.crank_torque * speed + power) <= 1e-9 * np.maximum(size, np.abs(power)))
+    for k in range(TRAVEL.size):
+        wanted, condition = equilibrium(linkage, joints, k, load)
+        gap = np.abs(as_row(found, k) - wanted).max()
+        assert gap <= max(1e-9, 1e-15 * condition) * np.abs(wanted).max()
+
+
+@LAW
+@given(SEEDS, st.floats(0.1, 20), st.sampled_from([-1, 1]))
+def test_rates_are_what_difference_quotients_tend_to(seed, speed, way) -> None:
+    linkage, speed = random_linkage(seed, 0.1), speed * way
+    joints = linkage.joints(TRAVEL)
+    found, step = rates(linkage, TRAVEL, speed), 1e-4
+    ahead, behind = (linkage.joints(TRAVEL + sign * step) for sign in (1, -1))
+    for name, values in (
+        ("body_point", (found.velocity, found.acceleration)),
+        ("coupler_angle", (found.coupler_velocity, found.coupler_acceleration)),
+        ("rocker_angle", (found.rocker_velocity, found.rocker_acceleration)),
+    ):
+        before, now, after = (getattr(one, name) for one in (behind, joints, ahead))
+        first, second = (after - before) / (2 * step) * speed, (after - 2 * now + before) / step**2 * speed**2
+        size = np.abs(now).max() if name == "body_point" else 1.0
+        # the truncated parts of a quotient grow like high powers of 1 / transmission angle
+        assert np.abs(values[0] - first).max() <= 1e-3 * max(np.abs(first).max(), speed**2 * 1e-3 * size)
+        assert np.abs(values[1] - second).max() <= 1e-2 * np.abs(second).max() + 1e-5 * speed**2 * size
+
+
+def test_velocities_agree_with_fifty_digits_near_a_dead_position() -> None:
+    linkage = Linkage((30.0, 52.0, 41.0, 74.0), 1, coupler_point=(20.0, 0.5))
+    dead = float(np.arccos((30**2 + 74**2 - (52 + 41) ** 2) / (2 * 30 * 74)))
+    for away in (1e-3, 1e-6, 1e-9):
+        at, h = dead - away, away * 1e-6
+        ahead, behind = (close_by_circles(linkage.links, 1, [at + sign * h]).theta2[0] for sign in (1, -1))
+        wanted = float((ahead - behind) / ((at + h) - (at - h)))
+        # near a square root the crank angle's own rounding counts, half of it relative to the way that is left
+        assert rates(linkage, np.array([at]), 1.0).coupler_velocity[0] == pytest.approx(
+            wanted, rel=1e-15 / away + 1e-6
+        )
+
+
+def test_a_dead_position_has_no_values_and_a_closed_loop_next_to_it_has() -> None:
+    linkage = Linkage((1.0, 2.0, 6.0, 5.0), 1, coupler_point=(1.0, 0.0))  # folds flat at theta1 = 0
+    with np.errstate(all="raise"):
+        found, held = rates(linkage, np.array([0.0, 1e-9, 4.0]), 1.0), forces(linkage, np.zeros(1), Load(1 + 1j))
+    assert np.isnan([found.coupler_velocity[0], found.rocker_acceleration[0], found.velocity[0].real]).all()
+    assert np.isfinite(found.acceleration[1:]).all() and np.isfinite(found.rocker_velocity[1:]).all()
+    assert np.isnan(held.crank_torque).all() and np.isnan(held.pivot_b).all()
+    # 3, 4, 5: at a right angle of the crank coupler and rocker are stretched, to rounding
+    nearly = rates(Linkage((3.0, 2.0, 3.0, 4.0), 1), np.array([np.pi / 2]), 1.0).coupler_velocity
+    assert np.isnan(nearly[0]) or abs(nearly[0]) > 1e6
+    opened = Linkage((3.0, 1.0, 1.0, 3.0), 1, coupler_point=(1.0, 0.0))
+    assert np.isnan(rates(opened, np.array([np.pi]), 1.0).coupler_velocity).all(), "where it does not close"
+
+
+def test_without_a_body_point_a_torque_is_held_all_the_same() -> None:
+    linkage = Linkage((19.0, 72.0, 144.0, 165.0))
+    found, moving = forces(linkage, TRAVEL, Load(torque=3.0)), rates(linkage, TRAVEL, 2.0)
+    assert moving.velocity is None and moving.acceleration is None
+    np.testing.assert_allclose(found.crank_torque * 2.0, -3.0 * moving.coupler_velocity, rtol=1e-12)
+
+
+@pytest.mark.parametrize("ends", [(0, 1), (0, -7), (-2, 3), (0, 1e-3), (0, 2 * np.pi), (0, np.deg2rad(70))])
+def test_a_curve_has_steps_of_at_most_a_degree(ends) -> None:
+    angles = curve_over(Interval(*map(float, ends)))
+    assert (angles[0], angles[-1]) == ends
+    steps = np.abs(np.diff(angles))
+    assert steps.max() <= CURVE_STEP * (1 + 1e-9) and len(angles) >= 25
+    assert len(angles) <= abs(ends[1] - ends[0]) / CURVE_STEP + 26

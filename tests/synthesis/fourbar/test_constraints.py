@@ -1,0 +1,188 @@
+"""Limits as smooth functions: their derivatives, and that they say the same as a dense look at the linkage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.errors import FieldError
+from synthesis.fourbar.constraints import Constraints
+from synthesis.fourbar.grashof_chart import GrashofChart
+from synthesis.fourbar.kinematics import close_loop, transmission_angle_over
+from synthesis.fourbar.limits import Limits, Reach
+from synthesis.mechanism import Placed
+from synthesis.target import Interval
+
+LAW = settings(max_examples=40, deadline=None)
+EVERY = {
+    "transmission_angle_min": Limits("any", transmission_angle_min=0.6),
+    "transmission_angle_min_turn": Limits(transmission_angle_min_turn=0.3),
+    "link_min": Limits(link_min=0.7),
+    "link_max": Limits(link_max=1.8),
+    "link_ratio_max": Limits(link_ratio_max=3.0),
+    "links": Limits(links=(0.5, None, 1.1, None)),
+    "pivot_a": Limits(pivot_a=0.3 + 0.1j),
+    "pivot_b": Limits(pivot_b=0.3 + 0.1j),
+    "pivot_box": Limits(pivot_box=(-0.5, -0.4, 0.6, 0.5)),
+    "pivot_a_box": Limits(pivot_a_box=(-0.5, -0.4, 0.6, 0.5)),
+    "pivot_b_box": Limits(pivot_b_box=(-0.5, -0.4, 0.6, 0.5)),
+    "pivot_reach": Limits(pivot_reach=Reach(0.1 - 0.2j, 0.8, 1.1)),
+    "keep_out": Limits(keep_out=((-0.5, -0.4, 0.6, 0.5), (1.0, 0.0, 2.0, 1.0))),
+    "coupler_radius_max": Limits(coupler_radius_max=0.6),
+    "envelope": Limits(envelope=(-1.0, -0.9, 1.4, 1.1)),
+}
+
+
+def placed(seed: int, count: int = 30) -> Placed:
+    """Random full cranks in random poses."""
+    random = np.random.default_rng(seed)
+    chart = GrashofChart(scaled=False)
+    unknowns = random.uniform(0.1, 1.0, (count, 4)) * np.column_stack(
+        [random.choice([-1, 1], count), np.ones((count, 3))]
+    )
+    first = random.uniform(0, 6, count)
+    return Placed(
+        chart.shape(unknowns).lengths,
+        random.choice([-1.0, 1.0], count),
+        Interval(first, first + random.uniform(0.5, 5.5, count)),
+        random.normal(size=count) + 1j * random.normal(size=count),
+        random.uniform(-3, 3, count),
+        random.normal(size=count) + 1j * random.normal(size=count),
+    )
+
+
+def moved(one: Placed, column: int, step: float) -> Placed:
+    """The linkages with one of the unknowns of `Constrained.slopes` changed."""
+    if column < 4:
+        return one._replace(lengths=one.lengths + step * np.eye(4)[column])
+    first, last = one.used
+    return [
+        lambda: one._replace(used=Interval(first + step, last)),
+        lambda: one._replace(used=Interval(first, last + step)),
+        lambda: one._replace(pivot=one.pivot + step),
+        lambda: one._replace(pivot=one.pivot + 1j * step),
+        lambda: one._replace(turned=one.turned + step),
+        lambda: one._replace(coupler=one.coupler + step),
+        lambda: one._replace(coupler=one.coupler + 1j * step),
+    ][column - 4]()
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_derivatives_are_those_of_central_differences(name) -> None:
+    constraints, linkages, step = Constraints(EVERY[name], 0.05 - 0.02j, 1.3), placed(1), 1e-6
+    found = constraints(linkages)
+    for column in range(11):
+        ahead, behind = (constraints(moved(linkages, column, sign * step)).values for sign in (1, -1))
+        gap = np.abs(found.slopes[:, :, column] - (ahead - behind) / (2 * step)) / (1 + np.abs(found.slopes).max())
+        if name == "link_ratio_max" and column < 4:  # over the perimeter, whose change is left out
+            gap = np.where(np.abs(found.values) < 0.05, gap, 0.0)
+            assert gap.max() < 0.05
+            continue
+        # a kink where two sides change places
+        assert np.quantile(gap, 0.97) < (1e-4 if name == "envelope" else 1e-6), column
+
+
+@LAW
+@given(st.integers(0, 10_000), st.sampled_from(sorted(EVERY)))
+def test_they_say_what_a_dense_look_says(seed, name) -> None:
+    limits, linkages = EVERY[name], placed(seed, 20)
+    found = Constraints(limits)(linkages)
+    assert set(found.names) <= {name, "links.crank", "links.rocker"}
+    theta1 = linkages.used.first[:, None] + np.linspace(0, 1, 4001) * np.subtract(*linkages.used[::-1])[:, None]
+    closure = close_loop(linkages.lengths, theta1)
+    a = linkages.pivot[:, None]
+    turned = np.exp(1j * linkages.turned)[:, None]
+    arm = np.exp(1j * closure.coupler_angle(linkages.branch))
+    pin = a + linkages.lengths[:, :1] * np.exp(1j * theta1) * turned
+    b = a + linkages.lengths[:, 3:] * turned
+    body = pin + linkages.coupler[:, None] * arm
+    joints = np.concatenate([a, b, pin, pin + linkages.lengths[:, 1:2] * arm * turned, body], axis=1)
+
+    def inside(places: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
+        x, y = places.real, places.imag
+        edges = [x - box[0], y - box[1], box[2] - x, box[3] - y]
+        return np.min(edges, axis=0)
+
+    links = linkages.lengths
+    dense = {
+        "transmission_angle_min": lambda: np.cos(0.6) - np.cos(transmission_angle_over(links, linkages.used)),
+        "transmission_angle_min_turn": lambda: (
+            np.cos(0.3)
+            - np.cos(transmission_angle_over(links, Interval(0 * links[:, 0], 0 * links[:, 0] + 2 * np.pi)))
+        ),
+        "link_min": lambda: links.min(axis=1) - 0.7,
+        "link_max": lambda: 1.8 - links.max(axis=1),
+        "link_ratio_max": lambda: (3 * links.min(axis=1) - links.max(axis=1)) / links.sum(axis=1),
+        "links": lambda: -np.abs(links[:, [0, 2]] - [0.5, 1.1]).max(axis=1),
+        "pivot_a": lambda: -np.maximum(abs((a - limits.pivot_a).real), abs((a - limits.pivot_a).imag))[:, 0],
+        "pivot_b": lambda: -np.maximum(abs((b - limits.pivot_b).real), abs((b - limits.pivot_b).imag))[:, 0],
+        "pivot_box": lambda: np.minimum(inside(a, limits.pivot_box), inside(b, limits.pivot_box))[:, 0],
+        "pivot_a_box": lambda: inside(a, limits.pivot_a_box)[:, 0],
+        "pivot_b_box": lambda: inside(b, limits.pivot_b_box)[:, 0],
+        "pivot_reach": lambda: np.minimum(0.8 - abs(a - limits.pivot_reach[0]), 1.1 - abs(b - limits.pivot_reach[0]))[
+            :, 0
+        ],
+        "keep_out": lambda: -np.max([inside(p, box)[:, 0] for p in (a, b) for box in limits.keep_out], axis=0),
+        "coupler_radius_max": lambda: 0.6 - abs(linkages.coupler),
+        "envelope": lambda: inside(joints, limits.envelope).min(axis=1),
+    }[name]()
+    least = np.where(found.equal, -np.abs(found.values), found.values).min(axis=1)
+    np.testing.assert_allclose(least, dense, atol=1e-6 if name == "envelope" else 1e-9)
+
+
+def test_the_envelope_is_not_left_between_the_angles_that_are_looked_at() -> None:
+    """The extremes of the constraints are those of a dense trace."""
+    linkages = placed(3, 40)
+    wide = Constraints(Limits(envelope=(-50.0, -50.0, 50.0, 50.0)))(linkages).values
+    theta1 = linkages.used.first[:, None] + np.linspace(0, 1, 20_001) * np.subtract(*linkages.used[::-1])[:, None]
+    arm = np.exp(1j * close_loop(linkages.lengths, theta1).coupler_angle(linkages.branch))
+    turned = np.exp(1j * linkages.turned)[:, None]
+    body = linkages.pivot[:, None] + linkages.lengths[:, :1] * np.exp(1j * theta1) * turned
+    body = body + linkages.coupler[:, None] * arm
+    own = np.stack([body.real.min(1), body.imag.min(1), body.real.max(1), body.imag.max(1)], axis=1)
+    sides = wide[:, -4:] * [1, 1, -1, -1] + [-50, -50, 50, 50]
+    assert np.max(np.abs(sides - own)) < 1e-7
+
+
+def test_limits_in_a_mirror_are_kept_by_mirrored_linkages() -> None:
+    linkages = placed(4)
+    mirror = linkages._replace(
+        branch=-linkages.branch,
+        used=Interval(-linkages.used.last, -linkages.used.first),
+        pivot=linkages.pivot.conj(),
+        turned=-linkages.turned,
+        coupler=linkages.coupler.conj(),
+    )
+    for limits in EVERY.values():
+        one, other = Constraints(limits)(linkages), Constraints(limits.mirrored())(mirror)
+        least = [np.where(f.equal, -np.abs(f.values), f.values).min(axis=1) for f in (one, other)]
+        np.testing.assert_allclose(least[0], least[1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"transmission_angle_min_turn": 1.6}, "/limits/transmission_angle_min_turn"),
+        ({"link_ratio_max": 0.9}, "/limits/link_ratio_max"),
+        ({"links": (None, -1.0, None, None)}, "/limits/links/coupler"),
+        ({"links": (1.0, 1.0, 1.0, 3.5)}, "/limits/links"),
+        ({"links": (1.0, None, None, 9.0), "link_ratio_max": 5.0}, "/limits/link_ratio_max"),
+        ({"links": (1.0, None, None, None), "link_min": 2.0}, "/limits/links/crank"),
+        ({"pivot_a": 1j, "pivot_b": 1j}, "/limits/pivot_b"),
+        ({"pivot_a": 0j, "pivot_b": 2 + 0j, "links": (None, None, None, 1.0)}, "/limits/links/ground"),
+        ({"pivot_a": 5j, "pivot_box": (-1, -1, 1, 1)}, "/limits/pivot_a"),
+        ({"pivot_b": 0.5j, "keep_out": ((-1, -1, 1, 1),)}, "/limits/pivot_b"),
+        ({"pivot_a_box": (0, 0, 1, 1), "pivot_box": (2, 2, 3, 3)}, "/limits/pivot_a_box"),
+        ({"envelope": (1, 0, 0, 1)}, "/limits/envelope"),
+        ({"keep_out": ((0, 0, 1, 1), (1, 0, 0, 1))}, "/limits/keep_out/1"),
+        ({"coupler_radius_max": 0.0}, "/limits/coupler_radius_max"),
+    ],
+)
+def test_limits_that_mean_nothing_are_named(changes, field) -> None:
+    with pytest.raises(FieldError) as caught:
+        replace(Limits(), **changes)
+    assert caught.value.field == field

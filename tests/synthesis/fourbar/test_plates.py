@@ -1,0 +1,201 @@
+"""Links as plates to cut: closed contours without self-crossing, holes where the joints are; and the file for pylinkage."""
+
+from __future__ import annotations
+
+import io
+import json
+import warnings
+from itertools import combinations
+
+import ezdxf
+import ezdxf.path
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import linkage_atlas as la
+from synthesis.errors import FieldError
+from synthesis.fourbar.analysis import curve_over
+from synthesis.fourbar.files import to_pylinkage
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.plates import to_plates
+from synthesis.target import make_target
+
+LINKS = ("CRANK", "COUPLER", "ROCKER", "GROUND")
+LAW = settings(derandomize=True, deadline=None, max_examples=30)
+
+
+def crosses_itself(ring: np.ndarray) -> bool:
+    """Whether two sides of a closed polygon have an inner point in common, by the sides on which their ends lie."""
+    a, b = ring[:, None], np.roll(ring, -1)[:, None]
+    c, d = a.T, b.T
+
+    def side(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray:
+        return np.sign((np.conj(q - p) * (r - p)).imag)
+
+    return bool(np.any((side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)))
+
+
+def test_the_check_sees_a_crossing() -> None:
+    assert crosses_itself(np.array([0, 1 + 1j, 1, 1j])) and not crosses_itself(np.array([0, 1, 1 + 1j, 1j]))
+
+
+def polygon(entity) -> np.ndarray:
+    """A contour as a polygon, its arcs divided finely."""
+    path = ezdxf.path.make_path(entity)
+    return np.array([complex(*point.vec2) for point in path.flattening(0.05, segments=16)])
+
+
+def read(text: str):
+    document = ezdxf.read(io.StringIO(text))
+    audit = document.audit()
+    assert not audit.errors and not audit.fixes
+    return document.modelspace()
+
+
+def check(linkage: Linkage, text: str, unit_mm: float, hole: float, width: float) -> None:
+    space, outlines = read(text), []
+    for name, length in zip(LINKS, linkage.links):
+        (contour,) = space.query(f'LWPOLYLINE[layer=="{name}"]')
+        assert contour.closed
+        ring = polygon(contour)
+        assert abs(ring[0] - ring[-1]) < 1e-9 * np.abs(ring).max()
+        ring = ring[:-1]
+        assert not crosses_itself(ring)
+        assert np.sum((np.conj(ring) * np.roll(ring, -1)).imag) > 0, "counter-clockwise, with an inside"
+        centres = [complex(*circle.dxf.center.vec2) for circle in space.query(f'CIRCLE[layer=="{name}"]')]
+        assert abs(abs(centres[1] - centres[0]) - length * unit_mm) < 1e-9 * length * unit_mm
+        for circle in space.query(f'CIRCLE[layer=="{name}"]'):
+            assert circle.dxf.radius == pytest.approx(hole / 2 * unit_mm)
+        for centre in centres:
+            assert np.sum(np.angle((np.roll(ring, -1) - centre) / (ring - centre))) == pytest.approx(2 * np.pi), (
+                "inside"
+            )
+            # a polygon cuts the arcs by at most 0.05 mm
+            assert np.abs(ring - centre).min() > width / 2 * unit_mm * (1 - 1e-6) - 0.05
+        for one, two in combinations(centres, 2):
+            assert abs(one - two) > hole * unit_mm
+        outlines.append(ring)
+        if name == "COUPLER" and linkage.coupler_point is not None:
+            (mark,) = space.query('POINT[layer=="MARK"]')
+            radius, angle = linkage.coupler_point
+            place = complex(*mark.dxf.location.vec2)
+            wanted = radius * np.exp(1j * angle) * unit_mm
+            assert (
+                abs((place - centres[0]) / ((centres[1] - centres[0]) / (length * unit_mm)) - wanted)
+                < 1e-6 * unit_mm * length
+            )
+            assert len(centres) == 3 or min(abs(place - centre) for centre in centres) <= hole * unit_mm * (1 + 1e-9)
+    for one, two in combinations(outlines, 2):
+        assert one.imag.min() > two.imag.max() or two.imag.min() > one.imag.max(), "side by side"
+
+
+@LAW
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95), st.floats(1.1, 6.0), st.sampled_from([1.0, 25.4]))
+def test_plates_are_closed_and_hold_their_joints(seed, hole, width, unit_mm) -> None:
+    random = np.random.default_rng(seed)
+    links = tuple(random.uniform(5, 100, 4).tolist())
+    point = (float(random.uniform(0, 120)), float(random.uniform(-3.2, 3.2)))
+    linkage = Linkage(links, coupler_point=point)
+    hole *= min(links)
+    check(linkage, to_plates(linkage, unit_mm, hole, width * hole), unit_mm, hole, width * hole)
+
+
+@pytest.mark.parametrize(
+    "point",
+    [
+        None,
+        (0.0, 0.0),
+        (72.0, 0.0),
+        (36.0, 0.0),
+        (100.0, 0.0),
+        (30.0, np.pi),
+        (30.0, 1e-13),
+        (1e-9, 2.0),
+        (72.0, 1e-6),
+    ],
+)
+def test_a_body_point_on_the_coupler_line_or_at_a_pin_leaves_a_bar(point) -> None:
+    linkage = Linkage((19.0, 72.0, 144.0, 165.0), coupler_point=point)
+    check(linkage, to_plates(linkage), 1.0, 5.7, 14.25)
+
+
+def test_defaults_leave_room_whatever_is_given() -> None:
+    linkage = Linkage((19.0, 72.0, 144.0, 165.0), coupler_point=(20.0, 1.0))
+    check(linkage, to_plates(linkage, 1.0, None, 5.0), 1.0, 2.0, 5.0)
+    check(linkage, to_plates(linkage, 1.0, 4.0), 1.0, 4.0, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "field"),
+    [
+        ({"hole": 20.0}, "/plates/hole"),
+        ({"hole": 5.0, "width": 5.0}, "/plates/hole"),
+        ({"hole": -1.0}, "/plates/hole"),
+        ({"width": 1e30}, "/plates/width"),
+        ({"hole": float("nan")}, "/plates/hole"),
+        ({"diameter": 3.0}, "/plates/diameter"),
+    ],
+)
+def test_sizes_that_leave_no_plate_are_named(sizes, field) -> None:
+    linkage = la.FourBar(19, 72, 144, 165)
+    with pytest.raises(FieldError) as error:
+        linkage.render("plates", plates=sizes)
+    assert error.value.field == field
+
+
+# -- pylinkage --------------------------------------------------------------------------------------------------------
+
+
+def swinging(seed: int) -> tuple[Linkage, float]:
+    """A mounted linkage of any family and a span over which it closes well."""
+    random = np.random.default_rng(seed)
+    while True:
+        linkage = Linkage(
+            tuple(random.uniform(10, 200, 4).tolist()),
+            int(random.choice([-1, 1])),
+            float(random.uniform(0, 6.28)),
+            complex(*random.uniform(-300, 300, 2)),
+            float(random.uniform(-3, 3)),
+            (float(random.uniform(0, 150)), float(random.uniform(-3, 3))),
+        )
+        span = float(random.uniform(0.3, 6.2) * random.choice([-1, 1]))
+        joints = linkage.joints(np.linspace(0, span, 400))
+        if joints.closed and joints.transmission_angle.min() > 0.2:
+            return linkage, span
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_pylinkage_opens_it_and_draws_the_same_path(seed, tmp_path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        mechanism = pytest.importorskip("pylinkage.mechanism")
+    linkage, span = swinging(seed)
+    found = linkage.joints(np.linspace(0, span, 5))
+    target = make_target(found.rotation, found.body_point, span)
+    file = tmp_path / "linkage.pylinkage.json"
+    file.write_text(to_pylinkage(linkage, target))
+    theirs = mechanism.mechanism_from_json(file)
+    travel = curve_over(target.interval)
+    names = [joint.id for joint in theirs.joints]
+    rows = list(theirs.step(travel.size - 1))
+    ours = linkage.joints(travel[1:])
+    size = max(linkage.links)
+    for name, wanted in (("body_point", ours.body_point), ("coupler_pin", ours.coupler_pin)):
+        path = np.array([complex(*row[names.index(name)]) for row in rows])
+        assert np.abs(path - wanted).max() < 1e-9 * size
+
+
+def test_a_linkage_saves_itself_for_pylinkage_and_as_plates(tmp_path) -> None:
+    linkage = la.FourBar(19, 72, 144, 165, coupler_point=(20, 60))
+    linkage.save(tmp_path / "one.pylinkage.json")
+    assert {part["id"] for part in json.loads((tmp_path / "one.pylinkage.json").read_text())["joints"]} >= {
+        "body_point"
+    }
+    linkage.save(tmp_path / "one.plates.dxf", length_unit="cm")
+    assert len(read((tmp_path / "one.plates.dxf").read_text()).query("LWPOLYLINE")) == 4
+    linkage.save(tmp_path / "one.dxf")
+    assert not read((tmp_path / "one.dxf").read_text()).query('LWPOLYLINE[layer=="CRANK"]')
+    with pytest.raises(FieldError, match="must end in one of"):
+        linkage.save(tmp_path / "one.json")
