@@ -7,7 +7,7 @@ ATLAS ?= atlas.h5
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help run test fault audit parts lock lint map report accept poses limits stability studies bench docs scenes clean setup
+.PHONY: help run test fault audit parts lock lint map report accept poses function limits stability studies bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -24,6 +24,7 @@ help:
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make poses      poses and paths without crank angles: docs/free_timing.md (an hour)"
 	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
+	@echo "make function   function generation: docs/function.md (an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
@@ -113,6 +114,9 @@ poses: $(READY)
 
 limits: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.limited
+
+function: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.function
 
 stability: $(READY)
 	$(BIN)/python -m benchmarks.stability

@@ -16,7 +16,7 @@ import linkage_atlas as la
 from app import computed, page, problems
 from app.bodies import Reply
 from app.doors import Doors
-from app.fourbar import export
+from app.fourbar import export, function_export
 from app.query import Export, Query, ReplyModel
 from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
@@ -62,6 +62,7 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
             _add_export(app, query, name, rendered, resources)
 
     export.install(app, resources, _PROBLEM_RESPONSES, worked_example())
+    function_export.install(app, resources, _PROBLEM_RESPONSES)
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)

@@ -121,7 +121,7 @@ def scene_pages() -> dict[str, dict[str, Any]]:
 
 
 def install(app: FastAPI) -> None:
-    """The routes ``/``, ``/static/...``, one page a scene, and what those pages are made from."""
+    """The routes ``/``, ``/function``, ``/static/...``, one page a scene, and what those pages are made from."""
     stored = static_files()
     scenes = scene_pages()
     methods = ["GET", "HEAD"]
@@ -130,6 +130,10 @@ def install(app: FastAPI) -> None:
     @app.api_route("/", **hidden)
     async def page(request: Request) -> Response:
         return stored["index.html"].reply(request)
+
+    @app.api_route("/function", **hidden)
+    async def function_page(request: Request) -> Response:
+        return stored["function.html"].reply(request)
 
     @app.api_route("/docs", **hidden)
     @app.api_route("/redoc", **hidden)

@@ -9,6 +9,7 @@ from typing import Any
 from app.fourbar.answers import answer_match, answer_synthesize, is_long, practical_request
 from app.fourbar.csv_request import request_from_csv
 from app.fourbar.export import SYNTHESIZE_EXPORTS
+from app.fourbar.function import QUERY as FUNCTION
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
 from app.fourbar.tables import matches_table, synthesize_table
 from app.query import Query
@@ -33,7 +34,10 @@ def fourbar_queries() -> tuple[Query, ...]:
             MatchesReply,
             answer_match,
             matches_table,
-            {"worked_example": {**rotation_only, "top": 5}},
+            {
+                "worked_example": {**rotation_only, "top": 5},
+                "rocker": {**rotation_only, "curve": "rocker", "top": 5},
+            },
             is_long=is_long,
         ),
         Query(
@@ -67,6 +71,7 @@ def fourbar_queries() -> tuple[Query, ...]:
             practical_request,
             is_long,
         ),
+        FUNCTION,
     )
 
 

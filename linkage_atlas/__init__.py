@@ -1,6 +1,7 @@
 """Linkages for a required motion: ``import linkage_atlas as la``.
 
-Ask with `synthesize` (any linkage, refined to machine precision) or `match` (which rows of an atlas, exactly); move, draw and
+Ask with `synthesize` (any linkage, refined to machine precision), `function` (whose rocker turns as a function of its crank) or
+`match` (which rows of an atlas, exactly); move, draw and
 save what comes back, a `FourBar`. Plain arrays in and out; angles in degrees unless ``degrees=False``. Every name is loaded
 when it is first used, so that the import itself loads neither numpy nor scipy.
 """
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.commands import BATCH_COMMANDS, run_batch
     from linkage_atlas.door import match, prepare, synthesize
+    from linkage_atlas.functions import function
+    from linkage_atlas.generators import FunctionResult, FunctionSolution
     from linkage_atlas.linkages import FourBar, Joints
     from linkage_atlas.motions import Motion
     from synthesis.errors import AtlasError, AtlasFault, FieldError
@@ -24,6 +27,8 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "linkage_atlas.door": ("synthesize", "match", "prepare"),
+    "linkage_atlas.functions": ("function",),
+    "linkage_atlas.generators": ("FunctionResult", "FunctionSolution"),
     "linkage_atlas.linkages": ("FourBar", "Joints"),
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
@@ -42,6 +47,8 @@ __all__ = [
     "Cancelled",
     "FieldError",
     "FourBar",
+    "FunctionResult",
+    "FunctionSolution",
     "Joints",
     "Match",
     "Matches",
@@ -52,6 +59,7 @@ __all__ = [
     "Work",
     "__version__",
     "build_atlas",
+    "function",
     "load_atlas",
     "match",
     "prepare",

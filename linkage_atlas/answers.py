@@ -171,7 +171,7 @@ class Solution:
             "source": self.source,
             "type": None if self.type is None else asdict(self.type),
             **self.linkage.to_dict(),
-            "crank_angle": _listed(self.crank_angle),
+            "crank_angle": listed(self.crank_angle),
             "errors": asdict(self.errors),
             "verdict": asdict(self.verdict) | {"reasons": list(self.verdict.reasons)},
             "excursion": self.excursion,
@@ -189,12 +189,13 @@ class Solution:
             },
             "sensitivity": None
             if self.sensitivity is None
-            else {name: _listed(getattr(self.sensitivity, name)) for name in ("rotation", "position")},
+            else {name: listed(getattr(self.sensitivity, name)) for name in ("rotation", "position")},
             **more,
         }
 
 
-def _listed(values: Floats | None) -> list[float] | None:
+def listed(values: Floats | None) -> list[float] | None:
+    """An array as plain numbers."""
     return None if values is None else values.tolist()
 
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from linkage_atlas.answers import AtlasType
@@ -15,6 +16,7 @@ from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import family
+from synthesis.fourbar.mechanism import ROCKER
 from synthesis.work import Work
 
 
@@ -31,6 +33,8 @@ class Atlas:
     def __init__(self, stored: table.Atlas, threads: int | None = None) -> None:
         self.stored = stored
         self._threads = threads or os.cpu_count() or 1
+        self._rocker_scan: Scan | None = None
+        self._rocker_lock = Lock()
 
     def __len__(self) -> int:
         return len(self.stored)
@@ -44,6 +48,16 @@ class Atlas:
     def content_sha256(self) -> str:
         """Hash of what it holds, however it is packed."""
         return self.stored.content_hash()
+
+    @property
+    def rocker_scan(self) -> Scan:
+        """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds)."""
+        with self._rocker_lock:
+            if self._rocker_scan is None:
+                lengths = self.stored.lengths.astype(float)
+                rockers = table.make_table(ROCKER, lengths, self.stored.samples)
+                self._rocker_scan = Scan(rockers, threads=self._threads)
+            return self._rocker_scan
 
     def prepare(self, positions: bool = True, work: Work | None = None, threads: int | None = None) -> None:
         """Prepare the scan now, also for requests with positions, as far as the work's time allows.

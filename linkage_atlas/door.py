@@ -171,8 +171,8 @@ def synthesize(
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     if effort == "atlas" and atlas is None:
         raise FieldError("/atlas", "effort 'atlas' needs one: linkage_atlas.load_atlas(path)")
-    _check_top(top)
-    _check_above_zero(budget=budget, round_to=round_to)
+    check_top(top)
+    check_above_zero(budget=budget, round_to=round_to)
     tolerance = number("tolerance", tolerance, 0.0)
     # made once, by whoever asks first: no part of this request's time
     prepared = atlas.scan if effort == "atlas" and atlas is not None else seed_tables()
@@ -273,12 +273,14 @@ def _searched(
     return found, _Went({"screen": searched}, trace, stopped_by, counts)
 
 
-def _check_top(top: int) -> None:
+def check_top(top: int) -> None:
+    """FieldError unless at least one answer is asked for."""
     if not isinstance(top, (int, np.integer)) or top < 1:
         raise FieldError("/top", f"wanted a whole number of at least 1, found {top!r}")
 
 
-def _check_above_zero(**values: float | None) -> None:
+def check_above_zero(**values: float | None) -> None:
+    """FieldError for an argument that is given and not above zero."""
     for name, value in values.items():
         if value is not None and not number(name, value) > 0:
             raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
@@ -290,6 +292,7 @@ def match(
     *,
     atlas: Atlas,
     crank_angle: ArrayLike | None = None,
+    curve: Literal["coupler", "rocker"] = "coupler",
     degrees: bool = True,
     top: int = 10,
     features: bool = False,
@@ -304,6 +307,8 @@ def match(
     crank_span, crank_angle, degrees
         As for `synthesize`.
     atlas : Atlas
+    curve : {"coupler", "rocker"}
+        Which link is to turn like this. The first match of rockers prepares the atlas for them, some seconds.
     top : int
     features : bool
         Also give the Haar features of the request and of each match.
@@ -322,9 +327,12 @@ def match(
     FieldError
         Naming the argument.
     """
-    _check_top(top)
-    _check_above_zero(budget=budget)
-    scan, watch = atlas.scan, work(budget)
+    check_top(top)
+    check_above_zero(budget=budget)
+    if curve not in ("coupler", "rocker"):
+        raise FieldError("/curve", f"wanted 'coupler' or 'rocker', found {curve!r}")
+    scan = atlas.scan if curve == "coupler" else atlas.rocker_scan
+    watch = work(budget)
     motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)
     target, radian = motion.target, motion.radian
     wanted = target.rotation
@@ -339,7 +347,8 @@ def match(
         kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
         start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
         offset = float(np.mean(wanted - angle) / radian)
-        linkage = FourBar(*answers.four(kind.lengths), branch, start_angle=start, body_offset=offset, degrees=degrees)
+        body = offset if curve == "coupler" else None
+        linkage = FourBar(*answers.four(kind.lengths), branch, start_angle=start, body_offset=body, degrees=degrees)
         error = float(windows.error[k] / radian)
         own = _features(target.crank, angle, radian) if features else None
         matches.append(Match(k + 1, kind, linkage, start, branch, offset, error, own))

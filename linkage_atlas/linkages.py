@@ -129,6 +129,11 @@ class FourBar:
         one._linkage, one._radian, one._motion = linkage, motion.radian, motion.target
         return one
 
+    @property
+    def plain(self) -> Linkage:
+        """The same in radians, as the numerics have it."""
+        return self._linkage
+
     # -- what it is ---------------------------------------------------------------------------------------------------
 
     @property

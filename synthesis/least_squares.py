@@ -25,7 +25,7 @@ class Evaluation(NamedTuple):
     cost: Floats
     """(n,): sum of the squared residuals; infinite where a candidate is impossible."""
     stack: Floats
-    """(n, m + 1, rows): the residual's derivatives by the m unknowns, then the residual itself."""
+    """(n, m + 1, rows): the residual's derivatives by the first m unknowns, then the residual itself."""
 
 
 class Minima(NamedTuple):
@@ -52,7 +52,8 @@ def minimise(
     evaluate : callable
         ``evaluate(unknowns, labels)`` of some of the candidates.
     unknowns : ndarray, shape (n, m)
-        Starting points; of order one, for a step is no longer than a bit over one in any unknown.
+        Starting points; of order one, for a step is no longer than a bit over one in any unknown. Those behind the ones
+        that there are derivatives by stay as they are.
     labels : ndarray, shape (n,)
         What else belongs to each candidate and does not change, such as its branch.
     iterations : int
@@ -74,8 +75,8 @@ def minimise(
     """
     work = work or Work()
     unknowns = unknowns.copy()
-    size = unknowns.shape[1]
     cost, stack = evaluate(unknowns, labels)
+    size = stack.shape[1] - 1
     damped = np.full(len(unknowns), damping)
     growth = np.full(len(unknowns), 2.0)
     triangle = _triangle(stack)
@@ -87,7 +88,8 @@ def minimise(
         step = -_damped_solution(upper, right, damped[active])
         longest = np.max(np.abs(step), axis=1)
         step *= np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
-        trial = unknowns[active] + step
+        trial = unknowns[active]
+        trial[:, :size] += step
         moved = np.einsum("nij,nj->ni", upper, step)
         predicted = -np.einsum("ni,ni->n", moved, moved + 2 * right)
         new = evaluate(trial, labels[active])

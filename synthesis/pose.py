@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.target import Target
+from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -122,10 +122,18 @@ def fit_positions(target: Target, angle: Floats) -> PositionFit:
     return PositionFit(fixed.middle + scale * pivot, scale * crank, scale * coupler, scale * residual)
 
 
+def whole_turns(angle: Floats) -> Floats:
+    """The whole turns next to angles, in radians."""
+    return TURN * np.round(angle / TURN)
+
+
 def rotation_residual(target: Target, angle: Floats) -> tuple[Floats, Floats]:
-    """Best offsets (n,) and requested rotation less offset less theta2 (n, N), in radians."""
+    """Best offsets (n,), or the given one, and requested rotation less offset less theta2 (n, N), in radians."""
     assert target.rotation is not None
     difference = target.rotation - angle
+    if target.offset is not None:
+        offset = target.offset + whole_turns(target.rotation_mean(difference) - target.offset)
+        return offset, difference - offset[:, None]
     # the mean of a difference from the first sample keeps its digits where the angles are large
     first = difference[:, :1]
     offset = first[:, 0] + target.rotation_mean(difference - first)

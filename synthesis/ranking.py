@@ -36,11 +36,19 @@ class Errors:
     objective: float
 
 
+class Judged(Protocol):
+    """Errors of which one number says how large they are."""
+
+    @property
+    def objective(self) -> float:
+        """What a search makes least."""
+
+
 class Answer(Protocol):
     """A linkage with its errors, as any mechanism gives it."""
 
     @property
-    def errors(self) -> Errors:
+    def errors(self) -> Judged:
         """Its errors."""
 
     @property

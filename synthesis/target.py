@@ -134,12 +134,18 @@ class Target(Samples):
     crank : ndarray, shape (N,)
         Crank angle from the first sample on; ``crank[0] == 0``, strictly rising or strictly falling (clockwise). Where they
         were found and not given, the samples may be passed in another order.
+    start : float, optional
+        theta1 at the first sample, where it is given.
+    offset : float, optional
+        What is added to theta2 to give the rotation, where it is given; whole turns do not count.
     found : bool
         Whether the crank angles were found together with a linkage; then crank and rotation may have leading axes, one
         linkage each.
     """
 
     crank: Floats
+    start: float | None = None
+    offset: float | None = None
     found: bool = False
 
     @property
@@ -169,6 +175,8 @@ class Target(Samples):
         return replace(
             self,
             crank=-self.crank,
+            start=None if self.start is None else -self.start,
+            offset=None if self.offset is None else -self.offset,
             rotation=None if self.rotation is None else -self.rotation,
             position=None if self.position is None else np.conj(self.position),
         )

@@ -19,6 +19,7 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
         request.crank_span,
         atlas=resources.atlas,
         crank_angle=request.crank_angle,
+        curve=request.curve,
         degrees=request.degrees,
         top=request.top,
         features=request.features,

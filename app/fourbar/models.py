@@ -48,6 +48,9 @@ class MatchRequest(CrankMotion):
     """Which atlas rows turn the body like this, and from which start?"""
 
     rotation: Curve = Field(description="Rotation of the body at the samples, continuous: no jumps by whole turns.")
+    curve: Literal["coupler", "rocker"] = Field(
+        "coupler", description="Which link turns so: the coupler, or the rocker, from the line of the pivots."
+    )
     top: Top = Field(10, description="How many rows to return.")
     features: Flag = Field(
         False, description="Also return Haar average and details of the request and of each match."
@@ -75,7 +78,7 @@ class MatchReply(ReplyModel):
     start_angle: float
     branch: Literal[-1, 1]
     offset: float = Field(
-        description="Added to the coupler angle (in -180..180 degrees at the first sample, continuous)."
+        description="Added to the angle of the coupler, or rocker (in -180..180 degrees at the first sample, continuous)."
     )
     similarity: float = Field(description="Rms rotation error of this row at this start.")
     features: FeaturesReply | None = None

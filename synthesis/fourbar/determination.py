@@ -151,6 +151,8 @@ def derivative_matrix(target: Target, linkages: list[Linkage]) -> tuple[Floats, 
     else:
         assert turn is not None
         matrix = turn
+    held = ([free] if target.start is not None else []) + ([free + 1] if target.offset is not None else [])
+    matrix = np.delete(matrix, held, axis=2)
     if target.found:
         matrix = _angles_eliminated(matrix, samples, free)
     if (missing := matrix.shape[2] - matrix.shape[1]) > 0:

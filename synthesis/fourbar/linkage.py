@@ -146,6 +146,11 @@ class Linkage:
         """Joints over a whole turn; None where the crank cannot turn fully."""
         return self.over(Interval(0.0, TURN)) if self.turns_fully else None
 
+    def scaled(self, scale: float) -> Linkage:
+        """The linkage with all lengths times a scale, where nothing is mounted."""
+        crank, coupler, rocker, ground = self.links
+        return replace(self, links=(crank * scale, coupler * scale, rocker * scale, ground * scale))
+
     def placed(self, pivot_a: complex, ground_angle: float, coupler_point: tuple[float, float]) -> Linkage:
         """The linkage at another place and with another body point."""
         return replace(self, pivot_a=pivot_a, ground_angle=ground_angle, coupler_point=coupler_point)

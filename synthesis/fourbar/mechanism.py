@@ -101,5 +101,25 @@ class FourBar:
         return assess(target, linkages, rows)
 
 
+class RockerOutput(FourBar):
+    """The four-bar whose rocker is the body: it turns as the coupler of the linkage with coupler and rocker exchanged.
+
+    Law: theta3(L1, L2, L3, L4; branch) = theta2(L1, L3, L2, L4; -branch) + pi, up to whole turns.
+    """
+
+    def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
+        """The rocker angle."""
+        return super().body_angle(lengths[:, _EXCHANGED], -np.asarray(branch), crank) + np.pi
+
+    def body_angle_gradient(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> tuple[Floats, Floats]:
+        """The rocker angle and its derivatives by the four lengths and theta1."""
+        angle, slope = super().body_angle_gradient(lengths[:, _EXCHANGED], -np.asarray(branch), crank)
+        return angle + np.pi, slope[..., [*_EXCHANGED, 4]]
+
+
+_EXCHANGED = [0, 2, 1, 3]
+
 FOURBAR = FourBar()
 """The mechanism of the atlas and of `synthesize`."""
+ROCKER = RockerOutput()
+"""The mechanism of rocker curves."""

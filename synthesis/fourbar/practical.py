@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from synthesis.fourbar.excursion import LEAVES_SAMPLES
 from synthesis.fourbar.limits import Reach
-from synthesis.fourbar.solution import Solution
+from synthesis.fourbar.linkage import Linkage
 from synthesis.target import Samples
 
 TRANSMISSION_ANGLE = np.deg2rad(35.0)
@@ -50,12 +50,28 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
     return asked | given
 
 
-def practical_faults(solution: Solution, samples: Samples, excursion: float | None = None) -> list[str]:
+class Built(Protocol):
+    """What practical limits look at."""
+
+    @property
+    def linkage(self) -> Linkage:
+        """The linkage."""
+
+    @property
+    def transmission_angle_min(self) -> float:
+        """Over the used interval."""
+
+    @property
+    def transmission_angle_min_turn(self) -> float | None:
+        """Over the whole turn; None where the crank does not turn fully."""
+
+
+def practical_faults(solution: Built, samples: Samples, excursion: float | None = None) -> list[str]:
     """A sentence for each practical limit that a solution breaks.
 
     Parameters
     ----------
-    solution : Solution
+    solution : Solution, or whatever is built like one
     samples : Samples
         The motion; without positions lengths are ratios, and only those are judged.
     excursion : float, optional

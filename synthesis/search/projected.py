@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from synthesis.least_squares import Evaluation
 from synthesis.mechanism import Chart
-from synthesis.pose import DEGENERATE, fixed_columns
+from synthesis.pose import DEGENERATE, fixed_columns, whole_turns
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,8 @@ class ProjectedProblem:
         self.rotation_rows = samples if target.rotation is not None else 0
         roots = []
         if target.rotation is not None:
-            self.rotation = target.rotation - target.rotation_mean(target.rotation)
+            zero = target.rotation_mean(target.rotation) if target.offset is None else target.offset
+            self.rotation = target.rotation - zero
             roots = [target.rotation_mean.root]
         if target.position is not None:
             mean = target.position_mean
@@ -55,7 +56,10 @@ class ProjectedProblem:
         self.roots = np.concatenate([np.broadcast_to(root, samples) for root in roots])
 
     def evaluate(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> Evaluation:
-        """Residuals, and derivatives unless not wanted, at candidates (n, k + 1) of branches (n,)."""
+        """Residuals, and derivatives unless not wanted, at candidates (n, k + 1) of branches (n,).
+
+        A start that is given has no derivative.
+        """
         angle, phasor, slope, answer = self.body(unknowns, branch, derivatives)
         size = unknowns.shape[1]
         stack = np.zeros((len(unknowns), size + 1, self.roots.size))
@@ -65,13 +69,18 @@ class ProjectedProblem:
             np.subtract(self.rotation, angle, out=part[:, size])
             if slope is not None:
                 np.negative(slope, out=part[:, :size])
-            part -= mean.weighted(part).sum(axis=2, keepdims=True) / mean.total
+            if self.target.offset is None:
+                part -= mean.weighted(part).sum(axis=2, keepdims=True) / mean.total
+            else:
+                part[:, size] -= whole_turns(mean(part[:, size]))[:, None]
         if self.target.position is not None:
             crank_share = self._position(phasor, slope, stack[:, :, self.rotation_rows :])
             answer = answer & (crank_share > self.smallest_share)
         stack *= self.roots
         residual = stack[:, size]
         cost = np.einsum("nm,nm->n", residual, residual)
+        if self.target.start is not None:
+            stack = np.delete(stack, size - 1, axis=1)
         return Evaluation(cost if answer is True else np.where(answer, cost, np.inf), stack)
 
     def _position(self, phasor: Complexes, slope: Floats | None, part: Floats) -> Floats:

@@ -57,6 +57,18 @@ class SearchReport(NamedTuple):
     """Seconds of its work, best objective within the limits."""
     screen_seconds: float
     seeds: int
+    settled: bool = True
+    """False where the best was still getting better when the steps that it is given were used up."""
+
+
+class Starts(NamedTuple):
+    """Shapes and starts of candidates, best first."""
+
+    lengths: Floats
+    """(n, d), any scale."""
+    branch: Floats
+    start: Floats
+    """theta1 at the first sample, (n,)."""
 
 
 class _Search:
@@ -98,7 +110,10 @@ class _Search:
                 best = self.pool.thinned(source.origins)
                 size = (len(best.branch) * source.copies, len(self.chart.hop))
                 unknowns = np.repeat(best.unknowns, source.copies, axis=0)
-                unknowns = unknowns + self.random.standard_t(3, size=size) * self.chart.hop
+                noise = self.random.standard_t(3, size=size) * self.chart.hop
+                if self.target.start is not None:
+                    noise[:, -1] = 0.0
+                unknowns = unknowns + noise
                 return Candidates(unknowns, np.repeat(best.branch, source.copies), np.full(len(unknowns), np.inf))
 
     def _fresh(self, index: int, count: int) -> Candidates:
@@ -162,6 +177,8 @@ class _Search:
     def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any]) -> list[Any]:
         """Go on within the limits, in one chart after the other; what it finds, and of the solutions those that are better."""
         charts, ways = self.mechanism.charts(self.limits.family), self.mechanism.bounded(self.target, self.limits)
+        if self.target.start is not None or self.target.offset is not None:
+            ways = []  # they find the start and the offset themselves
         if not ways:
             self.free_search(schedule.TO_THE_END)
             return solutions + self.polished(_FINISHED, 30)
@@ -251,3 +268,23 @@ def search(
     solutions = distinct(solutions, top, APART, exact=tolerance)
     report = run.report(solutions)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report
+
+
+def first_look(tables: SeedTables, target: Target, limits: Limits, count: int, work: Work) -> Starts:
+    """Where good motions lie among full cranks, whatever other limits there are: a few rounds, nothing polished.
+
+    Parameters
+    ----------
+    tables : SeedTables
+    target : Target
+        With a crank that turns counter-clockwise.
+    limits : Limits
+        Of which only the family counts.
+    count : int
+        At most so many.
+    work : Work
+    """
+    run = _Search(tables, target, limits, DEFAULT_TOLERANCE, work, tables.mechanism.charts(limits.family)[0])
+    run.free_search(schedule.FIRST_LOOK)
+    best = run.pool.thinned(count)
+    return Starts(run.chart.shape(best.unknowns[:, :-1]).lengths, best.branch, best.unknowns[:, -1])

@@ -5,7 +5,7 @@ Different seeds find more than many seeds: the best rows of a dense table lie in
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.mechanism import Mechanism
+from synthesis.pose import whole_turns
 from synthesis.search.windows import Windows
 from synthesis.target import TURN, Target
 
@@ -22,6 +23,7 @@ _SAMPLES = 64
 _STARTS = 24
 _SERIES_ERROR = 1e-3
 _HARMONICS = (6, 20)
+_GIVEN_SAMPLES = 8
 
 
 class Candidates(NamedTuple):
@@ -60,6 +62,35 @@ class SeedTable(NamedTuple):
     scan: Scan
     unknowns: Floats
     """Of the types, in the mechanism's first chart."""
+    curves: Floats
+    """Periodic part of theta2 of branch +1 over the turn, the first sample again at its end, (T, samples + 1)."""
+    winding: Floats
+    """Turns of the body in one turn of the crank, (T,)."""
+
+    def errors(self, target: Target) -> tuple[Floats, Floats]:
+        """Squared errors (T, branches, starts) where offset or start are given, from interpolated curves; and the starts."""
+        assert target.rotation is not None
+        few = target.thinned(_GIVEN_SAMPLES)
+        assert few.rotation is not None
+        starts: Floats = np.linspace(0.0, TURN, self.scan.starts, endpoint=False)
+        if target.start is not None:
+            starts = np.array([target.start % TURN])
+        found: list[Any] = []
+        for branch in self.scan.mechanism.branches:
+            # branch -1 at -theta1 is branch +1 mirrored
+            crank = branch * (starts[:, None] + few.crank)
+            place = crank % TURN * ((self.curves.shape[1] - 1) / TURN)
+            left = np.minimum(place.astype(np.intp), self.curves.shape[1] - 2)
+            before = self.curves[:, left]
+            angle = before + (place - left) * (self.curves[:, left + 1] - before)
+            angle += self.winding[:, None, None] * crank
+            gap = few.rotation - branch * angle
+            mean = few.rotation_mean(gap)
+            rest = few.rotation_mean((gap - mean[..., None]) ** 2)
+            if few.offset is not None:
+                rest += (mean - few.offset - whole_turns(mean - few.offset)) ** 2
+            found.append(rest)
+        return np.stack(found, axis=1), starts
 
 
 class SeedTables:
@@ -69,13 +100,18 @@ class SeedTables:
         self.mechanism = mechanism
         self._windows: dict[str, Windows] = {}
         chart = mechanism.charts("full_crank")[0]
-        self.tables = [
-            SeedTable(
-                Scan(make_table(mechanism, lengths, _SAMPLES), _STARTS, _SERIES_ERROR, _HARMONICS, cells=False),
-                chart.unknowns(lengths),
+        self.tables = []
+        for lengths in mechanism.tables:
+            table = make_table(mechanism, lengths, _SAMPLES)
+            curves = table.curves()
+            self.tables.append(
+                SeedTable(
+                    Scan(table, _STARTS, _SERIES_ERROR, _HARMONICS, cells=False),
+                    chart.unknowns(lengths),
+                    np.hstack([curves, curves[:, :1]]),
+                    table.winding.astype(float),
+                )
             )
-            for lengths in mechanism.tables
-        ]
 
     def windows(self, family: str) -> Windows:
         """The windows of a family's types for a search within limits; made by the first that asks."""
@@ -86,19 +122,23 @@ class SeedTables:
     @property
     def nbytes(self) -> int:
         """Memory of all tables."""
-        return sum(table.scan.nbytes + table.unknowns.nbytes for table in self.tables)
+        return sum(one.scan.nbytes + one.unknowns.nbytes + one.curves.nbytes for one in self.tables)
 
     def best_starts(self, index: int, target: Target, family: str) -> Candidates:
         """Best start of each type and branch of a table for a target, thinned out over cells of the chart, best first."""
-        scan, shapes = self.tables[index]
-        error = scan.error_table(target)
+        table = self.tables[index]
+        scan, shapes = table.scan, table.unknowns
+        if target.start is None and target.offset is None:
+            error, starts = scan.error_table(target), np.arange(scan.starts) * (TURN / scan.starts)
+        else:
+            error, starts = table.errors(target)
         error[~self.mechanism.in_family(family, scan.lengths)] = np.inf
         best = error.argmin(axis=2)
         cost = np.take_along_axis(error, best[:, :, None], 2)[:, :, 0]
         chart = self.mechanism.charts(family)[0]
         parts = Candidates.none(len(chart.cell))
         for side, branch in enumerate(self.mechanism.branches):
-            start = best[:, side] * (TURN / scan.starts)
+            start = starts[best[:, side]]
             unknowns = np.hstack([shapes, start[:, None]])
             parts = parts.joined(Candidates(unknowns, np.full(len(start), float(branch)), cost[:, side]))
         parts = parts.take(np.isfinite(parts.cost))

@@ -1,0 +1,99 @@
+"""POST /v1/function/export: any solution of a reply of /v1/function as a file."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+from typing import Any, Literal
+
+from fastapi import FastAPI, Response
+from pydantic import ConfigDict, Field
+
+import linkage_atlas as la
+from app import computed
+from app.bodies import Reply
+from app.fourbar.export import Angle, ExportLinks, LengthUnit
+from app.fourbar.function import MEDIA_TYPES, FunctionRequest
+from app.query import RequestModel, Resources
+from linkage_atlas.functions import read_wanted
+from linkage_atlas.generators import render_function
+
+
+class ExportGenerator(RequestModel):
+    """One of the `solutions` of a reply, as it came."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    links: ExportLinks
+    branch: Literal[-1, 1]
+    start_angle: Angle
+    output_offset: Angle
+
+
+class FunctionExportRequest(RequestModel):
+    """A function, one of its linkages, and the kind of file that is wanted."""
+
+    request: FunctionRequest = Field(description="The request of /v1/function; angles are in its unit.")
+    solution: ExportGenerator
+    format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
+    length_unit: LengthUnit = Field("mm", description="The unit of the lengths, for DXF and MJCF.")
+
+
+def answer_export(body: FunctionExportRequest, resources: Resources) -> tuple[bytes, str]:
+    """Content and media type of a file."""
+    request, solution = body.request, body.solution
+    if body.format == "json":
+        content = {
+            "request": request.model_dump(mode="json", exclude_defaults=True),
+            "solution": solution.model_dump(mode="json"),
+        }
+        return json.dumps(content, indent=1, allow_nan=False).encode(), "application/json"
+    degrees = request.angle_unit == "deg"
+    asked = None if request.function is None else request.function.model_dump(exclude_none=True)
+    try:
+        wanted, _ = read_wanted(
+            request.output, request.crank_span, input=request.input, function=asked, degrees=degrees
+        )
+    except la.FieldError as error:
+        raise la.FieldError("/request" + error.field, error.message, **error.details) from error
+    links = {name: getattr(solution.links, name) for name in ("crank", "coupler", "rocker", "ground")}
+    linkage = la.FourBar(**links, branch=solution.branch, start_angle=solution.start_angle, degrees=degrees)
+    made = SimpleNamespace(linkage=linkage, output_offset=solution.output_offset)
+    text = render_function(wanted, made, body.format, body.length_unit, degrees)
+    return text.encode(), MEDIA_TYPES[body.format]
+
+
+def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[str, Any]]) -> None:
+    """The route /v1/function/export."""
+    files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
+    example = {
+        "request": {"input": [0, 20, 50], "output": [0, 10, 30]},
+        "solution": {
+            "links": {"crank": 1, "coupler": 3, "rocker": 2.5, "ground": 3.2},
+            "branch": 1,
+            "start_angle": 40,
+            "output_offset": 0,
+        },
+    }
+    bodies = {name: {"value": {**example, "format": name}} for name in ("csv", "svg", "dxf", "mjcf", "json")}
+
+    def answer(body: FunctionExportRequest, resources: Resources) -> Response:
+        content, media_type = answer_export(body, resources)
+        ending = "xml" if body.format == "mjcf" else body.format
+        return Reply(content, media_type, {"Content-Disposition": f'attachment; filename="function.{ending}"'})
+
+    computed.add(
+        app,
+        "/v1/function/export",
+        "export_function",
+        FunctionExportRequest,
+        answer,
+        lambda _: False,
+        resources,
+        tags=["function"],
+        summary="A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
+        response_class=Response,
+        response_model=None,
+        responses={**responses, 200: {"content": files}},
+        openapi_extra={"requestBody": {"content": {"application/json": {"examples": bodies}}}},
+    )

@@ -1,0 +1,330 @@
+"""Function generation: exact functions of random linkages, least largest errors of named functions, and baselines.
+
+``python -m benchmarks.function`` measures all; ``--parts`` some of it, the rest stays as it is. J of exact cases is recomputed
+from the reply's numbers by `tests.oracles.function_cases`; largest errors are those at 2,001 even places, from the
+reply's numbers too. Baselines: scipy's differential evolution over the same five unknowns, and pylinkage's function generation
+through 3 to 5 precision points at every pair of dial zeros of a grid, its best answer.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+import linkage_atlas as la
+from benchmarks import baselines, report
+from benchmarks.report import Times
+from linkage_atlas.named import read_dials
+from synthesis.target import Interval
+from tests.oracles.free_classes import close
+from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept
+
+REACHED = 1e-9
+SAMPLES = (5, 8, 32, 200)
+FIXED_SAMPLES = (5, 32)
+PLACES = 2001
+RUNS = 10
+RATIO = 20.0
+ZERO_STEP = 10.0
+"""Degrees between two zeros of a dial that pylinkage is asked at."""
+
+
+class Asked(NamedTuple):
+    """A named function on its dials, and what is known of it."""
+
+    name: str
+    function: dict[str, Any]
+    crank_span: float
+    known: float | None = None
+    """Least largest error known before, in degrees."""
+    limits: Mapping[str, Any] = MappingProxyType({})
+
+
+def _named(name: str, first: float, last: float, span: float, **more: Any) -> dict[str, Any]:
+    return {"name": name, "x": [first, last], "output_span": span, **more}
+
+
+FUNCTIONS = (
+    Asked("log10 x, 1..2", _named("log10", 1, 2, 90), 60, 0.0469, {"transmission_angle_min": 30}),
+    Asked("log10 x, 1..2", _named("log10", 1, 2, 90), 60, 0.00697),
+    Asked("sin x, 0..90", _named("sin", 0, 90, 60), 120, 0.0402),
+    Asked("sin x, 0..90", _named("sin", 0, 90, 90), 90, 0.190),
+    Asked("x^2, 0..1", _named("power", 0, 1, 90, exponent=2), 90, 0.0590),
+    Asked("x^1.5, 1..4", _named("power", 1, 4, 90, exponent=1.5), 90, 0.00485),
+    Asked("ln x, 1..3", _named("ln", 1, 3, 90), 90),
+    Asked("exp x, 0..1", _named("exp", 0, 1, 90), 90),
+    Asked("tan x, 0..45", _named("tan", 0, 45, 90), 90),
+    Asked("1/x, 1..2", _named("reciprocal", 1, 2, -90), 90),
+    Asked("x^0.5, 0..1", _named("power", 0, 1, 90, exponent=0.5), 90),
+    Asked("x^0.5, 1..4", _named("power", 1, 4, 90, exponent=0.5), 90),
+    Asked("x^3, 0..1", _named("power", 0, 1, 90, exponent=3), 90),
+    Asked("cos x, 0..90", _named("cos", 0, 90, -90), 90),
+    Asked("cos x, 0..60", _named("cos", 0, 60, -60), 90),
+    Asked("sin x, 0..180", _named("sin", 0, 180, 60), 120),
+    Asked("exp x, 0..2", _named("exp", 0, 2, 90), 120, None, {"transmission_angle_min": 40}),
+    Asked("ln x, 1..3", _named("ln", 1, 3, 90), 90, None, {"transmission_angle_min": 30, "link_ratio_max": 5}),
+    Asked("1/x, 1..2", _named("reciprocal", 1, 2, 90), 90, None, {"family": "full_crank"}),
+)
+PARTS = ("classes", "functions", "evolution", "pylinkage")
+
+
+def answer(request: dict[str, Any]) -> la.FunctionResult:
+    """What the front door answers."""
+    return la.function(**request)
+
+
+# -- exact functions --------------------------------------------------------------------------------------------------
+
+
+def measure_class(kind: str, samples: int, zeros: str, cases: int) -> dict[str, Any]:
+    """One class: recomputed J of the best solution, whether it keeps the zeros, and milliseconds."""
+    times, objective, failures = Times(), [], []
+    for seed in range(cases):
+        request = function_case(kind, samples, zeros, seed)
+        found = times.run(answer, request)
+        best = found.solutions[0].to_dict() if found.solutions else None
+        value = np.inf if best is None else recompute_rms(request, best)
+        if best is not None and not zeros_kept(request, best):
+            value = np.inf
+        objective.append(value)
+        if value >= REACHED:
+            failures.append({"seed": seed, "objective": report.finite(value)})
+    return {
+        "kind": kind,
+        "samples": samples,
+        "zeros": zeros,
+        "cases": cases,
+        "reached": float(np.mean(np.array(objective) < REACHED)),
+        "worst_objective": report.finite(max(objective)),
+        "failures": failures[:20],
+        **times.summary(),
+    }
+
+
+def class_list() -> list[tuple[str, int, str]]:
+    """Kinds, samples and zeros of all classes."""
+    free = [(kind, samples, "free") for kind in CLASSES for samples in SAMPLES]
+    return free + [
+        (kind, samples, zeros)
+        for kind in CLASSES
+        for zeros in ("input", "output", "both")
+        for samples in FIXED_SAMPLES
+    ]
+
+
+# -- least largest errors ---------------------------------------------------------------------------------------------
+
+
+class Dense(NamedTuple):
+    """A function at `PLACES` places, radians."""
+
+    crank: np.ndarray
+    output: np.ndarray
+
+
+def dense(asked: Asked) -> Dense:
+    """The function at even places of the interval."""
+    dials = read_dials({**asked.function, "samples": 1024}, np.deg2rad(asked.crank_span), True)
+    crank = np.deg2rad(np.linspace(0, asked.crank_span, PLACES))
+    assert dials.exact is not None
+    return Dense(crank, dials.exact(crank))
+
+
+def made(links: np.ndarray, branch: int, crank: np.ndarray) -> np.ndarray:
+    """theta3 at crank angles, continuous, by intersecting circles; NaN where it opens."""
+    _, pin = close(links, branch, crank)
+    with np.errstate(invalid="ignore"):
+        return np.unwrap(np.angle(pin - links[3]))
+
+
+def largest_error(asked: Asked, solution: dict[str, Any]) -> float:
+    """Largest error in degrees at the places, from a reply's numbers."""
+    wanted = dense(asked)
+    links = np.array([solution["links"][name] for name in ("crank", "coupler", "rocker", "ground")])
+    angle = made(links, solution["branch"], np.deg2rad(solution["start_angle"]) + wanted.crank)
+    gap = np.rad2deg(wanted.output - angle) - solution["output_offset"]
+    return float(np.abs(gap - 360 * np.round(gap[0] / 360)).max())
+
+
+def measure_function(asked: Asked) -> dict[str, Any]:
+    """Our answer: largest error, alternations, linkage, and time; and whether `RUNS` runs give the same bytes."""
+    request: dict[str, Any] = {"function": asked.function, "crank_span": asked.crank_span, "objective": "max"}
+    times, replies = Times(), []
+    for _ in range(RUNS):
+        found = times.run(answer, {**request, "limits": dict(asked.limits)})
+        replies.append(json.dumps(found.to_dict()["solutions"]))
+    best = found.solutions[0].to_dict()
+    return {
+        "name": asked.name,
+        "spans": f"{asked.crank_span:g}/{asked.function['output_span']:g}",
+        "limits": ", ".join(f"{name} {value}" for name, value in asked.limits.items()) or "none",
+        "known": asked.known,
+        "error": largest_error(asked, best),
+        "told": best["errors"]["max"],
+        "error_y": best["errors"]["max_y"],
+        "alternations": best["errors"]["alternations"],
+        "family": best["family"],
+        "transmission": best["transmission_angle_min"],
+        "links": [best["links"][name] for name in ("crank", "coupler", "rocker", "ground")],
+        "stopped_by": found.report.stopped_by,
+        "same_bytes": len(set(replies)) == 1,
+        **times.summary(),
+    }
+
+
+def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
+    """scipy's differential evolution: the best of both branches; the offset is the middle of the gap's range."""
+    from scipy.optimize import differential_evolution
+
+    from linkage_atlas.functions import read_function_limits
+
+    wanted, limits = dense(asked), read_function_limits(asked.limits, True)
+    some = slice(None, None, 10)
+    crank, output = wanted.crank[some], wanted.output[some]
+    best, times = (np.inf, None), Times()
+
+    def errors(unknowns: np.ndarray, branch: int) -> np.ndarray:
+        ratios, start = np.exp(unknowns[:3]), unknowns[3]
+        links = np.concatenate([ratios, np.ones((1, ratios.shape[1]))])[:, :, None]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            _, pin = close(links, branch, start[:, None] + crank)
+            gap = output - np.unwrap(np.angle(pin - 1), axis=1)
+        size = (gap.max(axis=1) - gap.min(axis=1)) / 2
+        kept = limits.kept_by(links[:, :, 0].T, start, Interval(0.0, float(crank[-1])))
+        return np.where(np.isfinite(size) & kept, size, 10.0)
+
+    box = [(-np.log(RATIO), np.log(RATIO))] * 3 + [(0, 2 * np.pi)]
+    for branch in (1, -1):
+        for seed in range(seeds):
+            found = times.run(
+                differential_evolution,
+                lambda x, branch=branch: errors(x, branch),
+                box,
+                vectorized=True,
+                updating="deferred",
+                popsize=40,
+                maxiter=600,
+                tol=1e-10,
+                seed=seed,
+                polish=False,
+            )
+            if found.fun < best[0]:
+                best = (float(found.fun), (found.x, branch))
+    if best[1] is None or best[0] >= 10:
+        return {"evolution": None, "evolution_s": sum(times.processor)}
+    (x, branch) = best[1]
+    angle = made(np.append(np.exp(x[:3]), 1.0), branch, x[3] + wanted.crank)
+    gap = np.rad2deg(wanted.output - angle)
+    return {"evolution": float(np.ptp(gap) / 2), "evolution_s": sum(times.processor)}
+
+
+def measure_pylinkage(asked: Asked) -> dict[str, Any]:
+    """pylinkage's function generation through 3, 4 and 5 Chebyshev points at a grid of zeros: the best over the interval."""
+    if "pylinkage" in baselines.missing():
+        return {}
+    from pylinkage.synthesis import function_generation
+
+    wanted = dense(asked)
+    zeros = np.deg2rad(np.arange(0.0, 360.0, ZERO_STEP))
+    found: dict[str, Any] = {}
+    for points in (3, 4, 5):
+        share = (1 - np.cos((2 * np.arange(points) + 1) * np.pi / (2 * points))) / 2
+        crank = share * wanted.crank[-1]
+        output = np.interp(share, np.linspace(0, 1, PLACES), wanted.output)
+        times, best, answers = Times(), np.inf, 0
+        for start in zeros:
+            for first in zeros:
+                pairs = [(float(start + a), float(first + b)) for a, b in zip(crank, output)]
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    result = times.run(function_generation, pairs, require_grashof=False)
+                for one in result.raw_solutions:
+                    answers += 1
+                    links = np.array([one.crank_length, one.coupler_length, one.rocker_length, one.ground_length])
+                    for branch in (1, -1):
+                        gap = wanted.output + first - made(links, branch, start + wanted.crank)
+                        size = np.abs(gap - 2 * np.pi * np.round(gap[0] / (2 * np.pi))).max()
+                        best = min(best, np.rad2deg(size)) if np.isfinite(size) else best
+        found |= {
+            f"pylinkage_{points}": report.finite(best),
+            f"pylinkage_{points}_answers": answers,
+            f"pylinkage_{points}_s": sum(times.processor),
+        }
+    return found
+
+
+# -- documents --------------------------------------------------------------------------------------------------------
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The tables of docs/function.md."""
+    classes = [
+        row | {"times": ", ".join(report.significant(row[f"{which}_processor_ms"]) for which in ("median", "p99"))}
+        for row in results["classes"]
+    ]
+    functions = [
+        row
+        | {
+            "best_known": "-" if row["known"] is None else f"{row['known']:g}",
+            "shape": " ".join(report.significant(value) for value in row["links"]),
+            **{name: None for name in ("evolution", *(f"pylinkage_{k}" for k in (3, 4, 5))) if name not in row},
+        }
+        for row in results["functions"]
+    ]
+    medians = [row["median_processor_ms"] for row in results["classes"]]
+    bytes_same = all(row["same_bytes"] for row in results["functions"])
+    return report.tables("function", {"classes": classes, "functions": functions, "baselines": functions}) | {
+        "reached": report.percent(min(row["reached"] for row in results["classes"]), 4),
+        "median": report.significant(float(np.median(medians))),
+        "runs": f"{RUNS} runs give the same bytes for {'every' if bytes_same else 'not every'} function",
+    }
+
+
+def measure(
+    cases: Annotated[int, "of each class"] = 1000,
+    parts: Annotated[str, "of the run; the others stay as they are", PARTS] = PARTS,
+) -> Iterator[dict[str, Any]]:
+    """The classes in turn, then the functions, then each baseline."""
+    threadpool_limits(1, "blas")
+    la.prepare()
+    stamp = report.stamp()
+
+    def with_others(**own: Any) -> dict[str, Any]:
+        """What is measured now, and of the rest what the file holds."""
+        path = report.RESULTS / "function.json"
+        kept = report.load("function") if path.exists() else {"classes": [], "functions": []}
+        return {**kept, **own, "made": stamp}
+
+    la.function([0, 1, 3], 30)
+    if "functions" in parts:
+        old = {(row["name"], row["spans"], row["limits"]): row for row in with_others()["functions"]}
+        rows = []
+        for asked in FUNCTIONS:
+            row = measure_function(asked)
+            before = old.get((row["name"], row["spans"], row["limits"]), {})
+            rows.append({k: v for k, v in before.items() if k.startswith(("evolution", "pylinkage"))} | row)
+            print(json.dumps(row), flush=True)
+        yield with_others(functions=rows)
+    if "classes" in parts:
+        rows = []
+        for kind, samples, zeros in class_list():
+            rows.append(measure_class(kind, samples, zeros, cases))
+            print(json.dumps(rows[-1]), flush=True)
+            yield with_others(classes=rows)
+    for part, work in (("pylinkage", measure_pylinkage), ("evolution", measure_evolution)):
+        if part in parts:
+            rows = with_others()["functions"]
+            for asked, row in zip(FUNCTIONS, rows):
+                row |= work(asked)
+                print(part, asked.name, json.dumps(row), flush=True)
+            yield with_others(functions=rows)
+
+
+if __name__ == "__main__":
+    report.run(measure)

@@ -1,0 +1,160 @@
+"""Functions by name on two linear dials: y = f(x) as rocker angles over crank angles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linkage_atlas.motions import column, number, radians_in
+from synthesis.errors import FieldError
+from synthesis.target import MAX_SAMPLES, MIN_SAMPLES
+
+Floats = NDArray[np.float64]
+
+SAMPLES = 101
+_RANGE = 8193
+_OF_ANGLES: dict[str, Callable[[Floats], Floats]] = {"sin": np.sin, "cos": np.cos, "tan": np.tan}
+_PLAIN: dict[str, Callable[[Floats], Floats]] = {
+    "log10": np.log10,
+    "ln": np.log,
+    "exp": np.exp,
+    "reciprocal": lambda x: 1 / x,
+}
+NAMES = (*_PLAIN, *_OF_ANGLES, "power")
+"""Functions that have a name."""
+FIELDS = ("name", "table", "x", "exponent", "output_span", "samples")
+
+
+@dataclass(frozen=True)
+class Dials:
+    """A function on its two dials, in radians.
+
+    Attributes
+    ----------
+    x, y : ndarray, shape (N,)
+        The samples.
+    input, output : ndarray, shape (N,)
+        Crank angle from the first sample, and wanted rocker angle from there.
+    y_of_radian : float
+        Size of y that one radian of the output dial is.
+    exact : callable or None
+        The wanted rocker angle at any crank angle; None for a table.
+    """
+
+    x: Floats
+    y: Floats
+    input: Floats
+    output: Floats
+    y_of_radian: float
+    exact: Callable[[Floats], Floats] | None
+
+
+def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: bool) -> Dials:
+    """The checked dials of a function by name or table; ``crank_span`` in radians. See `linkage_atlas.function`."""
+    given = {name: value for name, value in function.items() if value is not None}
+    for name in given:
+        if name not in FIELDS:
+            raise FieldError(f"/function/{name}", f"there is no such field; there are {', '.join(FIELDS)}")
+    if crank_span is None:
+        raise FieldError("/crank_span", "needed for a `function`")
+    if "output_span" not in given:
+        raise FieldError("/function/output_span", "needed: how far the rocker turns")
+    span = number("function/output_span", given["output_span"]) * radians_in(degrees)
+    if not 0 < abs(span) <= 20 * np.pi:
+        raise FieldError("/function/output_span", "wanted an angle other than 0, of at most ten turns")
+    if ("name" in given) == ("table" in given):
+        raise FieldError("/function/name", "give either `name` or `table`")
+    if "table" in given:
+        for name in ("x", "exponent", "samples"):
+            if name in given:
+                raise FieldError(f"/function/{name}", "belongs to a function by name, not to a table")
+        x, y = _table(given["table"])
+        of = None
+    else:
+        x, y, of = _named(given, degrees)
+    # of a named function the dial is as long as the function is high, however it is sampled
+    every = y if of is None else of(np.linspace(x[0], x[-1], _RANGE))
+    low, high = float(every.min()), float(every.max())
+    if not high > low:
+        raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
+    # where it ends as high as it began, the rocker turns the way that y grows
+    way = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
+    scale, first, run = way * span / (high - low), float(y[0]), float(x[-1] - x[0])
+    crank = (x - x[0]) / run * crank_span
+    exact = None
+    if of is not None:
+        curve, begin = of, float(x[0])
+
+        def exact(crank: Floats) -> Floats:
+            return scale * (curve(begin + run * np.clip(crank / crank_span, 0.0, 1.0)) - first)
+
+    return Dials(x, y, crank, scale * (y - first), (high - low) / abs(span), exact)
+
+
+def _power(exponent: float, x: Floats) -> Floats:
+    return np.asarray(np.power(x, exponent))
+
+
+def _of_angle(of: Callable[[Floats], Floats], radian: float, x: Floats) -> Floats:
+    return of(x * radian)
+
+
+def _table(table: Any) -> tuple[Floats, Floats]:
+    rows = column("function/table", table)
+    if rows.ndim != 2 or rows.shape[1] != 2 or not MIN_SAMPLES <= len(rows) <= MAX_SAMPLES:
+        raise FieldError("/function/table", f"wanted {MIN_SAMPLES} to {MAX_SAMPLES} pairs [x, y]")
+    if np.any(bad := ~np.isfinite(rows).all(axis=1)):
+        raise FieldError(f"/function/table/{int(np.argmax(bad))}", "wanted finite numbers")
+    x, y = rows.T
+    steps = np.diff(x) * np.sign(x[-1] - x[0])
+    if np.any(back := steps <= 1e-9 * abs(x[-1] - x[0])):
+        place = int(np.argmax(back)) + 1
+        raise FieldError(f"/function/table/{place}", "this x does not go on from the one before")
+    return x.copy(), y.copy()
+
+
+def _named(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
+    name = given["name"]
+    if name not in NAMES:
+        raise FieldError("/function/name", f"wanted one of {', '.join(NAMES)}, found {name!r}")
+    if "x" not in given:
+        raise FieldError("/function/x", "needed: [first, last]")
+    ends = column("function/x", given["x"])
+    if ends.shape != (2,) or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
+        raise FieldError("/function/x", "wanted two different finite numbers [first, last]")
+    samples = given.get("samples", SAMPLES)
+    if not isinstance(samples, (int, np.integer)) or not MIN_SAMPLES <= samples <= MAX_SAMPLES:
+        raise FieldError("/function/samples", f"wanted a whole number from {MIN_SAMPLES} to {MAX_SAMPLES}")
+    if (name == "power") != ("exponent" in given):
+        raise FieldError("/function/exponent", "belongs to the function 'power', which needs it")
+    of: Callable[[Floats], Floats]
+    if name == "power":
+        exponent = number("function/exponent", given["exponent"])
+
+        of = partial(_power, exponent)
+    elif name in _OF_ANGLES:
+        angle, radian = _OF_ANGLES[name], radians_in(degrees)
+        if name == "tan" and np.floor(ends[0] * radian / np.pi - 0.5) != np.floor(ends[1] * radian / np.pi - 0.5):
+            raise FieldError("/function/x", "tan has a pole between these ends")
+
+        of = partial(_of_angle, angle, radian)
+    else:
+        of = _PLAIN[name]
+    low, high = sorted(ends)
+    if name in ("log10", "ln") and low <= 0:
+        raise FieldError("/function/x", f"{name} needs x above 0")
+    if low <= 0 <= high and (name == "reciprocal" or (name == "power" and exponent < 0)):
+        raise FieldError("/function/x", "the function has a pole at 0, between these ends")
+    if low < 0 and name == "power" and exponent != np.round(exponent):
+        raise FieldError("/function/x", "a power that is no whole number needs x of at least 0")
+    x = np.linspace(ends[0], ends[1], samples)
+    with np.errstate(all="ignore"):
+        y = of(x)
+    if not np.all(np.isfinite(y)) or np.abs(y).max() > 1e100:
+        raise FieldError("/function/x", "the function is too large here")
+    return x, y, of

@@ -1,0 +1,249 @@
+"""Finished function generators, their errors recomputed from their own numbers: at the samples, or over the whole interval."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.fourbar.kinematics import FULL_CRANK, Family, close_loop, family, principal, transmission_angle_over
+from synthesis.fourbar.linkage import Linkage
+from synthesis.function.wanted import Wanted
+from synthesis.pose import rotation_residual, whole_turns
+from synthesis.target import Interval
+
+Floats = NDArray[np.float64]
+
+_ROUNDING = 1e-13
+"""A turn back between two places that is no more than rounding."""
+_STEPS = 720
+"""Steps in which the interval is looked through for extremes of the error; more where there are more samples."""
+PEAKS = 24
+"""Extremes of an error curve that are kept, the largest."""
+LEVEL = 1e-3
+"""Extremes whose size is within this part of the largest one count as alternations."""
+
+
+@dataclass(frozen=True)
+class FunctionErrors:
+    """Errors of a rocker's angle, in radians.
+
+    Attributes
+    ----------
+    rms : float
+        At the samples, weighted.
+    max : float
+        Largest size: over the whole interval where the largest error was to be least, else at the samples.
+    alternations : int or None
+        How many extremes of the error, of alternating sign, are as large as the largest, over the whole interval; None where it
+        was not looked at.
+    objective : float
+        What was made least: rms, or the largest weighted error.
+    """
+
+    rms: float
+    max: float
+    alternations: int | None
+    objective: float
+
+
+@dataclass(frozen=True)
+class Generator:
+    """A linkage whose rocker answers a wanted function; lengths as asked for, the ground 1 unless it was given.
+
+    Attributes
+    ----------
+    linkage : Linkage
+    offset : float
+        output = theta3 + offset, theta3 in (-pi, pi] at the first sample.
+    errors : FunctionErrors
+    family : Family
+    transmission_angle_min : float
+        Over the used interval, exactly.
+    transmission_angle_min_turn : float or None
+        Over the whole turn; None where the crank does not turn fully.
+    """
+
+    linkage: Linkage
+    offset: float
+    errors: FunctionErrors
+    family: Family
+    transmission_angle_min: float
+    transmission_angle_min_turn: float | None
+
+    @property
+    def identity(self) -> Floats:
+        """Numbers that tell linkages apart."""
+        return np.array([*(np.array(self.linkage.links) / max(self.linkage.links)), self.linkage.branch])
+
+    def mirrored(self) -> Generator:
+        """The linkage in a mirror, for the mirrored function."""
+        return replace(self, linkage=self.linkage.mirrored(), offset=-self.offset)
+
+
+def exchanged(linkage: Linkage) -> Linkage:
+    """The linkage with coupler and rocker exchanged: its rocker turns as the coupler of this one turned, and half a turn more.
+
+    Law: theta3(L1, L2, L3, L4; branch) = theta2(L1, L3, L2, L4; -branch) + pi, up to whole turns.
+    """
+    crank, coupler, rocker, ground = linkage.links
+    return replace(linkage, links=(crank, rocker, coupler, ground), branch=-linkage.branch, body_offset=None)
+
+
+class Extremes(NamedTuple):
+    """The largest sizes of error curves between their zeros, in order along the interval; padded with size 0."""
+
+    crank: Floats
+    """(n, q): crank angle from the first sample."""
+    size: Floats
+    """(n, q), at least 0."""
+    sign: Floats
+
+
+def rocker_angles(linkages: Sequence[Linkage], travel: Floats) -> Floats:
+    """theta3 at crank angles (n, M) or (M,) from the first sample, in (-pi, pi] at the first sample, (n, M)."""
+    links, branch = np.array([one.links for one in linkages]), np.array([one.branch for one in linkages])
+    start = np.array([one.start for one in linkages])[:, None]
+    travel = np.broadcast_to(travel, (len(linkages), np.shape(travel)[-1]))
+    crank = np.concatenate([start, start + travel], axis=1)
+    return principal(close_loop(links, crank).rocker_angle(branch))[:, 1:]
+
+
+def look(wanted: Wanted) -> Floats:
+    """Crank angles at which an error curve is looked at before its extremes are refined.
+
+    They are denser towards the ends, down to a thousand millionth of the interval: there x^p may begin with an infinite slope,
+    and a rocker at a dead position too.
+    """
+    steps = max(_STEPS, 2 * wanted.crank.size)
+    cosine = (1 - np.cos(np.linspace(0.0, np.pi, steps + 1))) / 2
+    near = np.logspace(-9, -3, 49)
+    share = np.unique(np.concatenate([cosine, np.linspace(0.0, 1.0, steps // 2 + 1), near, 1 - near]))
+    return share * wanted.crank[-1]
+
+
+def extremes(error: Callable[[Floats], Floats], crank: Floats, most: int) -> Extremes:
+    """The extremes of error curves: of each stretch of one sign the largest, refined.
+
+    Parameters
+    ----------
+    error : callable
+        ``error(crank) -> values``, both (n, q), the candidates' own crank angles.
+    crank : ndarray, shape (M,)
+        Where to look first.
+    most : int
+        At most so many a curve, the largest.
+    """
+    values = error(crank[None, :])
+    size = np.abs(values)
+    inner = np.pad(size, ((0, 0), (1, 1)), constant_values=-1.0)
+    peak = (size >= inner[:, :-2]) & (size > inner[:, 2:])
+    height = np.where(peak, size, -1.0)
+    places = np.sort(np.argsort(-height, axis=1, kind="stable")[:, :most], axis=1)
+    height = np.take_along_axis(height, places, axis=1)
+    left, right = crank[np.maximum(places - 1, 0)], crank[np.minimum(places + 1, crank.size - 1)]
+    at = crank[places]
+    for shrink in (1.0, 0.1, 0.02):
+        # a parabola through three places, closer and closer together
+        a, c = at + shrink * (left - at), at + shrink * (right - at)
+        here, before, after = (np.abs(error(place)) for place in (at, a, c))
+        up, down = (after - here) * (a - at), (before - here) * (c - at)
+        bend = up - down
+        with np.errstate(divide="ignore", invalid="ignore"):
+            vertex = at + 0.5 * ((after - here) * (a - at) ** 2 - (before - here) * (c - at) ** 2) / bend
+        inside = (vertex > np.minimum(a, c)) & (vertex < np.maximum(a, c))
+        moved = np.where(inside, vertex, at)
+        better = np.abs(error(moved)) > here
+        at = np.where(better, moved, at)
+    value = error(at)
+    size = np.where(height >= 0, np.abs(value), 0.0)
+    return Extremes(at, size, np.sign(value))
+
+
+def alternations(found: Extremes) -> list[int]:
+    """How many extremes as large as the largest alternate in sign, for each curve."""
+    counts = []
+    for size, sign in zip(found.size, found.sign):
+        level = sign[(size > 0) & (size >= (1 - LEVEL) * size.max())]
+        counts.append(int(level.size > 0) + int(np.count_nonzero(np.diff(level))))
+    return counts
+
+
+def finished(
+    wanted: Wanted, linkages: Sequence[Linkage], largest: bool, offsets: Floats | None = None
+) -> list[Generator]:
+    """Generators with their errors.
+
+    Parameters
+    ----------
+    wanted : Wanted
+    linkages : sequence of Linkage
+        Each closes over the interval.
+    largest : bool
+        Whether the largest error over the interval counts, or the root of the mean square at the samples.
+    offsets : ndarray, shape (n,), optional
+        Up to whole turns; default: the given one, or that of the least rms.
+    """
+    if not linkages:
+        return []
+    angle = rocker_angles(linkages, wanted.crank)
+    target = replace(wanted.target, offset=wanted.offset)
+    offset = rotation_residual(target, angle)[0]
+    if offsets is not None:
+        offset = offsets + whole_turns(offset - offsets)
+    counts: list[int | None] = [None] * len(linkages)
+    if largest:
+
+        def error(crank: Floats) -> Floats:
+            crank = np.broadcast_to(crank, (len(linkages), crank.shape[-1]))
+            gap = wanted.curve(crank) - offset[:, None] - rocker_angles(linkages, crank)
+            return np.where(wanted.weight(crank) > 0, gap, 0.0)
+
+        def weighted(crank: Floats) -> Floats:
+            return wanted.weight(np.broadcast_to(crank, (len(linkages), crank.shape[-1]))) * error(crank)
+
+        found = plain = extremes(weighted, look(wanted), PEAKS)
+        if wanted.weights is not None:
+            plain = extremes(error, look(wanted), PEAKS)
+        objective, worst, counts = found.size.max(axis=1), plain.size.max(axis=1), list(alternations(found))
+    residual = wanted.output - angle - offset[:, None]
+    rms = np.sqrt(wanted.mean(residual**2))
+    if not largest:
+        objective, worst = rms, np.abs(wanted.mean.given(residual)).max(axis=1)
+    links, start = np.array([one.links for one in linkages]), np.array([one.start for one in linkages])
+    used = np.nan_to_num(transmission_angle_over(links, wanted.interval.after(start)))
+    turn = transmission_angle_over(links, Interval(np.zeros(len(links)), np.full(len(links), np.pi)))
+    families = family(links)
+    return [
+        Generator(
+            one,
+            float(offset[k]),
+            FunctionErrors(float(rms[k]), float(worst[k]), counts[k], float(objective[k])),
+            Family(families[k]),
+            float(used[k]),
+            float(turn[k]) if families[k] in FULL_CRANK else None,
+        )
+        for k, one in enumerate(linkages)
+    ]
+
+
+def turns_back(wanted: Wanted, linkages: Sequence[Linkage]) -> list[str | None]:
+    """A sentence for each linkage whose rocker turns back where the wanted output goes one way; None for the others."""
+    steps = np.diff(wanted.output) * np.sign(wanted.output[-1] - wanted.output[0])
+    if not np.all(steps > 0) or not linkages:
+        return [None] * len(linkages)
+    places = look(wanted)
+    made = np.diff(rocker_angles(linkages, places), axis=1) * np.sign(wanted.output[-1] - wanted.output[0])
+    found: list[str | None] = []
+    for row in made:
+        if np.all(row > -_ROUNDING):
+            found.append(None)
+            continue
+        place = int(np.argmin(row))
+        part = abs(places[place] / wanted.crank[-1])
+        degrees = np.rad2deg(-row[row < 0].sum())
+        found.append(f"the rocker turns back by {degrees:.3g} degrees at {100 * part:.3g} % of the interval")
+    return found

@@ -1,0 +1,248 @@
+"""Sequential quadratic steps for function generators within limits: least squares, or the least largest error.
+
+Unknowns of a candidate are x = (ln L1/L4, ln L2/L4, ln L3/L4, theta1', offset). With the weighted errors e and the limits'
+conditions c linear in a step d, a step is the solution of one convex program in (d, h, s)::
+
+    least largest error   minimise h + nu s              over |e + J d| <= h
+    least squares         minimise |e + J d|^2 / (2 |e|) + nu s
+    both                  over c + C d + s >= 0, s >= 0, |d| <= radius, x + d in the box
+
+It is taken where h + nu s, at its true values, falls; the radius grows and shrinks with how well the program
+foretold it (Madsen and Schjaer-Jacobsen, Linearly constrained minimax optimization, Math. Programming 14 (1978) 208-223).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.quadratic import minimise_quadratics
+from synthesis.work import Work
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Ints = NDArray[np.intp]
+
+PENALTY = 10.0
+"""nu: what leaving a condition by one radian, or by one in a logarithm, costs."""
+FIRST_RADIUS = 0.2
+_LARGEST_RADIUS, _LEAST_RADIUS = 1.0, 1e-12
+
+
+class Linear(NamedTuple):
+    """Errors and conditions of candidates with their derivatives by the k free unknowns."""
+
+    error: Floats
+    """(n, M): weighted; infinite where a candidate is impossible."""
+    slope: Floats
+    """(n, M, k)"""
+    condition: Floats
+    """(n, m)"""
+    condition_slope: Floats
+    """(n, m, k)"""
+
+
+class Linearise(Protocol):
+    """The errors and conditions of a problem."""
+
+    def __call__(self, unknowns: Floats, which: Ints) -> Linear:
+        """Those of the candidates ``which`` at unknowns (n, 5)."""
+
+
+class Descended(NamedTuple):
+    """Candidates after their descent."""
+
+    unknowns: Floats
+    size: Floats
+    """(n,): the largest error, or the root of the mean square."""
+    broken: Floats
+    """(n,): by how much the worst condition is broken."""
+    ended: Flags
+    """(n,): whether the linear program foretells no further gain."""
+    radius: Floats
+    """(n,): of a next step."""
+
+    @property
+    def merit(self) -> Floats:
+        """Size and what broken conditions cost, (n,)."""
+        return self.size + PENALTY * self.broken
+
+
+def descend(
+    linear: Linearise,
+    unknowns: Floats,
+    free: NDArray[np.intp],
+    box: tuple[Floats, Floats],
+    *,
+    largest: bool,
+    steps: int,
+    gain: float,
+    work: Work,
+    radius: Floats | float = FIRST_RADIUS,
+) -> Descended:
+    """Candidates (n, 5) led to a least error, all at once.
+
+    Parameters
+    ----------
+    linear : callable
+        ``linear(unknowns, which)`` of the candidates ``which`` at unknowns.
+    unknowns : ndarray, shape (n, 5)
+    free : ndarray of int, shape (k,)
+        Unknowns that move.
+    box : tuple of ndarray, shape (5,)
+        Least and largest of each unknown.
+    largest : bool
+        The least largest error; else least squares.
+    steps : int
+    gain : float
+        A candidate has ended when its program foretells a smaller part than this to be gained.
+    work : Work
+    radius : ndarray, shape (n,), or float
+        Of the first step.
+
+    Returns
+    -------
+    Descended
+        Law: size + PENALTY broken of a candidate is never above that of its beginning.
+    """
+    unknowns = np.clip(unknowns, *box)
+    count = len(unknowns)
+    accuracy = min(1e-3, 0.1 * gain)
+    here = linear(unknowns, np.arange(count))
+    merit = _merit(here, largest)
+    radii = np.full(count, radius, dtype=float)
+    ended = np.zeros(count, dtype=bool)
+    active = np.flatnonzero(np.isfinite(merit))
+    for _ in range(steps):
+        if not active.size or work.expired():
+            break
+        some = Linear(*(one[active] for one in here))
+        low, high = (edge[free] - unknowns[active][:, free] for edge in box)
+        step, foretold = _program(some, radii[active], low, high, largest, accuracy)
+        trial = np.clip(_moved(unknowns[active], free, step), *box)
+        there = linear(trial, active)
+        new = _merit(there, largest)
+        # along a curved valley the step leaves its floor: once more, with what the first step missed (Fletcher, Practical
+        # Methods of Optimization, 14.4)
+        again = np.flatnonzero((merit[active] - new < 0.5 * (merit[active] - foretold)) & np.isfinite(new))
+        if again.size:
+            part = Linear(*(one[again] for one in some))
+            missed = there.error[again] - (part.slope @ step[again][:, :, None])[:, :, 0]
+            broke = there.condition[again] - (part.condition_slope @ step[again][:, :, None])[:, :, 0]
+            part = part._replace(error=missed, condition=broke)
+            back = _program(part, radii[active[again]], low[again], high[again], largest, accuracy)[0]
+            corrected = np.clip(_moved(unknowns[active[again]], free, back), *box)
+            other = linear(corrected, active[again])
+            value = _merit(other, largest)
+            helped = value < new[again]
+            rows = again[helped]
+            trial[rows], new[rows], step[rows] = corrected[helped], value[helped], back[helped]
+            for column, found in zip(there, other):
+                column[rows] = found[helped]
+        expected = merit[active] - foretold
+        ratio = (merit[active] - new) / np.maximum(expected, 1e-300)
+        better = (new < merit[active]) & (ratio > 1e-3)
+        took = active[better]
+        unknowns[took], merit[took] = trial[better], new[better]
+        for column, value in zip(here, there):
+            column[took] = value[better]
+        length = np.abs(step).max(axis=1)
+        grown = np.where(ratio > 0.75, np.maximum(radii[active], 2.5 * length), radii[active])
+        radii[active] = np.minimum(np.where(ratio < 0.25, 0.3 * length, grown), _LARGEST_RADIUS)
+        over = (expected <= gain * merit[active]) | (merit[active] < 1e-15)
+        ended[active[over]] = True
+        active = active[~over & (radii[active] > _LEAST_RADIUS)]
+    return Descended(unknowns, _size(here.error, largest), _broken(here.condition), ended, radii)
+
+
+def _moved(unknowns: Floats, free: Ints, step: Floats) -> Floats:
+    """Unknowns after a step that is straight in Freudenstein's numbers, L4/L1, L4/L2 and the one that the squares make.
+
+    The closure is linear in them, so along them valleys are straight where along the ratios they bend: to first order both
+    steps are the same.
+    """
+    change = np.zeros_like(unknowns)
+    change[:, free] = step
+    moved = unknowns + change
+    l1, l2, l3 = np.exp(unknowns[:, :3]).T
+    d1, d2, d3 = change[:, :3].T
+    product, squares = 2 * l1 * l2, (l1 * l1, l2 * l2, l3 * l3)
+    one, two, three = squares
+    number = (one + two + 1 - three) / product
+    number += ((one - two - 1 + three) * d1 + (two - one - 1 + three) * d2 - 2 * three * d3) / product
+    with np.errstate(all="ignore"):
+        l1, l2 = l1 / (1 - d1), l2 / (1 - d2)
+        square = l1 * l1 + l2 * l2 + 1 - 2 * l1 * l2 * number
+        lengths = np.log(np.stack([l1, l2, np.sqrt(square)], axis=1))
+    good = np.all(np.isfinite(lengths), axis=1) & (l1 > 0) & (l2 > 0)
+    moved[good, :3] = lengths[good]
+    return moved
+
+
+def _size(error: Floats, largest: bool) -> Floats:
+    if largest:
+        return np.abs(error).max(axis=1)
+    return np.sqrt(np.einsum("nm,nm->n", error, error))
+
+
+def _broken(condition: Floats) -> Floats:
+    return np.maximum(0.0, -condition.min(axis=1, initial=np.inf))
+
+
+def _merit(one: Linear, largest: bool) -> Floats:
+    merit = _size(one.error, largest) + PENALTY * _broken(one.condition)
+    return np.where(np.isnan(merit), np.inf, merit)
+
+
+def _program(
+    one: Linear, radius: Floats, low: Floats, high: Floats, largest: bool, accuracy: float
+) -> tuple[Floats, Floats]:
+    """Steps (n, k) of the programs, and the merits (n,) that they foretell."""
+    count, samples, size = one.slope.shape
+    conditions = one.condition.shape[1]
+    low, high = np.maximum(low, -radius[:, None]), np.minimum(high, radius[:, None])
+    # an unknown at its edge: a hair of room, so that the beginning lies inside
+    room = 1e-12 * radius[:, None]
+    low, high = np.minimum(low, -room), np.maximum(high, room)
+    z = np.zeros((count, size + 2))
+    broken = _broken(one.condition)
+    height = np.abs(one.error).max(axis=1)
+    z[:, size] = 1.1 * height + 1e-12
+    scale = np.maximum(height, broken)
+    z[:, size + 1] = broken + 0.1 * scale + 1e-12
+    rows = (2 * samples if largest else 0) + conditions + 2 * size + 1
+    matrix, bound = np.zeros((count, rows, size + 2)), np.zeros((count, rows))
+    at = 0
+    if largest:
+        for side in (-1.0, 1.0):
+            part = slice(at, at + samples)
+            matrix[:, part, :size], matrix[:, part, size] = side * one.slope, 1.0
+            bound[:, part] = side * one.error
+            at += samples
+    part = slice(at, at + conditions)
+    matrix[:, part, :size], matrix[:, part, size + 1] = one.condition_slope, 1.0
+    bound[:, part] = one.condition
+    at += conditions
+    for side, edge in ((1.0, -low), (-1.0, high)):
+        part = slice(at, at + size)
+        matrix[:, part, :size] = side * np.eye(size)
+        bound[:, part] = edge
+        at += size
+    matrix[:, at, size + 1] = 1.0
+    hessian, gradient = np.zeros((count, size + 2, size + 2)), np.zeros((count, size + 2))
+    gradient[:, size + 1] = PENALTY
+    norm = np.maximum(_size(one.error, False), 1e-300)[:, None]
+    if largest:
+        gradient[:, size] = 1.0
+    else:
+        turned = one.slope.transpose(0, 2, 1)
+        hessian[:, :size, :size] = turned @ one.slope / norm[:, :, None]
+        hessian[:, size, size] = 1.0
+        gradient[:, :size] = (turned @ one.error[:, :, None])[:, :, 0] / norm
+    z, _ = minimise_quadratics(hessian, gradient, matrix, bound, z, accuracy * np.maximum(height, 1e-300))
+    step = z[:, :size]
+    ahead = one.error + (one.slope @ step[:, :, None])[:, :, 0]
+    kept = one.condition + (one.condition_slope @ step[:, :, None])[:, :, 0]
+    return step, _size(ahead, largest) + PENALTY * _broken(kept)

@@ -1,0 +1,408 @@
+"""The search for function generators: that for motions where it serves; else limits, and the least largest error.
+
+Data flow::
+
+    wanted --(clockwise: mirrored)--> the coupler of the linkage with coupler and rocker exchanged turns as wanted
+      -> least squares, nothing limited but the family: `search.search`
+      -> else: a first look of that search, and a coarse grid of all ratios -> least squares, limits as penalties, all at once
+      -> sequential quadratic steps over fixed places -> different ones, best first
+      -> steps over the extremes of each candidate's own error curve, until they are level
+      -> coupler and rocker exchanged back -> errors recomputed from the linkage's numbers, within the limits, different
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.solution import four
+from synthesis.function.answers import PEAKS, Generator, exchanged, extremes, finished, look, turns_back
+from synthesis.function.bounds import FunctionLimits
+from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, descend
+from synthesis.function.problem import Problem
+from synthesis.function.wanted import Wanted
+from synthesis.least_squares import Evaluation, minimise
+from synthesis.ranking import APART, Status, distinct
+from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy, first_look, search
+from synthesis.search.seeds import SeedTables
+from synthesis.target import TURN
+from synthesis.work import Work
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+LEVELLED = 1e-7
+"""The least largest error has been found where the linear program over the extremes foretells a smaller part to be gained."""
+_FARTHEST = 2.2
+"""ln of the largest length ratio of the grid."""
+_LEVELS = (1, 200, 21, 7)
+"""Levels of each ratio on the grid, by how many are free."""
+_STARTS = 24
+_FIRST_PLACES, _PLACES = 9, 33
+_SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
+_LOOKED = 24
+"""Candidates of the first look at full cranks."""
+_SOFT = 0.5
+"""Weight of a broken condition beside errors in radians, while the descent finds its valley."""
+_NEARLY = 1e-3
+"""The same for those behind the best."""
+_AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
+"""Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
+_LEAST_RADIUS = 1e-5
+_EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
+
+
+class _Search:
+    """One request that the search for motions does not serve."""
+
+    def __init__(self, wanted: Wanted, limits: FunctionLimits, largest: bool, top: int, tolerance: float, work: Work):
+        self.wanted, self.limits, self.largest, self.top, self.tolerance, self.work = (
+            wanted,
+            limits,
+            largest,
+            top,
+            tolerance,
+            work,
+        )
+        self.problem = Problem(wanted, limits, largest)
+        self.seeds, self.screened = 0, 0.0
+        self.settled = False
+        self.trace: list[tuple[float, float]] = []
+
+    # -- places -------------------------------------------------------------------------------------------------------
+
+    def places(self, count: int) -> tuple[Floats, Floats]:
+        """Crank angles at which errors count, and what each is multiplied with, (M,) each.
+
+        For the least largest error places that are denser towards the ends; for least squares the samples themselves.
+        """
+        if self.largest:
+            crank = (1 - np.cos(np.linspace(0.0, np.pi, count))) / 2 * self.wanted.crank[-1]
+            return crank, self.wanted.weight(crank)
+        some = self.wanted.target.thinned(count)
+        return some.crank, np.broadcast_to(some.rotation_mean.root, some.crank.shape)
+
+    # -- beginnings ---------------------------------------------------------------------------------------------------
+
+    def grid(self) -> tuple[Floats, Floats]:
+        """The most promising of a grid of all ratios, starts and branches: unknowns (n, 5) and branches."""
+        problem = self.problem
+        low, high = problem.box[0][:3], problem.box[1][:3]
+        low, high = np.maximum(low, np.minimum(high, -_FARTHEST)), np.minimum(high, np.maximum(low, _FARTHEST))
+        free = np.isnan(problem.given)
+        levels = _LEVELS[int(free.sum())]
+        axes = [np.linspace(a, b, levels) if moves else np.array([a]) for a, b, moves in zip(low, high, free)]
+        shapes = np.array(list(itertools.product(*axes)))
+        starts = np.arange(_STARTS) * (TURN / _STARTS)
+        if self.wanted.start is not None:
+            starts = np.array([self.wanted.start])
+        unknowns = np.zeros((len(shapes) * starts.size, 5))
+        unknowns[:, :3], unknowns[:, 3] = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
+        crank, root = self.places(_FIRST_PLACES)
+        broken = np.minimum(self.limits.conditions(unknowns[:, :4], self.wanted.interval)[0], 0.0)
+        far = np.sum((_SOFT * broken) ** 2, axis=1)
+        found, sides = [], []
+        for branch in (1.0, -1.0):
+            side = np.full(len(unknowns), branch)
+            placed = problem.with_offset(unknowns, side, crank, root)
+            gap = root * problem.gap(placed, side, np.broadcast_to(crank, (len(placed), crank.size)))
+            cost = np.sum(gap * gap, axis=1) / np.sum(root * root) + far
+            order = np.argsort(cost, kind="stable")
+            order = order[np.isfinite(cost[order])]
+            cells = np.floor(placed[order][:, :4] / np.array([0.5, 0.5, 0.5, 0.4])).astype(np.int64)
+            first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[: _SEEDS // 2]
+            found.append(placed[order[first]])
+            sides.append(side[: len(first)])
+        return np.concatenate(found), np.concatenate(sides)
+
+    def looked(self, tables: SeedTables) -> tuple[Floats, Floats]:
+        """The best full cranks of a first look that knows no limits; none where ratios are given."""
+        if not np.isnan(self.problem.given).all():
+            return np.empty((0, 5)), np.empty(0)
+        plain = Limits(family="full_crank" if self.limits.family == "any" else self.limits.family)
+        found = first_look(tables, self.wanted.target, plain, _LOOKED, self.work)
+        ratios = np.log(found.lengths[:, :3] / found.lengths[:, 3:])
+        unknowns = np.column_stack([ratios, found.start, np.zeros(len(found.start))])
+        crank, root = self.places(SEARCH_SAMPLES)
+        return self.problem.with_offset(unknowns, found.branch, crank, root), found.branch
+
+    # -- descents -----------------------------------------------------------------------------------------------------
+
+    def least_squares(self, unknowns: Floats, branch: Floats, places: int, steps: int) -> tuple[Floats, Floats]:
+        """Candidates after a descent to least squares, limits and box as penalties, and their costs."""
+        problem, free = self.problem, self.problem.free
+        crank, root = self.places(places)
+        root = root / np.sqrt(np.sum(root * root))
+        low, high = problem.box
+        each = np.broadcast_to(crank, (len(unknowns), crank.size)), np.broadcast_to(root, (len(unknowns), crank.size))
+
+        def evaluate(moving: Floats, which: Floats) -> Evaluation:
+            chosen = which.astype(np.intp)
+            full = unknowns[chosen]
+            full[:, free] = moving
+            one = problem.linear(branch, *each)(full, chosen)
+            out = np.where(full < low, full - low, np.where(full > high, full - high, 0.0))[:, free]
+            beyond = _SOFT * np.eye(len(free)) * (out != 0)[:, None, :]
+            broken = np.minimum(one.condition, 0.0)
+            slope = np.where(broken[:, :, None] < 0, one.condition_slope, 0.0)
+            derivative = np.concatenate([one.slope.transpose(0, 2, 1), _SOFT * slope.transpose(0, 2, 1), beyond], 2)
+            residual = np.concatenate([one.error, _SOFT * broken, _SOFT * out], axis=1)
+            cost = np.sum(residual * residual, axis=1)
+            stack = np.concatenate([derivative, residual[:, None, :]], axis=1)
+            cost = np.where(np.isnan(cost), np.inf, cost)
+            return Evaluation(cost, np.where(np.isfinite(cost)[:, None, None], stack, 0.0))
+
+        found = minimise(
+            evaluate, unknowns[:, free], np.arange(len(unknowns), dtype=float), steps, 0.3 * self.tolerance, self.work
+        )
+        out = unknowns.copy()
+        out[:, free] = found.unknowns
+        return out, found.cost
+
+    def stepped(
+        self,
+        unknowns: Floats,
+        branch: Floats,
+        crank: Floats,
+        root: Floats,
+        steps: int,
+        gain: float,
+        radius: Floats | float = FIRST_RADIUS,
+    ) -> Descended:
+        """Candidates after sequential quadratic steps over places (n, M)."""
+        return descend(
+            self.problem.linear(branch, crank, root),
+            unknowns,
+            self.problem.free,
+            self.problem.box,
+            largest=self.largest,
+            steps=steps,
+            gain=gain,
+            work=self.work,
+            radius=radius,
+        )
+
+    def run(self, tables: SeedTables) -> list[Generator]:
+        """The best candidates, different ones, within the limits."""
+        looked, looked_side = self.looked(tables)
+        grid, side = self.grid()
+        self.screened = self.work.elapsed
+        unknowns, branch = np.concatenate([looked, grid]), np.concatenate([looked_side, side])
+        self.seeds = len(branch)
+        return self.led(unknowns, branch)
+
+    def led(self, unknowns: Floats, branch: Floats) -> list[Generator]:
+        """The best of what beginnings lead to."""
+        solutions: list[Generator] = []
+        if not len(branch):
+            return solutions
+        unknowns, cost = self.least_squares(unknowns, branch, 17, 12)
+        best = _apart(unknowns, branch, cost, _VALLEYS)
+        unknowns, branch = unknowns[best], branch[best]
+        if not best.size:
+            return solutions
+        unknowns, cost = self.least_squares(unknowns, branch, _PLACES if self.largest else SEARCH_SAMPLES, 80)
+        best = _apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
+        unknowns, branch = unknowns[best], branch[best]
+        solutions = self.kept(unknowns[:8], branch[:8])
+        self.note(solutions)
+        if Status.of(solutions, self.tolerance) is Status.REACHED:
+            self.settled = True
+            return distinct(self.kept(unknowns, branch), self.top, APART)
+        radii = np.full(len(branch), FIRST_RADIUS)
+        for count, steps, gain, most in (
+            (21, 12, 1e-2, self.top + 10),
+            (_PLACES, 25, 1e-4, self.top + 4),
+        ):
+            crank, root = (np.broadcast_to(one, (len(branch), one.size)) for one in self.places(count))
+            done = self.stepped(unknowns, branch, crank, root, steps, gain, radii)
+            best = _apart(done.unknowns, branch, done.merit, most)
+            unknowns, branch, radii = (
+                done.unknowns[best],
+                branch[best],
+                np.maximum(2 * done.radius[best], _LEAST_RADIUS),
+            )
+            if not best.size:
+                return solutions
+            solutions = distinct(solutions + self.kept(unknowns, branch), self.top, APART)
+            self.note(solutions)
+        unknowns = self.levelled(unknowns, branch, radii)
+        solutions = distinct(solutions + self.kept(unknowns, branch), self.top, APART)
+        self.note(solutions)
+        return solutions
+
+    def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
+        """Candidates led on over the extremes of their own error curves, which are looked up again after each few steps."""
+        if not self.largest:
+            crank, root = (
+                np.broadcast_to(one, (len(branch), one.size)) for one in self.places(self.wanted.crank.size)
+            )
+            done = self.stepped(unknowns, branch, crank, root, 40, 1e-5, radii)
+            self.settled = bool(done.ended[np.argmin(done.merit)])
+            return done.unknowns
+        best, least = unknowns.copy(), np.full(len(branch), np.inf)
+        rows = np.arange(len(branch))
+        looked, coarse = look(self.wanted), self.places(_FIRST_PLACES)[0]
+        peaks = np.broadcast_to(coarse, (len(rows), coarse.size))
+        for turn in range(_EXCHANGES):
+            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), looked, PEAKS // 2)
+            broken = np.minimum(self.limits.conditions(unknowns[rows, :4], self.wanted.interval)[0], 0.0).min(axis=1)
+            largest = found.size.max(axis=1)
+            merit = largest - PENALTY * broken
+            better = merit < least[rows]
+            # no longer falling: the places that the steps saw were all the extremes that there are
+            first = rows == np.argmin(least)
+            # those behind the best are alternatives: they may be a little short of level
+            level = (turn >= _EXCHANGES_BEHIND) & ~first
+            level |= merit >= least[rows] * (1 - np.where(first, LEVELLED, _NEARLY))
+            best[rows[better]], least[rows[better]] = unknowns[rows[better]], merit[better]
+            if turn and level.any():
+                self.settled = self.settled or bool(np.any(level & first))
+                keep = ~level
+                rows, peaks, found = rows[keep], peaks[keep], type(found)(*(one[keep] for one in found))
+            if not rows.size or self.work.expired():
+                break
+            places = np.sort(
+                np.concatenate([found.crank, peaks[:, -PEAKS:], np.broadcast_to(coarse, (len(rows), coarse.size))], 1)
+            )
+            peaks = found.crank
+            done = self.stepped(
+                best[rows], branch[rows], places, self.wanted.weight(places), _EXCHANGE_STEPS, LEVELLED, radii[rows]
+            )
+            unknowns[rows], radii[rows] = done.unknowns, np.maximum(2 * done.radius, _LEAST_RADIUS)
+        return best
+
+    def weighted_gap(self, unknowns: Floats, branch: Floats) -> Callable[[Floats], Floats]:
+        """The weighted errors of candidates as a function of crank angles (n, q)."""
+
+        def error(crank: Floats) -> Floats:
+            each = np.broadcast_to(crank, (len(branch), crank.shape[-1]))
+            return self.wanted.weight(each) * self.problem.gap(unknowns, branch, each)
+
+        return error
+
+    # -- answers ------------------------------------------------------------------------------------------------------
+
+    def kept(self, unknowns: Floats, branch: Floats) -> list[Generator]:
+        """Candidates as generators, those outside of the limits left out; coupler and rocker exchanged back."""
+        ratios = np.where(np.isnan(self.problem.given), unknowns[:, :3], self.problem.given)
+        lengths = self.limits.ground * np.concatenate([np.exp(ratios), np.ones((len(ratios), 1))], axis=1)
+        for k, one in enumerate(self.limits.links):
+            if one is not None:  # as it was given, to the last bit
+                lengths[:, k] = one
+        start = unknowns[:, 3] % TURN
+        within = self.limits.kept_by(lengths, start, self.wanted.interval)
+        linkages = [
+            exchanged(Linkage(four(row), int(side), float(at)))
+            for row, side, at in zip(lengths[within], branch[within], start[within])
+        ]
+        # of least squares the offset is found anew, of the largest error it is the candidate's own
+        offsets = unknowns[within, 4] - np.pi if self.largest else None
+        found = finished(self.wanted, linkages, self.largest, offsets)
+        if not self.limits.one_way:
+            return found
+        return [one for one, back in zip(found, turns_back(self.wanted, linkages)) if back is None]
+
+    def note(self, solutions: list[Generator]) -> None:
+        """Add the best objective so far to the trace."""
+        if solutions:
+            best = min(one.errors.objective for one in solutions)
+            self.trace.append((self.work.elapsed, best))
+
+
+def _apart(unknowns: Floats, branch: Floats, cost: Floats, most: int) -> Ints:
+    """Places of the best ``most`` candidates of those that end in different valleys."""
+    order = np.argsort(cost, kind="stable")
+    order = order[np.isfinite(cost[order])]
+    place = np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3]), branch])[order]
+    cells = np.round(place / 0.02).astype(np.int64)
+    first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[:most]
+    return order[first]
+
+
+def generate(
+    tables: SeedTables,
+    wanted: Wanted,
+    limits: FunctionLimits,
+    largest: bool,
+    top: int,
+    tolerance: float,
+    work: Work | None = None,
+) -> tuple[list[Generator], SearchReport]:
+    """The best linkages for a wanted function.
+
+    Parameters
+    ----------
+    tables : SeedTables
+        Of the four-bar.
+    wanted : Wanted
+    limits : FunctionLimits
+    largest : bool
+        Make the largest error over the interval least, or else the root of the mean square at the samples.
+    top : int
+        At most this many, different from one another, best first.
+    tolerance : float
+        Stop the search when the objective is below it.
+    work : Work, optional
+        Once it has expired the best found so far is returned.
+
+    Returns
+    -------
+    generators : list of Generator
+        All within the limits. Law: a mirrored function gives the mirrored linkages.
+    report : SearchReport
+    """
+    work = work or Work()
+    if wanted.clockwise:
+        found, report = generate(tables, wanted.mirrored(), limits, largest, top, tolerance, work)
+        return [one.mirrored() for one in found], report
+    other = limits.exchanged()
+    if not largest and limits.only_family:
+        motion, report = search(tables, wanted.target, Limits(family=limits.family), top, tolerance, work)
+        linkages = [exchanged(one.linkage).scaled(limits.ground) for one in motion]
+        found = [one for one in finished(wanted, linkages, False) if one.transmission_angle_min > 0]
+        given = wanted.start is not None or wanted.offset is not None
+        if not given or Status.of(found, tolerance) is Status.REACHED or work.expired():
+            return found, report
+        # with given zeros the search for motions ends with full cranks
+        run = _Search(wanted, other, False, top, tolerance, work)
+        found = distinct(found + run.run(tables), top, APART)
+        trace = report.trace + [
+            (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
+        ]
+        stopped = _stopped_by(found, tolerance, work)
+        return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
+    run = _Search(wanted, other, largest, top, tolerance, work)
+    found = run.run(tables)
+    stopped = _stopped_by(found, tolerance, work)
+    return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
+
+
+def _stopped_by(found: list[Generator], tolerance: float, work: Work) -> StoppedBy:
+    if Status.of(found, tolerance) is Status.REACHED:
+        return StoppedBy.TOLERANCE
+    return StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
+
+
+def refit(
+    wanted: Wanted, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work
+) -> Generator | None:
+    """A generator with other lengths (4,) near its own, its zeros fitted anew; None where it does not close."""
+    if wanted.clockwise:
+        found = refit(wanted.mirrored(), generator.mirrored(), links, largest, tolerance, work)
+        return None if found is None else found.mirrored()
+    crank, coupler, rocker, ground = (float(one) for one in links)
+    run = _Search(wanted, FunctionLimits(links=(crank, rocker, coupler, ground)), largest, 1, tolerance, work)
+    start = generator.linkage.start + _AROUND
+    if wanted.start is not None:
+        start = np.array([wanted.start])
+    unknowns = np.zeros((start.size, 5))
+    unknowns[:, :3], unknowns[:, 3] = run.problem.given, start
+    branch = np.full(start.size, -float(generator.linkage.branch))
+    places, root = run.places(SEARCH_SAMPLES)
+    return next(iter(run.led(run.problem.with_offset(unknowns, branch, places, root), branch)), None)

@@ -1,0 +1,202 @@
+"""Function generation in Python: functions by name, dials, errors by name, files, and rocker curves of the atlas."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import linkage_atlas as la
+from linkage_atlas.named import NAMES, read_dials
+from synthesis.fourbar.kinematics import close_loop
+
+SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90}
+BY_HAND = {
+    "log10": lambda x: np.log(x) / np.log(10),
+    "ln": np.log,
+    "exp": np.exp,
+    "reciprocal": lambda x: x**-1.0,
+    "sin": lambda x: np.sin(np.pi * x / 180),
+    "cos": lambda x: np.cos(np.pi * x / 180),
+    "tan": lambda x: np.tan(np.pi * x / 180),
+    "power": lambda x: x**1.5,
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("span", [70.0, -70.0])
+def test_dials_are_linear(name: str, span: float) -> None:
+    asked: dict[str, Any] = {"name": name, "x": [1, 4], "output_span": span, "samples": 33}
+    if name == "power":
+        asked["exponent"] = 1.5
+    dials = read_dials(asked, np.deg2rad(-40), True)
+    x = np.linspace(1, 4, 33)
+    y = BY_HAND[name](x)
+    np.testing.assert_allclose(dials.x, x)
+    np.testing.assert_allclose(dials.y, y, rtol=1e-14)
+    np.testing.assert_allclose(dials.input, np.deg2rad(np.linspace(0, -40, 33)), atol=1e-15)
+    # the rocker turns by the span from the first to the last, whichever way y goes
+    np.testing.assert_allclose(np.rad2deg(dials.output), span * (y - y[0]) / (y[-1] - y[0]), atol=1e-11)
+    np.testing.assert_allclose(dials.exact(dials.input), dials.output, atol=1e-14)
+    assert dials.y_of_radian == pytest.approx(abs(y[-1] - y[0]) / np.deg2rad(70))
+
+
+def test_the_dial_of_a_function_that_turns_back_is_as_long_as_the_function_is_high() -> None:
+    dials = read_dials({"name": "sin", "x": [0, 180], "output_span": 50, "samples": 8}, 1.0, True)
+    assert abs(dials.output[-1]) < 1e-12 and dials.output[0] == 0
+    assert np.rad2deg(dials.exact(np.array([0.5]))[0]) == pytest.approx(50, rel=1e-7)
+    # the cosine of a whole turn ends a rounding below where it began: that is no way to turn
+    dials = read_dials({"name": "cos", "x": [90, 270], "output_span": 50}, 1.0, True)
+    assert np.rad2deg(dials.output.min()) == pytest.approx(-50, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field"),
+    [
+        ({}, "/output"),
+        ({"output": [1, 2, 3], "function": SQUARE, "crank_span": 9}, "/output"),
+        ({"output": [1, 2, 3]}, "/crank_span"),
+        ({"input": [0, 10, 10, 20], "output": [0, 1, 2, 3]}, "/input/2"),
+        ({"input": [0, 10, 5], "output": [0, 1, 2]}, "/input/2"),
+        ({"output": [0, float("nan"), 2], "crank_span": 9}, "/output/1"),
+        ({"output": [0, 1], "crank_span": 9}, "/output"),
+        ({"output": [0, 1, 2, 1], "crank_span": 9, "one_way": True}, "/output/3"),
+        ({"output": [0, 1, 2], "crank_span": 9, "weights": [1, -1, 1]}, "/weights/1"),
+        ({"output": [0, 1, 2], "crank_span": 9, "objective": "mean"}, "/objective"),
+        ({"output": [0, 1, 2], "crank_span": 9, "round_to": 1}, "/round_to"),
+        ({"output": [0, 1, 2], "crank_span": 9, "limits": {"pivot_box": [0, 0, 1, 1]}}, "/limits/pivot_box"),
+        ({"output": [0, 1, 2], "crank_span": 9, "limits": {"links": {"crank": 3}}}, "/limits/links/ground"),
+        ({"output": [0, 1, 2], "crank_span": 9, "limits": {"links": {"ground": -3}}}, "/limits/links/ground"),
+        ({"output": [0, 1, 2], "crank_span": 9, "limits": {"preset": "mad"}}, "/limits/preset"),
+        ({"output": [0, 1, 2], "crank_span": 9, "input_zero": float("inf")}, "/input_zero"),
+        ({"function": SQUARE}, "/crank_span"),
+        ({"function": SQUARE, "input": [0, 1, 2]}, "/input"),
+        ({"function": {**SQUARE, "name": "__import__"}, "crank_span": 9}, "/function/name"),
+        ({"function": {**SQUARE, "exponent": None}, "crank_span": 9}, "/function/exponent"),
+        ({"function": {**SQUARE, "x": [-1, 1], "exponent": 0.5}, "crank_span": 9}, "/function/x"),
+        ({"function": {"name": "ln", "x": [0, 1], "output_span": 9}, "crank_span": 9}, "/function/x"),
+        ({"function": {"name": "reciprocal", "x": [-1, 1], "output_span": 9}, "crank_span": 9}, "/function/x"),
+        ({"function": {"name": "tan", "x": [60, 120], "output_span": 9}, "crank_span": 9}, "/function/x"),
+        ({"function": {"name": "exp", "x": [0, 1e4], "output_span": 9}, "crank_span": 9}, "/function/x"),
+        ({"function": {**SQUARE, "exponent": 0}, "crank_span": 9}, "/function"),
+        ({"function": {**SQUARE, "output_span": 0}, "crank_span": 9}, "/function/output_span"),
+        ({"function": {"table": [[0, 0], [1, 1], [1, 2]], "output_span": 9}, "crank_span": 9}, "/function/table/2"),
+        ({"function": {"table": [[0, 0], [1, 1]], "output_span": 9}, "crank_span": 9}, "/function/table"),
+    ],
+)
+def test_what_is_wrong_is_named(arguments: dict[str, Any], field: str) -> None:
+    with pytest.raises(la.FieldError) as error:
+        la.function(**arguments)
+    assert error.value.field == field
+
+
+def test_a_reply_tells_everything_and_holds_plain_numbers() -> None:
+    limits = {"links": {"ground": 100}, "preset": "practical"}
+    found = la.function(
+        function=SQUARE,
+        crank_span=90,
+        objective="max",
+        limits=limits,
+        round_to=1,
+        sensitivity=True,
+        curves=True,
+        top=2,
+    )
+    reply = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    best = reply["solutions"][0]
+    assert best["links"]["ground"] == 100
+    assert all(value == round(value) for value in best["rounded"]["links"].values())
+    assert best["rounded"]["errors"]["max"] >= best["errors"]["max"] * (1 - 1e-9)
+    assert best["verdict"]["buildable"] and best["transmission_angle_min"] >= 35
+    assert best["errors"]["max_y"] == pytest.approx(best["errors"]["max"] / 90, rel=1e-9)
+    curve = np.array(best["error_curve"]["error"])
+    assert np.abs(curve).max() == pytest.approx(best["errors"]["max"], rel=1e-3)
+    np.testing.assert_allclose(reply["y"], np.array(reply["x"]) ** 2, atol=1e-14)
+    # the first-order change of the output is what a longer link does, up to the offset
+    travel = np.linspace(0, 90, 101)
+    plain = found.linkage.joints(travel).rocker_direction
+    for k, name in enumerate(("crank", "coupler", "rocker")):
+        longer = found.linkage.links + 1e-5 * np.eye(4)[k]
+        moved = la.FourBar(*longer, found.linkage.branch, start_angle=found.linkage.start_angle).joints(travel)
+        change = np.sqrt(np.mean(((moved.rocker_direction - plain) / 1e-5) ** 2))
+        assert best["sensitivity"][k] == pytest.approx(change, rel=1e-3), name
+
+
+def test_files(tmp_path: Path) -> None:
+    found = la.function(
+        function=SQUARE, crank_span=90, limits={"preset": "practical", "links": {"ground": 50}}, top=1
+    )
+    rows = list(csv.DictReader(io.StringIO(found.render("csv"))))
+    error = [float(row["error"]) for row in rows]
+    assert len(rows) == 101 and np.sqrt(np.mean(np.square(error))) == pytest.approx(found.best.errors.rms, rel=1e-9)
+    assert float(rows[-1]["output_wanted"]) == pytest.approx(90)
+    (tmp_path / "one.dxf").write_text(found.render("dxf"), newline="")
+    assert not ezdxf.readfile(tmp_path / "one.dxf").audit().has_errors
+    assert found.render("svg").startswith("<") and "mujoco" in found.render("mjcf")
+    with pytest.raises(la.FieldError):
+        found.render("csv", rank=2)
+
+
+def test_radians_and_degrees_are_the_same() -> None:
+    maker = la.FourBar(2, 5, 4.5, 5.5, start_angle=40)
+    output = maker.joints(np.linspace(0, 100, 9)).rocker_direction
+    one = la.function(output, 100, top=1, input_zero=40).best
+    other = la.function(np.deg2rad(output), np.deg2rad(100), top=1, input_zero=np.deg2rad(40), degrees=False).best
+    np.testing.assert_allclose(one.linkage.links, other.linkage.links, rtol=1e-9)
+    assert one.output_offset == pytest.approx(np.rad2deg(other.output_offset), abs=1e-7)
+
+
+def test_a_jump_is_named_and_infeasible_is_said() -> None:
+    found = la.function([0, 1, 2, 60, 61, 62, 63], 60, top=1)
+    assert found.status == "closest" and any("sample 3 to 4" in note for note in found.report.notes)
+    links = {"ground": 100, "crank": 10, "coupler": 10, "rocker": 10}
+    nothing = la.function([0, 10, 30], 60, limits={"links": links})
+    assert nothing.status == "infeasible" and not nothing.solutions
+
+
+def test_few_samples_for_a_largest_error_are_named() -> None:
+    found = la.function([0, 15, 18, 35], 60, objective="max", top=1)
+    assert any("spline" in note for note in found.report.notes)
+    told = la.function(function=SQUARE, crank_span=90, objective="max", top=1)
+    assert not any("spline" in note for note in told.report.notes)
+
+
+@settings(max_examples=8)
+@given(st.integers(0, 10**6))
+def test_rocker_matches_are_the_best_of_all_windows(rocker_atlas: la.Atlas, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    samples, span = int(random.integers(3, 12)), random.uniform(30, 360) * random.choice([-1, 1])
+    wanted = random.uniform(-40, 40, samples).cumsum()
+    matches = la.match(wanted, span, atlas=rocker_atlas, curve="rocker", top=4).matches
+    lengths, t = rocker_atlas.stored.lengths.astype(float), np.deg2rad(np.linspace(0, span, samples))
+    errors = []
+    for branch in (1, -1):
+        crank = np.deg2rad(np.arange(360))[:, None] + t
+        angle = close_loop(lengths[:, None, :], crank[None]).rocker_angle(branch)
+        gap = wanted - np.rad2deg(angle)
+        errors.append(np.sqrt(np.var(gap, axis=-1)))
+    naive = np.sort(np.concatenate(errors).ravel())[:4]
+    np.testing.assert_allclose([one.similarity for one in matches], naive, rtol=1e-9)
+    best = matches[0]
+    made = best.linkage.joints(np.linspace(0, span, samples)).rocker_direction
+    gap = wanted - made - best.offset
+    assert np.sqrt(np.mean((gap - 360 * np.round(gap / 360)) ** 2)) == pytest.approx(best.similarity, rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def rocker_atlas(tmp_path_factory: pytest.TempPathFactory) -> la.Atlas:
+    return la.build_atlas(tmp_path_factory.mktemp("rocker") / "small.h5", 20, 2, "full_crank", 32, jobs=1)
+
+
+def test_an_unknown_curve_is_named(rocker_atlas: la.Atlas) -> None:
+    with pytest.raises(la.FieldError) as error:
+        la.match([1, 2, 4], 30, atlas=rocker_atlas, curve="crank")
+    assert error.value.field == "/curve"

@@ -1,0 +1,182 @@
+"""The search for function generators: exact ones, given zeros and lengths, limits, and the least largest error."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from linkage_atlas.door import seed_tables
+from synthesis.function.bounds import FunctionLimits
+from synthesis.function.problem import Problem
+from synthesis.function.search import generate, refit
+from synthesis.function.wanted import Wanted
+from synthesis.work import Work
+from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept
+
+LOGARITHM = {"name": "log10", "x": [1, 2], "output_span": 90}
+SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90}
+
+
+def wanted_of(function, first: float, last: float, crank: float, output: float, samples: int = 101) -> Wanted:
+    """y = f(x) on its dials, radians."""
+    ends = function(np.array([first, last]))
+    scale, span = np.deg2rad(output) / (ends[1] - ends[0]), np.deg2rad(crank)
+
+    def exact(t: np.ndarray) -> np.ndarray:
+        return scale * (function(first + (last - first) * t / span) - ends[0])
+
+    places = np.linspace(0, span, samples)
+    return Wanted(places, exact(places), exact=exact)
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+@pytest.mark.parametrize("zeros", ["free", "input", "output", "both"])
+def test_exact_functions_are_found(kind: str, zeros: str) -> None:
+    for seed in range(2):
+        request = function_case(kind, (5, 9)[seed % 2], zeros, seed)
+        best = la.function(**request, top=2).best.to_dict()
+        assert recompute_rms(request, best) < 1e-9
+        assert zeros_kept(request, best)
+
+
+@pytest.mark.parametrize(
+    ("function", "span", "limits", "known"),
+    [
+        (LOGARITHM, 60, {"transmission_angle_min": 30}, 0.04694),
+        (SQUARE, 90, {}, 0.05905),
+        ({"name": "sin", "x": [0, 90], "output_span": 60}, 120, {}, 0.04023),
+        ({"name": "power", "exponent": 1.5, "x": [1, 4], "output_span": 90}, 90, {}, 0.004855),
+    ],
+)
+def test_the_least_largest_error_is_the_best_known(function, span, limits, known) -> None:
+    found = la.function(function=function, crank_span=span, objective="max", limits=limits, top=3)
+    assert found.best.errors.max <= known
+    assert found.report.stopped_by == "converged"
+    if limits:
+        assert found.best.transmission_angle_min >= 30
+
+
+def test_the_least_largest_error_is_a_minimum_with_alternating_extremes() -> None:
+    """No step in any direction lowers it, and with five unknowns six extremes alternate."""
+    wanted = wanted_of(lambda x: 1 / x, 1, 2, 90, -90)
+    best = generate(seed_tables(), wanted, FunctionLimits(), True, 1, 1e-10)[0][0]
+    assert best.errors.alternations == 6
+    problem = Problem(wanted, FunctionLimits(), True)
+    crank, coupler, rocker, ground = best.linkage.links
+    x = np.append(np.log(np.array([crank, rocker, coupler]) / ground), [best.linkage.start, best.offset + np.pi])
+    steps = np.random.default_rng(0).normal(size=(400, 5)) * 10.0 ** np.random.default_rng(1).uniform(
+        -6, -2, (400, 1)
+    )
+    places = np.linspace(0, wanted.crank[-1], 4001)[None]
+    side = np.full(401, -float(best.linkage.branch))
+    gap = problem.gap(np.vstack([x, x + steps]), side, np.broadcast_to(places, (401, 4001)))
+    size = np.abs(gap - 2 * np.pi * np.round(gap.mean(axis=1, keepdims=True) / (2 * np.pi))).max(axis=1)
+    assert size[0] == pytest.approx(best.errors.max, rel=1e-6)
+    assert np.all(size[1:] >= size[0] * (1 - 1e-7))
+
+
+def test_a_mirrored_function_gives_the_mirrored_linkages() -> None:
+    wanted = wanted_of(np.exp, 0, 1, 90, 90, 33)
+    one = generate(seed_tables(), wanted, FunctionLimits(), True, 2, 1e-10)[0]
+    other = generate(seed_tables(), wanted.mirrored(), FunctionLimits(), True, 2, 1e-10)[0]
+    for a, b in zip(one, other):
+        assert a.linkage.links == b.linkage.links and a.linkage.branch == -b.linkage.branch
+        assert a.offset == -b.offset and a.errors == b.errors
+
+
+@pytest.mark.parametrize("objective", ["rms", "max"])
+def test_limits_are_kept(objective: str) -> None:
+    limits = {
+        "family": "full_crank",
+        "transmission_angle_min": 32,
+        "transmission_angle_min_turn": 12,
+        "link_ratio_max": 5,
+        "links": {"ground": 80},
+        "link_min": 25,
+    }
+    found = la.function(function=LOGARITHM, crank_span=60, objective=objective, limits=limits, top=4)
+    assert found.solutions
+    for one in found.solutions:
+        links = one.linkage.links
+        assert one.family in ("crank_rocker", "double_crank")
+        assert one.transmission_angle_min >= 32 and one.transmission_angle_min_turn >= 12
+        assert links.max() / links.min() <= 5 * (1 + 1e-9) and links.min() >= 25 * (1 - 1e-9) and links[3] == 80
+
+
+def test_limits_that_the_exact_linkage_keeps_cost_nothing() -> None:
+    maker = la.FourBar(2, 5, 4.5, 5.5, start_angle=40)
+    output = maker.joints(np.linspace(0, 100, 12)).rocker_direction
+    least = maker.transmission_angle_min(0, 100)
+    found = la.function(output, 100, limits={"transmission_angle_min": least - 1, "link_ratio_max": 2.8}, top=2)
+    assert found.status == "reached" and found.best.errors.rms < 1e-8
+    np.testing.assert_allclose(found.linkage.links, maker.links / 5.5, rtol=1e-6)
+
+
+def test_given_lengths_are_kept() -> None:
+    links = {"ground": 100.0, "crank": 40.0, "rocker": 30.0}
+    found = la.function(function=SQUARE, crank_span=90, objective="max", limits={"links": links}, top=2)
+    assert found.solutions
+    for one in found.solutions:
+        np.testing.assert_allclose(one.linkage.links[[0, 2, 3]], [40, 30, 100], rtol=1e-12)
+
+
+def test_one_way() -> None:
+    free = la.function(function=SQUARE, crank_span=90, limits={"preset": "practical"}, top=3)
+    held = la.function(function=SQUARE, crank_span=90, limits={"preset": "practical"}, one_way=True, top=3)
+    travel = np.linspace(0, 90, 3001)
+    for one in held.solutions:
+        assert np.all(np.diff(one.linkage.joints(travel).rocker_direction) > -1e-9)
+    assert held.best.errors.rms >= free.best.errors.rms * (1 - 1e-6)
+
+
+def test_three_pairs_are_met_and_not_determined() -> None:
+    found = la.function(input=[0, 20, 50], output=[0, 35, 50])
+    assert found.status == "reached" and found.best.determination.ill_posed
+    assert found.best.errors.max < 1e-8
+
+
+def test_a_pair_of_weight_zero_does_not_count() -> None:
+    maker = la.FourBar(2, 5, 4.5, 5.5, start_angle=40)
+    output = maker.joints(np.linspace(0, 100, 12)).rocker_direction
+    spoilt = output.copy()
+    spoilt[4] += 20
+    weights = np.ones(12)
+    weights[4] = 0
+    assert la.function(spoilt, 100, weights=weights, top=1).status == "reached"
+    assert la.function(spoilt, 100, top=1, limits={"family": "crank_rocker"}).status == "closest"
+
+
+def test_no_time_is_no_error() -> None:
+    clock = iter(np.arange(0, 1e6, 10.0))
+    found, report = generate(
+        seed_tables(),
+        wanted_of(np.exp, 0, 1, 90, 90),
+        FunctionLimits(transmission_angle_min=0.5),
+        True,
+        3,
+        1e-10,
+        Work(1.0, clock=lambda: float(next(clock))),
+    )
+    assert report.stopped_by == "budget" and isinstance(found, list)
+
+
+def test_the_same_bytes_every_time() -> None:
+    def reply() -> str:
+        found = la.function(function=LOGARITHM, crank_span=60, objective="max", limits={"preset": "practical"}, top=3)
+        return json.dumps(found.to_dict()["solutions"])
+
+    assert reply() == reply()
+
+
+def test_refit_holds_the_lengths() -> None:
+    wanted = wanted_of(np.log, 1, 3, 90, 90)
+    held = FunctionLimits(transmission_angle_min=0.5, links=(None, None, None, 50.0))
+    best = generate(seed_tables(), wanted, held, False, 1, 1e-10)[0][0]
+    links = np.round(np.array(best.linkage.links))
+    again = refit(wanted, best, links, True, 1e-10, Work())
+    assert again is not None
+    np.testing.assert_allclose(again.linkage.links, links, rtol=1e-12)
+    assert refit(wanted, best, np.array([1.0, 1.0, 1.0, 50.0]), False, 1e-10, Work()) is None

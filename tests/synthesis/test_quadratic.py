@@ -1,0 +1,70 @@
+"""The batched quadratic programs against a solver that takes them one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog, minimize
+
+from synthesis.quadratic import minimise_quadratics
+
+
+def chebyshev(seed: int, count: int = 6, samples: int = 20, size: int = 4) -> tuple[np.ndarray, ...]:
+    """Linear minimax problems as programs in (d, h): least h over |e + J d| <= h and |d| <= 0.3."""
+    random = np.random.default_rng(seed)
+    slope, error = random.normal(size=(count, samples, size)), random.normal(size=(count, samples))
+    one, eye = np.ones((count, samples, 1)), np.broadcast_to(np.eye(size, size + 1), (count, size, size + 1))
+    parts = [np.concatenate([-slope, one], axis=2), np.concatenate([slope, one], axis=2), eye, -eye]
+    matrix = np.concatenate(parts, axis=1)
+    bound = np.concatenate([-error, error, np.full((count, 2 * size), 0.3)], axis=1)
+    inside = np.zeros((count, size + 1))
+    inside[:, -1] = 1.1 * np.abs(error).max(axis=1)
+    return matrix, bound, inside
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_linear_programs_against_scipy(seed: int) -> None:
+    matrix, bound, inside = chebyshev(seed)
+    count, _, size = matrix.shape
+    gradient = np.zeros((count, size))
+    gradient[:, -1] = 1.0
+    z, multipliers = minimise_quadratics(np.zeros((count, size, size)), gradient, matrix, bound, inside, 1e-11)
+    assert np.all(np.einsum("nmk,nk->nm", matrix, z) + bound >= -1e-14)
+    assert np.all(multipliers > 0)
+    for k in range(count):
+        naive = linprog(gradient[k], A_ub=-matrix[k], b_ub=bound[k], bounds=[(None, None)] * size)
+        assert z[k, -1] == pytest.approx(naive.fun, abs=1e-10)
+
+
+def test_quadratic_programs_against_scipy() -> None:
+    matrix, bound, inside = chebyshev(9)
+    count, _, size = matrix.shape
+    random = np.random.default_rng(1)
+    root = random.normal(size=(count, size, size))
+    hessian, gradient = root.transpose(0, 2, 1) @ root, random.normal(size=(count, size))
+    z, _ = minimise_quadratics(hessian, gradient, matrix, bound, inside, 1e-11)
+    for k in range(count):
+
+        def cost(x: np.ndarray, k: int = k) -> float:
+            return float(0.5 * x @ hessian[k] @ x + gradient[k] @ x)
+
+        limits = {"type": "ineq", "fun": lambda x, k=k: matrix[k] @ x + bound[k], "jac": lambda x, k=k: matrix[k]}
+        naive = minimize(
+            cost,
+            inside[k],
+            jac=lambda x, k=k: hessian[k] @ x + gradient[k],
+            constraints=[limits],
+            method="SLSQP",
+            options={"ftol": 1e-14, "maxiter": 500},
+        )
+        assert cost(z[k]) <= naive.fun + 1e-8
+
+
+def test_a_member_gives_the_same_alone() -> None:
+    matrix, bound, inside = chebyshev(3)
+    count, _, size = matrix.shape
+    gradient, hessian = np.zeros((count, size)), np.zeros((count, size, size))
+    gradient[:, -1] = 1.0
+    together = minimise_quadratics(hessian, gradient, matrix, bound, inside)[0]
+    alone = minimise_quadratics(hessian[2:3], gradient[2:3], matrix[2:3], bound[2:3], inside[2:3])[0]
+    np.testing.assert_allclose(alone[0], together[2], atol=1e-12)
