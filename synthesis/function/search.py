@@ -23,7 +23,7 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four
 from synthesis.function.answers import PEAKS, Generator, exchanged, extremes, finished, look, turns_back
 from synthesis.function.bounds import FunctionLimits
-from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, descend
+from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, apart, descend
 from synthesis.function.problem import Problem
 from synthesis.function.wanted import Wanted
 from synthesis.least_squares import Evaluation, minimise
@@ -202,12 +202,12 @@ class _Search:
         if not len(branch):
             return solutions
         unknowns, cost = self.least_squares(unknowns, branch, 17, 12)
-        best = _apart(unknowns, branch, cost, _VALLEYS)
+        best = apart(unknowns, branch, cost, _VALLEYS)
         unknowns, branch = unknowns[best], branch[best]
         if not best.size:
             return solutions
         unknowns, cost = self.least_squares(unknowns, branch, _PLACES if self.largest else SEARCH_SAMPLES, 80)
-        best = _apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
+        best = apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
         unknowns, branch = unknowns[best], branch[best]
         solutions = self.kept(unknowns[:8], branch[:8])
         self.note(solutions)
@@ -221,7 +221,7 @@ class _Search:
         ):
             crank, root = (np.broadcast_to(one, (len(branch), one.size)) for one in self.places(count))
             done = self.stepped(unknowns, branch, crank, root, steps, gain, radii)
-            best = _apart(done.unknowns, branch, done.merit, most)
+            best = apart(done.unknowns, branch, done.merit, most)
             unknowns, branch, radii = (
                 done.unknowns[best],
                 branch[best],
@@ -313,16 +313,6 @@ class _Search:
         if solutions:
             best = min(one.errors.objective for one in solutions)
             self.trace.append((self.work.elapsed, best))
-
-
-def _apart(unknowns: Floats, branch: Floats, cost: Floats, most: int) -> Ints:
-    """Places of the best ``most`` candidates of those that end in different valleys."""
-    order = np.argsort(cost, kind="stable")
-    order = order[np.isfinite(cost[order])]
-    place = np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3]), branch])[order]
-    cells = np.round(place / 0.02).astype(np.int64)
-    first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[:most]
-    return order[first]
 
 
 def generate(
