@@ -41,9 +41,12 @@ def test_root_is_the_page_with_a_strict_policy(client) -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(STATIC).as_posix())
 def test_every_file_is_served_as_it_is_and_known_again(client, path) -> None:
     name = path.relative_to(STATIC).as_posix()
-    address = {"index.html": "/", "docs.html": "/docs", "function.html": "/function", "scene.html": f"/scenes/{SCENES[0]}"}.get(
-        name, f"/static/{name}"
-    )
+    address = {
+        "index.html": "/",
+        "docs.html": "/docs",
+        "function.html": "/function",
+        "scene.html": f"/scenes/{SCENES[0]}",
+    }.get(name, f"/static/{name}")
     reply = client.get(address)
     assert reply.status_code == 200 and reply.content == path.read_bytes()
     assert reply.headers["content-type"] == page.MEDIA_TYPES[path.suffix]
@@ -190,7 +193,12 @@ def test_vendored_files_are_those_that_are_named(folder) -> None:
     assert named
     for name, digest in named.items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
-    assert {p.name for p in folder.iterdir()} - set(named) <= {"README.md", "uPlot.LICENSE", "axe-core.LICENSE", "swagger-ui.LICENSE"}
+    assert {p.name for p in folder.iterdir()} - set(named) <= {
+        "README.md",
+        "uPlot.LICENSE",
+        "axe-core.LICENSE",
+        "swagger-ui.LICENSE",
+    }
 
 
 def test_examples_can_be_answered(client) -> None:
