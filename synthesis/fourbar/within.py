@@ -14,6 +14,7 @@ from synthesis.fourbar.kinematics import transmission_angle_over
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.solution import Solution
 from synthesis.mechanism import Bounded, BoundedChart, Box, Boxes, Placed
+from synthesis.pose import DEGENERATE
 from synthesis.target import Samples, Target
 
 Floats = NDArray[np.float64]
@@ -122,6 +123,8 @@ def keeps(target: Samples, limits: Limits, placed: Placed) -> Flags:
     found = Constraints(limits, middle, scale)(placed)
     size = np.maximum(placed.lengths.max(axis=1, keepdims=True), 1 + abs(middle) / scale)
     inside = np.where(found.equal, np.abs(found.values) <= _KEPT * size, found.values >= 0)
+    if placed.pivot is not None:  # a linkage shrunk to a point keeps many limits, and is no answer
+        inside = inside & (placed.lengths[:, :1] * scale > DEGENERATE * target.extent)
     return holds & np.all(inside, axis=1)
 
 
