@@ -78,7 +78,7 @@ lint: $(READY)
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
 	$(BIN)/python -m mypy
-	$(BIN)/oxlint app/static
+	$(BIN)/oxlint app/static app/docs/docs.js
 
 map: $(READY)
 	$(BIN)/python -m docs.map

@@ -90,9 +90,9 @@ def _walk(folder: Traversable, prefix: str = "") -> Iterator[tuple[str, bytes]]:
             yield prefix + entry.name, entry.read_bytes()
 
 
-def static_files() -> dict[str, StaticFile]:
-    """The page's files by their name under ``static/``."""
-    return {name: StaticFile.of(name, content) for name, content in _walk(files("app").joinpath("static"))}
+def static_files(folder: str = "static") -> dict[str, StaticFile]:
+    """The files of a folder of the package by their name in it: of the page, or of the one that shows the routes."""
+    return {name: StaticFile.of(name, content) for name, content in _walk(files("app").joinpath(folder))}
 
 
 def _scene(query: Query) -> str:
@@ -122,7 +122,7 @@ def scene_pages() -> dict[str, dict[str, Any]]:
 
 def install(app: FastAPI) -> None:
     """The routes ``/``, ``/function``, ``/static/...``, one page a scene, and what those pages are made from."""
-    stored = static_files()
+    stored, shown = static_files(), static_files("docs")
     scenes = scene_pages()
     methods = ["GET", "HEAD"]
     hidden: dict[str, Any] = {"methods": methods, "include_in_schema": False}
@@ -138,7 +138,13 @@ def install(app: FastAPI) -> None:
     @app.api_route("/docs", **hidden)
     @app.api_route("/redoc", **hidden)
     async def docs(request: Request) -> Response:
-        return stored["docs.html"].reply(request, **{"Content-Security-Policy": DOCS_POLICY})
+        return shown["index.html"].reply(request, **{"Content-Security-Policy": DOCS_POLICY})
+
+    @app.api_route("/docs/{name}", **hidden)
+    async def docs_file(name: str, request: Request) -> Response:
+        if name not in shown or name.endswith(".html"):
+            raise NotFound("the page has no such file")
+        return shown[name].reply(request)
 
     @app.api_route("/favicon.ico", **hidden)
     async def icon(request: Request) -> Response:

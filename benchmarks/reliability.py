@@ -254,7 +254,7 @@ def measure(
             results["crowds"] = [crowd(running, running.port, some(600), bad) for bad in (False, True)]
         print(json.dumps(results["crowds"]), flush=True)
         with service.running(service.serve_command, atlas=atlas) as running:
-            results["memory"] = memory(running, running.port, some(100_000))
+            results["memory"] = memory(running, running.port, max(20_000, some(100_000)))
         with service.running(service.serve_command, atlas=atlas, max_budget_ms=20) as running:
             results["bodies"] = bodies(running.port, some(100_000))
         results["ends"] = ends(atlas)
@@ -285,7 +285,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         told = ", ".join(f"{count:,} x {status}" for status, count in sorted(bad["statuses"].items()))
         found = f"/livez {bad['livez_p99_ms']:.0f} ms, short requests {bad['short_p99_ms']:.0f} ms; {told}"
         text = "The same beside one hostile client of each kind: /livez at most 50 ms at the 99th percentile"
-        count = f"{bad['requests']:,} requests in {bad['seconds']:.0f} s"
+        count = f"{bad['requests']:,} requests in {bad['seconds']:.0f} s, load average {bad['load']:.1f}"
         rows.append((text, "`crowd`", count, f"{found}; at most {bad['megabytes']:.0f} MB in all"))
     if after := results.get("memory"):
         grown = after["late_megabytes"] - after["early_megabytes"]

@@ -82,8 +82,11 @@ def test_the_routes_are_shown_from_local_files(local) -> None:
     for path in ("/docs", "/redoc"):
         page = local.get(path, headers={"host": "localhost"})
         assert page.status_code == 200 and "://" not in page.text
-    for name in ("vendor/swagger-ui-bundle.js", "vendor/swagger-ui.css", "docs.js"):
-        assert f"/static/{name}" in page.text and name in static_files()
+    for name in ("swagger-ui-bundle.js", "swagger-ui.css", "docs.js"):
+        assert f'"/docs/{name}"' in page.text and name in static_files("docs")
+        assert local.get(f"/docs/{name}", headers={"host": "localhost"}).status_code == 200
+    for name in ("index.html", "README.md", "nothing.js", "%2e%2e"):
+        assert local.get(f"/docs/{name}", headers={"host": "localhost"}).status_code == 404
 
 
 def test_a_type_has_one_name(local) -> None:

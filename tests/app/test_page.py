@@ -23,8 +23,6 @@ from tests.vectors.make_kinematics import vectors
 ROOT = Path(__file__).parents[2]
 STATIC = ROOT / "app/static"
 FILES = sorted(path for path in STATIC.rglob("*") if path.suffix in page.MEDIA_TYPES)
-ROUTES = ("docs.html", "docs.js", "swagger-ui-bundle.js", "swagger-ui.css")
-"""Of the page that shows the routes, which has a library of its own."""
 MAX_WEIGHT = 250_000
 """Bytes of all files of the page together, uncompressed."""
 
@@ -41,12 +39,9 @@ def test_root_is_the_page_with_a_strict_policy(client) -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(STATIC).as_posix())
 def test_every_file_is_served_as_it_is_and_known_again(client, path) -> None:
     name = path.relative_to(STATIC).as_posix()
-    address = {
-        "index.html": "/",
-        "docs.html": "/docs",
-        "function.html": "/function",
-        "scene.html": f"/scenes/{SCENES[0]}",
-    }.get(name, f"/static/{name}")
+    address = {"index.html": "/", "function.html": "/function", "scene.html": f"/scenes/{SCENES[0]}"}.get(
+        name, f"/static/{name}"
+    )
     reply = client.get(address)
     assert reply.status_code == 200 and reply.content == path.read_bytes()
     assert reply.headers["content-type"] == page.MEDIA_TYPES[path.suffix]
@@ -110,7 +105,7 @@ def test_nothing_else_is_reached(client, address) -> None:
 
 
 def test_the_page_is_light_and_whole() -> None:
-    weight = sum(path.stat().st_size for path in FILES if path.name not in ROUTES)
+    weight = sum(path.stat().st_size for path in FILES)
     assert weight < MAX_WEIGHT, f"the page weighs {weight} bytes"
 
 
@@ -142,7 +137,7 @@ def imports(module: str) -> set[str]:
 
 
 def test_modules_import_in_no_circle_and_every_one_is_used() -> None:
-    graph = {path.name: imports(path.name) for path in STATIC.glob("*.js") if path.name not in ROUTES}
+    graph = {path.name: imports(path.name) for path in STATIC.glob("*.js")}
     order = list(TopologicalSorter(graph).static_order())
     assert set(order) == set(graph)
     pages = "".join(path.read_text() for path in STATIC.glob("*.html"))
@@ -154,7 +149,7 @@ def test_modules_import_in_no_circle_and_every_one_is_used() -> None:
 
 def test_every_module_says_what_it_is_for_and_imports_from_below_it_in_the_documents_table() -> None:
     rows = re.findall(r"^\| `(\w+\.js)` \|", (ROOT / "docs/page.md").read_text(), re.MULTILINE)
-    assert sorted(rows) == sorted(path.name for path in STATIC.glob("*.js") if path.name not in ROUTES)
+    assert sorted(rows) == sorted(path.name for path in STATIC.glob("*.js"))
     for k, name in enumerate(rows):
         first = (STATIC / name).read_text().splitlines()[0]
         assert re.fullmatch(r"// .{30,}\.", first), f"{name} begins with {first}"
@@ -187,18 +182,18 @@ def test_the_linter_reports_faults(tmp_path, rule, code) -> None:
     assert done.returncode == 1 and f"({rule})" in done.stdout, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("folder", [STATIC / "vendor", ROOT / "tests/vendor"], ids=["page", "tests"])
+@pytest.mark.parametrize(
+    "folder", [STATIC / "vendor", ROOT / "tests/vendor", ROOT / "app/docs"], ids=["page", "tests", "routes"]
+)
 def test_vendored_files_are_those_that_are_named(folder) -> None:
     named = dict(re.findall(r"\| (\S+) \| ([0-9a-f]{64}) \|", (folder / "README.md").read_text()))
     assert named
     for name, digest in named.items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
-    assert {p.name for p in folder.iterdir()} - set(named) <= {
-        "README.md",
-        "uPlot.LICENSE",
-        "axe-core.LICENSE",
-        "swagger-ui.LICENSE",
-    }
+    others = {"README.md", "uPlot.LICENSE", "axe-core.LICENSE"}
+    if folder.name == "docs":
+        others = {"README.md", "swagger-ui.LICENSE", "index.html", "docs.js"}
+    assert {p.name for p in folder.iterdir()} - set(named) <= others
 
 
 def test_examples_can_be_answered(client) -> None:
