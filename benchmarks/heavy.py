@@ -63,9 +63,7 @@ def heavy_within(
     """
     random, least = np.random.default_rng(seed), np.inf
     for way in product.FOURBAR.bounded(target, limits):
-        problem = (product.ShapeProblem if way.boxes is None else product.PosedProblem)(
-            target, way.chart, way.constraints
-        )
+        problem = product.problem_of(target, way)
         families = FAMILIES[{"crank_rocker": -1, "double_crank": 1}.get(limits.family, 0)]
         lengths = random.dirichlet(np.ones(4), size=8 * draws)
         if limits.family != "any":

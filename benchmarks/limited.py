@@ -32,8 +32,7 @@ class General:
     def __init__(self, target: product.Target, limits: product.Limits) -> None:
         self.target, self.limits = target, limits
         way = product.FOURBAR.bounded(target, limits)[0]
-        kind = product.ShapeProblem if way.boxes is None else product.PosedProblem
-        self.problem = kind(target, way.chart, way.constraints)
+        self.problem = product.problem_of(target, way)
         size = self.problem.unknowns
         low, high = np.full(size, -3.0), np.full(size, 3.0)
         low[:4], high[:4] = 1e-6, 4.0 if way.boxes else 1.0

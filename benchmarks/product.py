@@ -34,7 +34,7 @@ from synthesis.least_squares import Minima, minimise
 from synthesis.mechanism import Chart
 from synthesis.pose import fit_positions, objective
 from synthesis.search.constrained import Plan, descend, restored
-from synthesis.search.placed import PosedProblem, Poses, ShapeProblem
+from synthesis.search.placed import Poses, problem_of
 from synthesis.search.projected import ProjectedProblem
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables

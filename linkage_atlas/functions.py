@@ -15,6 +15,7 @@ from linkage_atlas.generators import Asked, FunctionResult, described, rounded
 from linkage_atlas.motions import column, number, radians_in
 from linkage_atlas.named import Dials, read_dials
 from synthesis.errors import FieldError
+from synthesis.fourbar.limits import ANGLES
 from synthesis.fourbar.practical import LINK_RATIO, TRANSMISSION_ANGLE, TRANSMISSION_ANGLE_TURN
 from synthesis.function.bounds import FunctionLimits
 from synthesis.function.search import generate
@@ -25,8 +26,7 @@ from synthesis.target import make_target
 from synthesis.work import Work
 
 LINKS = ("crank", "coupler", "rocker", "ground")
-_NUMBERS = ("transmission_angle_min", "transmission_angle_min_turn", "link_ratio_max", "link_min", "link_max")
-_ANGLES = ("transmission_angle_min", "transmission_angle_min_turn")
+_NUMBERS = (*ANGLES, "link_ratio_max", "link_min", "link_max")
 FUNCTION_LIMITS = ("family", *_NUMBERS, "links", "preset")
 """Names of the limits of a function generator, as over HTTP."""
 _STEEP = 8.0
@@ -247,7 +247,7 @@ def read_function_limits(limits: Mapping[str, Any] | None, degrees: bool) -> Fun
         numbers = dict(zip(_NUMBERS, map(float, values)))
     for name in _NUMBERS:
         if name in given:
-            numbers[name] = number(f"limits/{name}", given[name]) * (radian if name in _ANGLES else 1.0)
+            numbers[name] = number(f"limits/{name}", given[name]) * (radian if name in ANGLES else 1.0)
     links = {name: value for name, value in dict(given.get("links") or {}).items() if value is not None}
     for name, value in links.items():
         if name not in LINKS:

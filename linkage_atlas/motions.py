@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.limits import LINKS, Limits
+from synthesis.fourbar.limits import ANGLES, BOXES, LARGEST, LINKS, Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.practical import practical_limits
 from synthesis.free.pairs import in_any_order
@@ -263,11 +263,11 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
     if preset not in (None, "practical"):
         raise FieldError("/limits/preset", f"wanted 'practical' or nothing, found {preset!r}")
     for name, value in given.items():
-        if name in _ANGLES:
+        if name in ANGLES:
             given[name] = number(f"limits/{name}", value) * motion.radian
-        elif name in _NUMBERS:
+        elif name in ("link_min", *LARGEST):
             given[name] = number(f"limits/{name}", value)
-        elif name in _BOXES:
+        elif name in BOXES:
             given[name] = _box(f"limits/{name}", value)
         elif name in ("pivot_a", "pivot_b"):
             x, y = _numbers(f"limits/{name}", value, 2, "[x, y]")
@@ -281,11 +281,6 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
     checked = Limits(**given)
     checked.check_against(motion.samples)
     return checked
-
-
-_ANGLES = ("transmission_angle_min", "transmission_angle_min_turn")
-_NUMBERS = ("link_min", "link_max", "link_ratio_max", "coupler_radius_max")
-_BOXES = ("pivot_box", "pivot_a_box", "pivot_b_box", "envelope")
 
 
 def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from linkage_atlas.motions import Motion
-from synthesis.fourbar.limits import Box, Limits
+from synthesis.fourbar.limits import ANGLES, BOXES, LARGEST, Box, Limits
 from synthesis.fourbar.solution import Solution
 from synthesis.work import Work
 
@@ -92,11 +92,11 @@ def _sentence(limits: Limits, name: str, motion: Motion, search: Search, watch: 
 def _eased(limits: Limits, name: str, part: float, extent: float) -> Limits | None:
     """The limits with one that has given way by a part of all that it can; None where it cannot in degrees."""
     value = getattr(limits, name)
-    if name in ("transmission_angle_min", "transmission_angle_min_turn", "link_min"):
+    if name in (*ANGLES, "link_min"):
         return _changed(limits, name, value * (1 - part))
-    if name in ("link_max", "link_ratio_max", "coupler_radius_max"):
+    if name in LARGEST:
         return _changed(limits, name, value / (1 - part))
-    if name in ("pivot_box", "pivot_a_box", "pivot_b_box", "envelope"):
+    if name in BOXES:
         return _changed(limits, name, _grown(value, part / (1 - part) * extent))
     return None
 
@@ -108,7 +108,7 @@ def _grown(box: Box, by: float) -> Box:
 def _shown(limits: Limits, name: str, motion: Motion) -> str:
     """A limit's value in the user's unit."""
     value = getattr(limits, name)
-    if name in ("transmission_angle_min", "transmission_angle_min_turn"):
+    if name in ANGLES:
         return f"{value / motion.radian:.3g} {'degrees' if motion.degrees else 'radians'}"
     if isinstance(value, tuple):
         return f"[{', '.join(f'{number:.4g}' for number in np.array(value))}]"

@@ -71,10 +71,6 @@ class Chart(Protocol):
     def hop(self) -> Floats:
         """Scale of the perturbations of unknowns and start that reach other valleys, (k + 1,)."""
 
-    @property
-    def types(self) -> Floats:
-        """Lengths (T, d) that spread over the chart, for seeds that no table gives; may be empty."""
-
     def shape(self, unknowns: Floats) -> Shape:
         """Shapes at unknowns (n, k)."""
 
@@ -102,6 +98,12 @@ class Placed(NamedTuple):
     coupler: Complexes | None = None
     """z2 of the position."""
 
+    def over(self, middle: complex, scale: float) -> Placed:
+        """The same with positions from a middle and all lengths over a scale."""
+        assert self.pivot is not None and self.coupler is not None
+        pivot, coupler = (self.pivot - middle) / scale, self.coupler / scale
+        return self._replace(lengths=self.lengths / scale, pivot=pivot, coupler=coupler)
+
 
 class Constrained(NamedTuple):
     """Limits as smooth functions of placed linkages."""
@@ -114,6 +116,11 @@ class Constrained(NamedTuple):
     """(C,): which are equations."""
     names: list[str]
     """Of the limit that each belongs to, (C,)."""
+
+    @property
+    def lacking(self) -> Floats:
+        """By how much each is broken, (n, C)."""
+        return np.where(self.equal, np.abs(self.values), np.maximum(-self.values, 0.0))
 
 
 class Constraints(Protocol):
@@ -206,8 +213,8 @@ class Mechanism(Protocol):
         """Ways to assemble it. Law: if there is a -1, theta2 there at -theta1 is minus theta2 of +1, up to a constant."""
 
     @property
-    def tables(self) -> tuple[Floats, ...]:
-        """Lengths (T, d) of types whose crank turns fully, coarse and then finer: where the search takes its seeds from."""
+    def coarse_types(self) -> Floats:
+        """Lengths (T, d) of types whose crank turns fully: where the search takes its first seeds from."""
 
     def winding(self, lengths: Floats) -> NDArray[np.integer[Any]]:
         """Turns of the body in one turn of the crank, (T,)."""
@@ -222,7 +229,7 @@ class Mechanism(Protocol):
         """Which of the types of a table are of a family, (T,)."""
 
     def charts(self, family: str) -> Sequence[Chart]:
-        """The charts in which linkages of a family are sought, one after the other; the tables are of the first."""
+        """The charts in which linkages of a family are sought, one after the other; the coarse types are of the first."""
 
     def bounded(self, target: Target, limits: Any) -> Sequence[Bounded]:
         """How a target within limits is looked for, one way after the other; none where that is not known."""

@@ -21,8 +21,6 @@ from synthesis.target import TURN, Target
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-_ANY_LENGTHS = (1.0, 2.0, 3.0, 4.5)
-
 
 class FourBarShape(NamedTuple):
     """Lengths and closure constants at points of a chart."""
@@ -52,8 +50,20 @@ class _Closing(Protocol):
         """Shapes at unknowns (n, k)."""
 
 
+class Evaluated:
+    """What all charts of the four-bar share: the evaluation of coupler angles, from shape, sheet and whether it always closes."""
+
+    def prepared(self: _Closing, target: Target) -> CouplerAngles:
+        """The evaluation of candidates over a target's samples."""
+        return CouplerAngles(self, target)
+
+    def at(self: _Closing, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+        """The evaluation of candidates at crank angles of their own."""
+        return angles_at(self, unknowns, theta1, branch, derivatives)
+
+
 @dataclass(frozen=True)
-class FullCrankChart:
+class FullCrankChart(Evaluated):
     """All four-bars whose crank turns fully, each once: R^3 less the plane p = 0, which only L1 = L4, L2 = L3 touches.
 
     With L1 + L4 = 1: p = ln(L1 / L4), L2 + L3 = 1 + e^u, L2 - L3 = |L4 - L1| tanh w. Crank-rockers have p < 0, double-cranks
@@ -71,7 +81,6 @@ class FullCrankChart:
     always_closes = True
     cell = np.array([0.7, 1.0, 1.0, 0.6])
     hop = np.array([0.7, 1.5, 1.5, 0.4])
-    types = np.empty((0, 4))
     LIMITS = np.array([16.0, 30.0, 17.0])
     """Largest |p|, |u|, |w|: beyond, the lengths no longer change in double precision."""
 
@@ -106,17 +115,9 @@ class FullCrankChart:
         x[..., 2] *= np.where(l1 > l4, -1.0, 1.0)
         return np.clip(np.nan_to_num(x), -self.LIMITS, self.LIMITS)
 
-    def prepared(self, target: Target) -> CouplerAngles:
-        """The evaluation of candidates over a target's samples."""
-        return CouplerAngles(self, target)
-
-    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-        """The evaluation of candidates at crank angles of their own."""
-        return angles_at(self, unknowns, theta1, branch, derivatives)
-
 
 @dataclass(frozen=True)
-class AnyChart:
+class AnyChart(Evaluated):
     """All four-bars: the logarithms of L1 / L4, L2 / L4, L3 / L4. Most points close over a part of the turn only."""
 
     sheet = 0
@@ -124,12 +125,6 @@ class AnyChart:
     cell = FullCrankChart.cell
     hop = FullCrankChart.hop
     LIMIT = 16.0
-
-    @property
-    def types(self) -> Floats:
-        """Lengths of all families, the ground 1."""
-        types = np.stack(np.meshgrid(*[_ANY_LENGTHS] * 4, indexing="ij"), axis=-1).reshape(-1, 4)
-        return np.unique(np.round(types / types[:, 3:], 9), axis=0)
 
     def shape(self, unknowns: Floats) -> FourBarShape:
         """Shapes at unknowns (n, 3)."""
@@ -145,14 +140,6 @@ class AnyChart:
         """Unknowns (n, 3) of lengths (n, 4)."""
         lengths = np.asarray(lengths, dtype=float)
         return np.log(lengths[..., :3] / lengths[..., 3:])
-
-    def prepared(self, target: Target) -> CouplerAngles:
-        """The evaluation of candidates over a target's samples."""
-        return CouplerAngles(self, target)
-
-    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-        """The evaluation of candidates at crank angles of their own."""
-        return angles_at(self, unknowns, theta1, branch, derivatives)
 
 
 class CouplerAngles:

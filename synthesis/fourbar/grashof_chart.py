@@ -11,10 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from synthesis.fourbar.charts import CouplerAngles, FourBarShape, FullCrankChart, angles_at
+from synthesis.fourbar.charts import Evaluated, FourBarShape, FullCrankChart
 from synthesis.fourbar.kinematics import grashof_excesses
-from synthesis.mechanism import BodyAngles
-from synthesis.target import Target
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -25,7 +23,7 @@ _DOUBLE = np.abs(_ROCKER[[3, 1, 2, 0]]) * np.array([-1, 1, 1, 1])
 
 
 @dataclass(frozen=True)
-class GrashofChart:
+class GrashofChart(Evaluated):
     """All four-bars whose crank turns fully, by homogeneous unknowns (l, x, y, z), x, y, z >= 0.
 
     |l| is the shortest link, the crank where l > 0 (crank-rocker) and the ground where l < 0 (double-crank);
@@ -46,7 +44,6 @@ class GrashofChart:
     cell = np.append(np.full(4, 0.1), FullCrankChart.cell[3])
     hop = np.array([0.4, 0.8, 0.8, 0.8, 0.3])
     """Of the logarithms of the magnitudes, and of the start."""
-    types = np.empty((0, 4))
     longest_step = 0.35
 
     def shape(self, unknowns: Floats) -> FourBarShape:
@@ -108,17 +105,9 @@ class GrashofChart:
         ratios = size[:, :3] - size[:, 3:]
         return np.hstack([2 * np.sign(unknowns[:, :1]), ratios / [0.7, 1.0, 1.0]])
 
-    def prepared(self, target: Target) -> CouplerAngles:
-        """The evaluation of candidates over a target's samples."""
-        return CouplerAngles(self, target)
-
-    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-        """The evaluation of candidates at crank angles of their own."""
-        return angles_at(self, unknowns, theta1, branch, derivatives)
-
 
 @dataclass(frozen=True)
-class LengthsChart:
+class LengthsChart(Evaluated):
     """All four-bars by the logarithms of their lengths, whose common scale is free."""
 
     LIMIT = 30.0
@@ -126,7 +115,6 @@ class LengthsChart:
     sheet = 0
     cell = np.append(np.full(4, 0.7), FullCrankChart.cell[3])
     hop = np.array([0.4, 0.4, 0.4, 0.4, 0.3])
-    types = np.empty((0, 4))
     longest_step = 0.5
 
     def shape(self, unknowns: Floats) -> FourBarShape:
@@ -155,11 +143,3 @@ class LengthsChart:
     def place(self, unknowns: Floats) -> Floats:
         """Where shapes lie, whatever their scale: logarithms of length ratios, (n, 3)."""
         return (unknowns[:, :3] - unknowns[:, 3:]) / 0.7
-
-    def prepared(self, target: Target) -> CouplerAngles:
-        """The evaluation of candidates over a target's samples."""
-        return CouplerAngles(self, target)
-
-    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-        """The evaluation of candidates at crank angles of their own."""
-        return angles_at(self, unknowns, theta1, branch, derivatives)

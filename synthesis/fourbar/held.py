@@ -24,7 +24,7 @@ from synthesis.fourbar.kinematics import coupler_angle, grashof_excesses
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four
-from synthesis.mechanism import Placed
+from synthesis.fourbar.within import placed_linkages
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -136,19 +136,11 @@ def _coupler(linkage: Linkage) -> complex:
 
 def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: int, unknowns: int) -> _Rows:
     """All limits at linkages, then the bounds of their family."""
-    links = np.array([one.links for one in linkages])
-    count, posed, middle, scale = len(links), target.position is not None, 0j, 1.0
-    used = target.interval.after(np.array([one.start for one in linkages]))
-    placed = Placed(links, np.array([float(one.branch) for one in linkages]), used)
-    turned = np.array([one.ground_angle for one in linkages])
-    coupler: NDArray[np.complex128] = np.zeros(count, dtype=np.complex128)
-    if posed:
-        assert target.position is not None
+    placed, middle, scale = placed_linkages(target, linkages), 0j, 1.0
+    links, count = placed.lengths, len(linkages)
+    if target.position is not None:
         middle, scale = complex(target.position_mean(target.position)), target.length_scale
-        own = np.array([_coupler(one) for one in linkages])
-        coupler = np.asarray(own * np.exp(1j * turned) / scale, dtype=np.complex128)
-        pivot = (np.array([one.pivot_a for one in linkages]) - middle) / scale
-        placed = placed._replace(lengths=links / scale, pivot=pivot, turned=turned, coupler=coupler)
+        placed = placed.over(middle, scale)
     found = Constraints(limits, middle, scale)(placed)
     slopes = found.slopes
     near = found.equal | (found.values <= _TOUCHED)
@@ -165,9 +157,9 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
     if not target.found:
         limited[:, :, at] = slopes[:, :, 4] + slopes[:, :, 5]
         at += 1
-    if posed:
+    if placed.turned is not None and placed.coupler is not None:
         at += target.rotation is not None
-        spin, ground = (1j * coupler)[:, None], np.exp(1j * turned)[:, None]
+        spin, ground = (1j * placed.coupler)[:, None], np.exp(1j * placed.turned)[:, None]
         zx, zy = slopes[:, :, 9], slopes[:, :, 10]
         limited[:, :, at] = slopes[:, :, 8] + zx * spin.real + zy * spin.imag
         limited[:, :, at + 1 : at + 3] = slopes[:, :, 6:8]

@@ -27,9 +27,11 @@ class Reach(NamedTuple):
 
 FAMILIES = ("full_crank", "crank_rocker", "double_crank", "any")
 LINKS = ("crank", "coupler", "rocker", "ground")
-_ANGLES = ("transmission_angle_min", "transmission_angle_min_turn")
-_BOXES = ("pivot_box", "pivot_a_box", "pivot_b_box", "envelope")
-_ON_SHAPE = ("family", *_ANGLES, "link_ratio_max")
+ANGLES = ("transmission_angle_min", "transmission_angle_min_turn")
+BOXES = ("pivot_box", "pivot_a_box", "pivot_b_box", "envelope")
+LARGEST = ("link_max", "link_ratio_max", "coupler_radius_max")
+"""Names of the limits that are angles, boxes, and largest values."""
+_ON_SHAPE = ("family", *ANGLES, "link_ratio_max")
 _MOUNTED = (
     "pivot_box",
     "pivot_a",
@@ -102,10 +104,10 @@ class Limits:
     def __post_init__(self) -> None:
         if self.family not in FAMILIES:
             raise FieldError("/limits/family", f"wanted one of {', '.join(FAMILIES)}")
-        for name in _ANGLES:
+        for name in ANGLES:
             if not 0 <= getattr(self, name) < np.pi / 2:
                 raise FieldError(f"/limits/{name}", "wanted 0 to less than 90 degrees")
-        boxes = [(name, getattr(self, name)) for name in _BOXES]
+        boxes = [(name, getattr(self, name)) for name in BOXES]
         boxes += [(f"keep_out/{k}", box) for k, box in enumerate(self.keep_out)]
         for name, box in boxes:
             if box is not None and not (box[0] <= box[2] and box[1] <= box[3]):
@@ -186,7 +188,7 @@ class Limits:
         def flipped(box: Box | None) -> Box | None:
             return None if box is None else (box[0], -box[3], box[2], -box[1])
 
-        boxes = {name: flipped(getattr(self, name)) for name in _BOXES}
+        boxes = {name: flipped(getattr(self, name)) for name in BOXES}
         points = {
             name: None if (p := getattr(self, name)) is None else p.conjugate() for name in ("pivot_a", "pivot_b")
         }

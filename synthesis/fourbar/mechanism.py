@@ -21,7 +21,7 @@ from synthesis.target import TURN, Target
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-_TABLE_PERIMETERS = (40, 64)
+_TABLE_PERIMETER = 40
 
 
 class FourBar:
@@ -30,12 +30,9 @@ class FourBar:
     branches = (1, -1)
 
     @cached_property
-    def tables(self) -> tuple[Floats, ...]:
-        """Crank-rockers and double-cranks of whole lengths and two small perimeters."""
-        return tuple(
-            enumerate_types(TypeRule(perimeter, 1, OrderRule.FULL_CRANK)).astype(float)
-            for perimeter in _TABLE_PERIMETERS
-        )
+    def coarse_types(self) -> Floats:
+        """Crank-rockers and double-cranks of whole lengths and a small perimeter."""
+        return enumerate_types(TypeRule(_TABLE_PERIMETER, 1, OrderRule.FULL_CRANK)).astype(float)
 
     def winding(self, lengths: Floats) -> NDArray[np.int8]:
         """One for double-cranks, whose coupler turns with the crank; for full cranks only."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -12,6 +13,7 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_typ
 from synthesis.fourbar.grashof_chart import GrashofChart, LengthsChart
 from synthesis.fourbar.kinematics import transmission_angle_over
 from synthesis.fourbar.limits import Limits, in_family
+from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import Solution
 from synthesis.mechanism import Bounded, BoundedChart, Box, Boxes, Placed
 from synthesis.pose import DEGENERATE
@@ -115,11 +117,9 @@ def keeps(target: Samples, limits: Limits, placed: Placed) -> Flags:
         return holds
     middle, scale = 0j, 1.0
     if placed.pivot is not None:
-        assert target.position is not None and placed.coupler is not None
+        assert target.position is not None
         middle, scale = complex(target.position_mean(target.position)), target.length_scale
-        placed = placed._replace(
-            lengths=placed.lengths / scale, pivot=(placed.pivot - middle) / scale, coupler=placed.coupler / scale
-        )
+        placed = placed.over(middle, scale)
     found = Constraints(limits, middle, scale)(placed)
     size = np.maximum(placed.lengths.max(axis=1, keepdims=True), 1 + abs(middle) / scale)
     inside = np.where(found.equal, np.abs(found.values) <= _KEPT * size, found.values >= 0)
@@ -128,20 +128,25 @@ def keeps(target: Samples, limits: Limits, placed: Placed) -> Flags:
     return holds & np.all(inside, axis=1)
 
 
-def within(target: Target, limits: Limits, solutions: list[Solution]) -> list[Solution]:
-    """The solutions that keep limits, checked on their own numbers."""
-    if not solutions:
-        return []
-    linkages = [one.linkage for one in solutions]
-    placed = Placed(
+def placed_linkages(target: Target, linkages: Sequence[Linkage]) -> Placed:
+    """Linkages as the limits see them, in the user's unit."""
+    found = Placed(
         np.array([one.links for one in linkages]),
         np.array([float(one.branch) for one in linkages]),
         target.interval.after(np.array([one.start for one in linkages])),
     )
-    if target.position is not None:
-        turned = np.array([one.ground_angle for one in linkages])
-        points = np.array([one.coupler_point for one in linkages])
-        coupler = points[:, 0] * np.exp(1j * (points[:, 1] + turned))
-        placed = placed._replace(pivot=np.array([one.pivot_a for one in linkages]), turned=turned, coupler=coupler)
-    kept = keeps(target, limits, placed) & np.isfinite([one.errors.objective for one in solutions])
+    if target.position is None:
+        return found
+    turned = np.array([one.ground_angle for one in linkages])
+    points = np.array([one.coupler_point for one in linkages])
+    coupler = points[:, 0] * np.exp(1j * (points[:, 1] + turned))
+    return found._replace(pivot=np.array([one.pivot_a for one in linkages]), turned=turned, coupler=coupler)
+
+
+def within(target: Target, limits: Limits, solutions: list[Solution]) -> list[Solution]:
+    """The solutions that keep limits, checked on their own numbers."""
+    if not solutions:
+        return []
+    kept = keeps(target, limits, placed_linkages(target, [one.linkage for one in solutions]))
+    kept &= np.isfinite([one.errors.objective for one in solutions])
     return [one for one, keep in zip(solutions, kept) if keep]

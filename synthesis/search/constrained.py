@@ -136,12 +136,8 @@ def descend(problem: Problem, unknowns: Floats, branch: Floats, plan: Plan, work
         here = there
         if last and np.all(better & (decrease <= _STALL * before) | (damping > _HOPELESS)):
             break
-    return Descended(here.unknowns, branch, here.cost, _broken(here.values, equal))
-
-
-def _broken(values: Floats, equal: Flags) -> Floats:
-    """Largest amount by which candidates break a constraint, (n,)."""
-    return np.max(np.where(equal, np.abs(values), -values), axis=1, initial=0.0)
+    broken = np.where(equal, np.abs(here.values), -here.values)
+    return Descended(here.unknowns, branch, here.cost, np.max(broken, axis=1, initial=0.0))
 
 
 def _active(values: Floats, multipliers: Floats, rho: float, equal: Flags) -> Floats:
@@ -212,5 +208,5 @@ def restored(problem: Problem, found: Descended, rounds: int = 12) -> Descended:
             steps = (np.linalg.pinv(np.where(held[:, None], 0.0, rows), rcond=1e-9) @ gap[:, :, None])[:, :, 0]
         unknowns = problem.stepped(unknowns, steps)
     cost = problem.evaluate(unknowns, branch).cost
-    constrained = problem.constrained(unknowns, branch)
-    return Descended(unknowns, branch, cost, _broken(constrained.values, constrained.equal))
+    broken = problem.constrained(unknowns, branch).lacking
+    return Descended(unknowns, branch, cost, np.max(broken, axis=1, initial=0.0))

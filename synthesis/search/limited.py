@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from synthesis.mechanism import Bounded
 from synthesis.search.constrained import Descended, Plan, descend, restored
-from synthesis.search.placed import PosedProblem, ShapeProblem
+from synthesis.search.placed import PosedProblem, ShapeProblem, problem_of
 from synthesis.search.windows import Windows
 from synthesis.target import Target
 from synthesis.work import Work
@@ -82,9 +82,7 @@ class _Run:
         self, target: Target, way: Bounded, windows: Windows, work: Work, note: Callable[[Floats], None]
     ) -> None:
         self.work, self.note = work, note
-        kind = ShapeProblem if way.boxes is None else PosedProblem
-        self.rough = kind(target.condensed(_SAMPLES), way.chart, way.constraints)
-        self.whole = kind(target, way.chart, way.constraints)
+        self.rough, self.whole = problem_of(target.condensed(_SAMPLES), way), problem_of(target, way)
         # far random numbers, the same for every request
         self.random = np.random.default_rng(20)
         self.seeds = windows.seeds(self.rough, way.on_shape, way.boxes)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.least_squares import Evaluation
-from synthesis.mechanism import BoundedChart, Constrained, Constraints, Mechanism, Placed
+from synthesis.mechanism import Bounded, BoundedChart, Constrained, Constraints, Mechanism, Placed
 from synthesis.search.projected import ProjectedProblem
 from synthesis.target import Target
 
@@ -185,3 +185,9 @@ class PosedProblem(ShapeProblem):
         lengths = self.chart.shape(unknowns[:, : self.size]).lengths * scale
         pose = self.middle + scale * pivot, turned, scale * coupler
         return mechanism.posed(lengths, branch, unknowns[:, self.size], pose)
+
+
+def problem_of(target: Target, way: Bounded) -> ShapeProblem:
+    """The problem of a target within limits: with the pose where they concern it."""
+    kind = ShapeProblem if way.boxes is None else PosedProblem
+    return kind(target, way.chart, way.constraints)

@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 
 class Fresh(NamedTuple):
-    """The next best starts of a coarse table, up to ``most`` of each branch in all rounds."""
+    """The next best starts of the coarse table, up to ``most`` of each branch in all rounds."""
 
-    table: int
     most: int
 
 
@@ -42,8 +41,8 @@ class Round(NamedTuple):
 
 
 FIRST_LOOK = (
-    Round((Fresh(0, 16),), 15, "half of all reachable motions end here"),
-    Round((Fresh(0, 60), Best(12)), 20, "more valleys, and the best so far go on"),
+    Round((Fresh(16),), 15, "half of all reachable motions end here"),
+    Round((Fresh(60), Best(12)), 20, "more valleys, and the best so far go on"),
 )
 """Before a search within limits: most exact answers are found here."""
 

@@ -84,8 +84,8 @@ class _Search:
         self.seeds = 0
         self.screen_seconds = 0.0
         self.random = np.random.default_rng(20)
-        self.screened: dict[int, Candidates] = {}
-        self.taken: dict[int, int] = {}
+        self.screened: Candidates | None = None
+        self.taken = 0
         self.use(chart)
 
     def use(self, chart: Chart) -> None:
@@ -103,7 +103,7 @@ class _Search:
     def _draw(self, source: schedule.Source) -> Candidates:
         match source:
             case schedule.Fresh():
-                return self._fresh(source.table, source.most)
+                return self._fresh(source.most)
             case schedule.Best():
                 return self.pool.thinned(source.most)
             case schedule.Hops():
@@ -116,13 +116,12 @@ class _Search:
                 unknowns = unknowns + noise
                 return Candidates(unknowns, np.repeat(best.branch, source.copies), np.full(len(unknowns), np.inf))
 
-    def _fresh(self, index: int, count: int) -> Candidates:
-        if index not in self.screened:
+    def _fresh(self, count: int) -> Candidates:
+        if self.screened is None:
             begin = self.work.elapsed
-            self.screened[index] = self.tables.best_starts(index, self.thin_target, self.limits.family)
+            self.screened = self.tables.best_starts(self.thin_target, self.limits.family)
             self.screen_seconds += self.work.elapsed - begin
-        table, before = self.screened[index], self.taken.get(index, 0)
-        self.taken[index] = count
+        table, before, self.taken = self.screened, self.taken, count
         places = [np.flatnonzero(table.branch == branch)[before:count] for branch in self.mechanism.branches]
         return table.take(np.concatenate(places))
 

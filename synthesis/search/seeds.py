@@ -94,24 +94,20 @@ class SeedTable(NamedTuple):
 
 
 class SeedTables:
-    """The coarse tables of a mechanism, coarse to fine, enumerated and prepared once (2.7 MB for the four-bar)."""
+    """The coarse types of a mechanism, prepared once: a table for the first rounds, windows for a search within limits."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._windows: dict[str, Windows] = {}
-        chart = mechanism.charts("full_crank")[0]
-        self.tables = []
-        for lengths in mechanism.tables:
-            table = make_table(mechanism, lengths, _SAMPLES)
-            curves = table.curves()
-            self.tables.append(
-                SeedTable(
-                    Scan(table, _STARTS, _SERIES_ERROR, _HARMONICS, cells=False),
-                    chart.unknowns(lengths),
-                    np.hstack([curves, curves[:, :1]]),
-                    table.winding.astype(float),
-                )
-            )
+        lengths = mechanism.coarse_types
+        table = make_table(mechanism, lengths, _SAMPLES)
+        curves = table.curves()
+        self.table = SeedTable(
+            Scan(table, _STARTS, _SERIES_ERROR, _HARMONICS, cells=False),
+            mechanism.charts("full_crank")[0].unknowns(lengths),
+            np.hstack([curves, curves[:, :1]]),
+            table.winding.astype(float),
+        )
 
     def windows(self, family: str) -> Windows:
         """The windows of a family's types for a search within limits; made by the first that asks."""
@@ -121,12 +117,12 @@ class SeedTables:
 
     @property
     def nbytes(self) -> int:
-        """Memory of all tables."""
-        return sum(one.scan.nbytes + one.unknowns.nbytes + one.curves.nbytes for one in self.tables)
+        """Memory of the table."""
+        return self.table.scan.nbytes + self.table.unknowns.nbytes + self.table.curves.nbytes
 
-    def best_starts(self, index: int, target: Target, family: str) -> Candidates:
-        """Best start of each type and branch of a table for a target, thinned out over cells of the chart, best first."""
-        table = self.tables[index]
+    def best_starts(self, target: Target, family: str) -> Candidates:
+        """Best start of each type and branch of the table for a target, thinned out over cells of the chart, best first."""
+        table = self.table
         scan, shapes = table.scan, table.unknowns
         if target.start is None and target.offset is None:
             error, starts = scan.error_table(target), np.arange(scan.starts) * (TURN / scan.starts)

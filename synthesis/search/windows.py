@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.mechanism import Boxes, Constrained, Constraints, Mechanism, Placed
+from synthesis.mechanism import Boxes, Constraints, Mechanism, Placed
 from synthesis.search.placed import PosedProblem, Poses, ShapeProblem
 from synthesis.target import TURN, Target
 
@@ -111,7 +111,7 @@ class Windows:
             scaled = lengths[window] * (np.abs(ground) / lengths[window, -1])[:, None]
             pose = Poses(pivot, np.angle(ground), coupler)
             unknowns = problem.posed(problem.chart.unknowns(scaled), start[window], pose)
-            merit = merit + np.sum(_lacking(problem.constrained(unknowns, branch)) ** 2, axis=1)
+            merit = merit + np.sum(problem.constrained(unknowns, branch).lacking ** 2, axis=1)
         else:
             best = _least(merit, _CHECKED)
             window, branch, merit = window[best], branch[best], merit[best]
@@ -135,15 +135,10 @@ def _least(merit: Floats, count: int) -> NDArray[np.intp]:
     return np.sort(np.argpartition(merit, count)[:count])
 
 
-def _lacking(found: Constrained) -> Floats:
-    """By how much each constraint is broken, (n, C)."""
-    return np.where(found.equal, np.abs(found.values), np.maximum(-found.values, 0.0))
-
-
 def _missed(on_shape: Constraints, placed: Placed) -> Floats:
     """By how much limits on shape and start alone are broken at most; infinite where a linkage does not close."""
     found = on_shape(placed)
-    return np.nan_to_num(np.max(_lacking(found), axis=1, initial=0.0), nan=np.inf)
+    return np.nan_to_num(np.max(found.lacking, axis=1, initial=0.0), nan=np.inf)
 
 
 class _Fits(NamedTuple):

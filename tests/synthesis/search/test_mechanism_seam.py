@@ -30,7 +30,7 @@ def body_angle(lengths: np.ndarray, crank: np.ndarray) -> tuple[np.ndarray, np.n
 class Chart:
     """With r = 1: the rod beyond its least length, (l - r - |e|) / r = exp(x), and the offset as a part of it."""
 
-    cell, hop, types = np.array([0.7, 0.5, 0.6]), np.array([0.7, 0.5, 0.4]), np.empty((0, 3))
+    cell, hop = np.array([0.7, 0.5, 0.6]), np.array([0.7, 0.5, 0.4])
 
     def shape(self, unknowns: np.ndarray) -> Any:
         excess, e = np.exp(np.clip(unknowns[:, 0], -20, 20)), unknowns[:, 1]
@@ -67,9 +67,8 @@ class SliderCrank:
 
 class Mechanism:
     branches = (1,)
-    tables = tuple(
-        np.array([[1.0, 1 + abs(e) + x, e] for x in np.geomspace(0.05, 20, n) for e in np.linspace(-3, 3, n)])
-        for n in (7, 15)
+    coarse_types = np.array(
+        [[1.0, 1 + abs(e) + x, e] for x in np.geomspace(0.05, 20, 7) for e in np.linspace(-3, 3, 7)]
     )
 
     def winding(self, lengths: np.ndarray) -> np.ndarray:
