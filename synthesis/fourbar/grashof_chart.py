@@ -19,7 +19,9 @@ Flags = NDArray[np.bool_]
 
 _ROCKER = np.array([[1, 0, 0, 0], [1, 0.5, 0.5, 0], [1, 0.5, 0, 0.5], [1, 0, 0.5, 0.5]])
 _DOUBLE = np.abs(_ROCKER[[3, 1, 2, 0]]) * np.array([-1, 1, 1, 1])
-"""Lengths by unknowns of a crank-rocker, and of a double-crank, whose l counts negative."""
+_SHEETS = np.stack([_DOUBLE, _ROCKER])
+"""Lengths by unknowns of a double-crank, whose l counts negative, and of a crank-rocker."""
+_NO_LESS = np.array([-np.inf, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,10 @@ class GrashofChart(Evaluated):
 
     def shape(self, unknowns: Floats) -> FourBarShape:
         """Shapes at unknowns (n, 4); excesses below zero count as zero."""
-        jacobian = np.where((unknowns[:, 0] > 0)[:, None, None], _ROCKER, _DOUBLE)
-        unknowns = np.column_stack([unknowns[:, 0], np.maximum(unknowns[:, 1:], 0.0)])
-        lengths = (jacobian @ unknowns[:, :, None])[:, :, 0]
-        least, (x, y, z) = np.abs(unknowns[:, 0]), unknowns[:, 1:].T
+        jacobian = _SHEETS[(unknowns[:, 0] > 0).astype(np.intp)]
+        kept = np.maximum(unknowns, _NO_LESS)
+        lengths = (jacobian @ kept[:, :, None])[:, :, 0]
+        least, x, y, z = np.abs(kept).T
         return FourBarShape(lengths, x * (4 * least + x + y + z), y * z, jacobian)
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
@@ -75,24 +77,19 @@ class GrashofChart(Evaluated):
         if self.scaled:
             unknowns = unknowns / np.sum(np.abs(unknowns), axis=-1, keepdims=True)
         out = np.maximum(unknowns, self.LEAST)
-        double = unknowns[..., 0] < 0
-        out[..., 0] = np.where(double, np.minimum(unknowns[..., 0], -self.LEAST), out[..., 0])
+        out[..., 0] = np.copysign(np.maximum(np.abs(unknowns[..., 0]), self.LEAST), unknowns[..., 0])
         return out
 
     def stepped(self, unknowns: Floats, step: Floats) -> Floats:
         """Unknowns after a step, each component cut by itself; l keeps its sign."""
-        side = np.where(unknowns[:, :1] < 0, -1.0, 1.0)
         longest = self.longest_step if self.scaled else 1.0
-        out = unknowns + np.clip(step, -longest, longest)
-        out[:, :1] = side * np.maximum(side * out[:, :1], 1e-300)  # lifted to the bounds below, once the scale is one
-        out[:, 1:] = np.maximum(out[:, 1:], 0.0)
-        return self.within(out)
+        side = np.copysign(1.0, unknowns)
+        out = side * (unknowns + np.minimum(np.maximum(step, -longest), longest))
+        return self.within(side * np.maximum(out, 1e-300))  # lifted to the bounds there, once the scale is one
 
     def held(self, unknowns: Floats, gradient: Floats) -> Flags:
         """Which unknowns stand at a bound that descent would push them through, (n, 4)."""
-        side = np.ones_like(unknowns)
-        side[:, 0] = np.sign(unknowns[:, 0])
-        return (side * unknowns <= 1.01 * self.LEAST) & (side * gradient > 0)
+        return (np.abs(unknowns) <= 1.01 * self.LEAST) & (np.copysign(1.0, unknowns) * gradient > 0)
 
     def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
         """Unknowns whose logarithms moved by noise (n, 4); excesses at a bound are lifted off it first."""

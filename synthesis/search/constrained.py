@@ -24,8 +24,8 @@ MARGIN = 1e-7
 _LEAST_DAMPING = 1e-12
 _EXACT = 1e-15
 """To which equations are solved."""
-_STALL, _HOPELESS = 1e-9, 1e10
-"""A descent ends where no candidate gains more than this part in a step, or its damping exceeds the other."""
+_STALL, _HOPELESS = 1e-7, 1e10
+"""A candidate's descent ends where a step gains no more than this part, or its damping exceeds the other."""
 
 
 class Problem(Protocol):
@@ -52,6 +52,8 @@ class Plan(NamedTuple):
     """rho, one after the other."""
     every: int
     """Steps with each."""
+    awaited: int | None = None
+    """So many of the best candidates are descended to their end; None: all."""
 
 
 class Descended(NamedTuple):
@@ -134,8 +136,10 @@ def descend(problem: Problem, unknowns: Floats, branch: Floats, plan: Plan, work
         for new_column, column in zip(there, here):
             new_column[~better] = column[~better]
         here = there
-        if last and np.all(better & (decrease <= _STALL * before) | (damping > _HOPELESS)):
-            break
+        if last:
+            ended = (predicted <= _STALL * before) | better & (decrease <= _STALL * before) | (damping > _HOPELESS)
+            if ended[np.argsort(np.where(better, after, before))[: plan.awaited]].all():
+                break
     broken = np.where(equal, np.abs(here.values), -here.values)
     return Descended(here.unknowns, branch, here.cost, np.max(broken, axis=1, initial=0.0))
 

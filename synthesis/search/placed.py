@@ -52,6 +52,8 @@ class ShapeProblem:
         self.size = len(chart.cell) - 1
         self.projected = ProjectedProblem(target, chart)
         self.unknowns = self.size + 1
+        self.longest = np.array([_LONGEST_TURN])
+        """Longest step of the unknowns behind the shape."""
         self.limited = constraints.any
 
     def evaluate(self, unknowns: Floats, branch: Floats) -> Evaluation:
@@ -81,8 +83,9 @@ class ShapeProblem:
 
     def stepped(self, unknowns: Floats, step: Floats) -> Floats:
         """Unknowns after a step, each component cut by itself and kept within the chart's bounds."""
-        out = unknowns + np.clip(step, -_LONGEST_TURN, _LONGEST_TURN)
-        out[:, : self.size] = self.chart.stepped(unknowns[:, : self.size], step[:, : self.size])
+        out, size = np.empty_like(unknowns), self.size
+        out[:, :size] = self.chart.stepped(unknowns[:, :size], step[:, :size])
+        out[:, size:] = unknowns[:, size:] + np.minimum(np.maximum(step[:, size:], -self.longest), self.longest)
         return out
 
     def held(self, unknowns: Floats, gradient: Floats) -> Flags:
@@ -114,7 +117,12 @@ class PosedProblem(ShapeProblem):
         self.body = chart.prepared(target)
         self.middle = target.position_mean(target.position)
         self.scaled = (target.position - self.middle) / target.length_scale
+        self.turned = np.exp(1j * target.crank)
+        self.rows = (2 if target.rotation is None else 3) * target.samples
         self.unknowns = self.size + 6
+        self.longest = np.array(
+            [_LONGEST_TURN, _LONGEST_WAY, _LONGEST_WAY, _LONGEST_TURN, _LONGEST_WAY, _LONGEST_WAY]
+        )
 
     def pose(self, unknowns: Floats) -> Poses:
         """The pose of candidates."""
@@ -134,26 +142,28 @@ class PosedProblem(ShapeProblem):
         assert found.slope is not None and target.position is not None
         shape = self.chart.shape(unknowns[:, :size])
         pivot, turned, coupler = self.pose(unknowns)
-        crank = np.exp(1j * (unknowns[:, size] + turned))[:, None] * np.exp(1j * target.crank)
-        pin = shape.lengths[:, :1] * crank
+        pin = (shape.lengths[:, 0] * np.exp(1j * (unknowns[:, size] + turned)))[:, None] * self.turned
         arm = coupler[:, None] * found.phasor
-        columns = np.empty((len(unknowns), self.unknowns + 1, target.samples), dtype=complex)
+        positions = 2 * target.samples
+        stack = np.empty((len(unknowns), self.unknowns + 1, self.rows))
+        columns = stack[:, :, :positions].view(complex)  # real and imaginary parts in turn
         np.multiply((-1j * arm)[:, None, :], found.slope, out=columns[:, : size + 1])
-        columns[:, :size] -= shape.jacobian[:, 0, :, None] * crank[:, None, :]
-        columns[:, size] -= 1j * pin
+        columns[:, :size] -= (shape.jacobian[:, 0] / shape.lengths[:, :1])[:, :, None] * pin[:, None, :]
+        turn = 1j * pin
+        columns[:, size] -= turn
         columns[:, size + 1], columns[:, size + 2] = -1.0, -1j
-        columns[:, size + 3] = -1j * pin
-        columns[:, size + 4], columns[:, size + 5] = -found.phasor, -1j * found.phasor
+        np.negative(turn, out=columns[:, size + 3])
+        np.negative(found.phasor, out=columns[:, size + 4])
+        np.multiply(-1j, found.phasor, out=columns[:, size + 5])
         columns[:, size + 6] = self.scaled - pivot[:, None] - pin - arm
         columns *= target.position_mean.root
-        parts = [columns.real, columns.imag]
         if target.rotation is not None:
-            mean = target.rotation_mean
-            turn = np.zeros((len(unknowns), self.unknowns + 1, target.samples))
-            turn[:, : size + 1], turn[:, -1] = -found.slope, target.rotation - found.angle
+            mean, turn = target.rotation_mean, stack[:, :, positions:]
+            turn[:, size + 1 : -1] = 0.0
+            np.negative(found.slope, out=turn[:, : size + 1])
+            np.subtract(target.rotation, found.angle, out=turn[:, -1])
             turn -= mean.weighted(turn).sum(axis=2, keepdims=True) / mean.total
-            parts.append(turn * mean.root)
-        stack = np.concatenate(parts, axis=2)
+            turn *= mean.root
         cost = np.einsum("nm,nm->n", stack[:, -1], stack[:, -1])
         possible = np.isfinite(cost) if found.possible is True else found.possible & np.isfinite(cost)
         return Evaluation(np.where(possible, cost, np.inf), stack)
@@ -161,14 +171,6 @@ class PosedProblem(ShapeProblem):
     def placed(self, unknowns: Floats, branch: Floats, lengths: Floats) -> Placed:
         """Candidates as the limits see them."""
         return super().placed(unknowns, branch, lengths)._replace(**self.pose(unknowns)._asdict())
-
-    def stepped(self, unknowns: Floats, step: Floats) -> Floats:
-        """Unknowns after a step."""
-        out = super().stepped(unknowns, step)
-        for k in (1, 2, 4, 5):
-            column = self.size + k
-            out[:, column] = unknowns[:, column] + np.clip(step[:, column], -_LONGEST_WAY, _LONGEST_WAY)
-        return out
 
     def hopped(self, unknowns: Floats, random: np.random.Generator, width: float) -> Floats:
         """Perturbed unknowns."""

@@ -21,7 +21,7 @@ from synthesis.least_squares import minimise
 from synthesis.mechanism import Chart, Limits
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search import schedule
-from synthesis.search.limited import search_limited
+from synthesis.search.limited import LimitedSearch
 from synthesis.search.projected import ProjectedProblem
 from synthesis.search.schedule import Round
 from synthesis.search.seeds import Candidates, SeedTables
@@ -173,20 +173,37 @@ class _Search:
 
     # -- within limits, or where none is exact ------------------------------------------------------------------------
 
-    def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any]) -> list[Any]:
+    def look(self, rounds: Sequence[Round], top: int) -> list[Any]:
+        """Exact answers without limits, where a few rounds lead near them: those within the limits."""
+        self.free_search(rounds)
+        near = self.pool.cost.min(initial=np.inf) < _NEAR**2
+        if not (near or self.limits.only_family):
+            return []
+        if not (self.reached or self.limits.only_family) and self.pool.cost.min() < _NEARER**2:
+            self.free_search(schedule.TO_THE_END[:1])
+        # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
+        return self.polished(top + 4, 30 if near and not self.reached else 6)
+
+    def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any], top: int) -> list[Any]:
         """Go on within the limits, in one chart after the other; what it finds, and of the solutions those that are better."""
         charts, ways = self.mechanism.charts(self.limits.family), self.mechanism.bounded(self.target, self.limits)
         if self.target.start is not None or self.target.offset is not None:
             ways = []  # they find the start and the offset themselves
+        looked = self.limits.only_family
         if not ways:
+            solutions = solutions if looked else self.look(schedule.FIRST_LOOK[:1], top)
             self.free_search(schedule.TO_THE_END)
             return solutions + self.polished(_FINISHED, 30)
         first, solutions = solutions, []
         for chart, way in zip(charts, ways):
-            found, problem, seeds = search_limited(
-                self.target, way, windows(self.limits.family), self.work, self.note
-            )
-            self.seeds += seeds
+            limited = LimitedSearch(self.target, way, windows(self.limits.family), self.work, self.note)
+            if not looked:  # one round tells whether an exact answer keeps the limits
+                first, looked = self.look(schedule.FIRST_LOOK[:1], top), True
+                self.note(np.array([one.errors.objective for one in first]) ** 2)
+                if Status.of(first, self.tolerance) is Status.REACHED:
+                    return first
+            found, problem = limited.search(top + 2), limited.whole
+            self.seeds += limited.used
             linkages = problem.linkages(self.mechanism, found.unknowns, found.branch, self.target)
             solutions = solutions + self.mechanism.within(
                 self.target, self.limits, self.mechanism.assess(self.target, linkages)
@@ -254,16 +271,10 @@ def search(
         target, limits = target.mirrored(), limits.mirrored()
     first = tables.mechanism.charts(limits.family)[0]
     run = _Search(tables, target, limits, tolerance, work or Work(), first)
-    # within limits the answer is seldom exact: one round tells
-    run.free_search(schedule.FIRST_LOOK if limits.only_family else schedule.FIRST_LOOK[:1])
-    near = bool(run.pool.cost.size) and run.pool.cost.min() < _NEAR**2
-    solutions = []
-    if near or limits.only_family:
-        # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
-        solutions = run.polished(top + 4, 30 if near and not run.reached else 6)
+    solutions = run.look(schedule.FIRST_LOOK, top) if limits.only_family else []
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
     if not (run.done(solutions) or (solutions and run.reached)):
-        solutions = run.bounded_search(tables.windows, solutions)
+        solutions = run.bounded_search(tables.windows, solutions, top)
     solutions = distinct(solutions, top, APART, exact=tolerance)
     report = run.report(solutions)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report

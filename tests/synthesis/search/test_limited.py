@@ -15,7 +15,7 @@ from synthesis.fourbar.grashof_chart import GrashofChart, LengthsChart
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.search.constrained import Descended, Plan, descend, restored
-from synthesis.search.limited import search_limited
+from synthesis.search.limited import LimitedSearch
 from synthesis.search.placed import PosedProblem, ShapeProblem
 from synthesis.search.windows import Windows
 from synthesis.target import Target, make_target
@@ -97,7 +97,8 @@ def test_equations_are_met_by_each_step_and_to_rounding_in_the_end(windows) -> N
     middle, scale = complex(target.position_mean(target.position)), target.length_scale
     limits = Limits(pivot_b=middle + scale * (1 - 2j), links=(0.7 * scale, None, None, None))
     way = FOURBAR.bounded(target, limits)[0]
-    found, problem, _ = search_limited(target, way, windows, Work(), lambda cost: None)
+    run = LimitedSearch(target, way, windows, Work(), lambda cost: None)
+    found, problem = run.search(10), run.whole
     assert found.branch.size
     for linkage in problem.linkages(FOURBAR, found.unknowns, found.branch, target):
         assert abs(linkage.pivot_b - limits.pivot_b) < 1e-12 * scale * 4
@@ -158,6 +159,21 @@ def test_what_is_found_keeps_every_limit(kind, seed) -> None:
         assert broken_limits(request, solution) == []
     if kind == "kept":
         assert recompute(request, reply["solutions"][0]).objective < 1e-9
+
+
+@pytest.mark.parametrize(("kind", "seed", "best"), [("boxed", 13, 0.9055), ("boxed", 37, 0.3576)])
+def test_limits_that_are_hard_to_keep_do_not_hide_the_best(kind, seed, best) -> None:
+    """Candidates that move better but break limits must not crowd out those that keep them."""
+    found = la.synthesize(**make_limited(kind, seed).request, top=3)
+    assert found.best.errors.objective < 1.01 * best
+
+
+def test_an_exact_linkage_in_a_narrow_valley_that_just_keeps_its_limits() -> None:
+    """A few steps lead near it, still outside of its limits: it must be followed to its end before it is judged."""
+    request = make_limited("kept", 55).request
+    solution = la.synthesize(**request, top=1).to_dict()["solutions"][0]
+    assert broken_limits(request, solution) == []
+    assert recompute(request, solution).objective < 1e-9
 
 
 NAMED = {
