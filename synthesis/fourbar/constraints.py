@@ -24,6 +24,10 @@ BEGIN, END, PIVOT, TURNED, COUPLER = 4, 5, 6, 8, 9
 COLUMNS = 11
 """Derivatives as `mechanism.Constrained` has them."""
 _GROUND = 3
+_EVERY = list(range(len(LINKS)))
+_TURNED_OVER = np.array([0.0, np.pi])
+"""Crank angles at which the diagonal is shortest and longest."""
+_SHORT_LONG = np.array([1.0, -1.0])
 _TRACED = {True: (257, 3), False: (25, 1)}
 """Crank angles at which joints are looked at, and how often their extremes are then refined: exactly, and in a search."""
 SPARE = 1e-4
@@ -54,18 +58,18 @@ class Constraints:
         """The constraints at linkages."""
         columns, limits = _Columns(placed), self.limits
         if limits.transmission_angle_min:
-            columns.transmission("transmission_angle_min", limits.transmission_angle_min, *_nearest(placed.used))
+            columns.transmission("transmission_angle_min", limits.transmission_angle_min, _nearest(placed.used))
         if limits.transmission_angle_min_turn:
             columns.transmission("transmission_angle_min_turn", limits.transmission_angle_min_turn)
         if limits.link_min is not None:
-            columns.lengths("link_min", 1.0, -limits.link_min / self.scale)
+            columns.lengths("link_min", _EVERY, 1.0, -limits.link_min / self.scale)
         if limits.link_max is not None:
-            columns.lengths("link_max", -1.0, limits.link_max / self.scale)
+            columns.lengths("link_max", _EVERY, -1.0, limits.link_max / self.scale)
         if limits.link_ratio_max is not None:
             columns.ratio("link_ratio_max", limits.link_ratio_max)
         for k, length in enumerate(limits.links):
             if length is not None:
-                columns.length(f"links.{LINKS[k]}", k, 1.0, -length / self.scale, equal=True)
+                columns.lengths(f"links.{LINKS[k]}", [k], 1.0, -length / self.scale, equal=True)
         if placed.pivot is not None:
             self._on_pose(columns)
         return columns.result()
@@ -102,12 +106,11 @@ class Constraints:
         return low.real, low.imag, high.real, high.imag
 
 
-def _nearest(used: Interval) -> tuple[Floats, Floats]:
-    """The crank angles of an interval at which the diagonal is shortest and longest, (n,) each."""
-    first, last = np.minimum(*used), np.maximum(*used)
-    middle = (first + last) / 2
-    near = [np.clip(far + TURN * np.rint((middle - far) / TURN), first, last) for far in (0.0, np.pi)]
-    return near[0], near[1]
+def _nearest(used: Interval) -> Floats:
+    """The crank angles of an interval at which the diagonal is shortest and longest, (n, 2)."""
+    first, last = np.minimum(*used)[:, None], np.maximum(*used)[:, None]
+    near = _TURNED_OVER + TURN * np.rint(((first + last) / 2 - _TURNED_OVER) / TURN)
+    return np.minimum(np.maximum(near, first), last)
 
 
 class _Point(NamedTuple):
@@ -146,103 +149,92 @@ class _Columns:
 
     def result(self) -> Constrained:
         """All that was collected."""
-        values, slopes = np.empty((self.count, 0)), np.empty((self.count, 0, COLUMNS))
-        if self.values:
-            values, slopes = np.stack(self.values, axis=1), np.stack(self.slopes, axis=1)
+        values = np.concatenate([np.empty((self.count, 0)), *self.values], axis=1)
+        slopes = np.concatenate([np.empty((self.count, 0, COLUMNS)), *self.slopes], axis=1)
         return Constrained(values, slopes, np.array(self.equal, dtype=bool), self.names)
 
-    def add(self, name: str, value: Floats, slope: Floats, equal: bool = False) -> None:
-        """One constraint: values (n,) and derivatives (n, 11)."""
-        self.names.append(name)
-        self.values.append(value)
-        self.slopes.append(slope)
-        self.equal.append(equal)
+    def add(self, name: str, values: Floats, slopes: Floats, equal: bool = False) -> None:
+        """Constraints of one limit: values (n, k) and derivatives (n, k, 11)."""
+        self.names += [name] * values.shape[1]
+        self.values.append(values)
+        self.slopes.append(slopes)
+        self.equal += [equal] * values.shape[1]
 
     # -- angles -------------------------------------------------------------------------------------------------------
 
-    def transmission(self, name: str, least: float, near: Floats | None = None, far: Floats | None = None) -> None:
-        """The transmission angle where the diagonal is shortest and longest: at ``near`` and ``far``, or over the turn."""
-        l1, l2, l3, l4 = self.placed.lengths.T
-        turn = near is None
-        reaches = np.ones(self.count, dtype=bool)
+    def transmission(self, name: str, least: float, theta1: Floats | None = None) -> None:
+        """The transmission angle where the diagonal is shortest and longest: at theta1 (n, 2), or over the turn."""
+        l1, l2, l3, l4 = self.placed.lengths.T[:, :, None]
+        turn = theta1 is None
+        at = _TURNED_OVER if theta1 is None else theta1
+        sine, cosine = np.sin(at / 2), np.cos(at)
+        square = (l4 - l1) ** 2 + 4 * l1 * l4 * sine**2
+        product = l2 * l3
+        ratio = (l2**2 + l3**2 - square) / (2 * product)
+        slopes = np.zeros((self.count, 2, COLUMNS))
+        slopes[:, :, 0], slopes[:, :, _GROUND] = (l4 * cosine - l1) / product, (l1 * cosine - l4) / product
+        slopes[:, :, 1], slopes[:, :, 2] = 1 / l3 - ratio / l2, 1 / l2 - ratio / l3
+        if not turn:
+            by_angle = -l1 * l4 * np.sin(at) / product
+            first, last = np.minimum(*self.placed.used)[:, None], np.maximum(*self.placed.used)[:, None]
+            slopes[:, :, BEGIN] = np.where(at <= first, by_angle, 0.0)
+            slopes[:, :, END] = np.where(at >= last, by_angle, 0.0)
+        values = np.cos(least) - _SHORT_LONG * ratio
+        slopes *= -_SHORT_LONG[:, None]
         if turn:  # the limit concerns only those whose crank turns fully
             a, b, c = grashof_excesses(self.placed.lengths)
             reaches = (c > 0) & (a * b > 0)
-        for sign, angle in ((1.0, near), (-1.0, far)):
-            theta1 = np.full(self.count, 0.0 if sign > 0 else np.pi) if angle is None else angle
-            sine, cosine = np.sin(theta1 / 2), np.cos(theta1)
-            square = (l4 - l1) ** 2 + 4 * l1 * l4 * sine**2
-            ratio = (l2**2 + l3**2 - square) / (2 * l2 * l3)
-            slope = np.zeros((self.count, COLUMNS))
-            slope[:, 0], slope[:, _GROUND] = (l4 * cosine - l1) / (l2 * l3), (l1 * cosine - l4) / (l2 * l3)
-            slope[:, 1], slope[:, 2] = 1 / l3 - ratio / l2, 1 / l2 - ratio / l3
-            if not turn:
-                by_angle = -l1 * l4 * np.sin(theta1) / (l2 * l3)
-                first, last = np.minimum(*self.placed.used), np.maximum(*self.placed.used)
-                slope[:, BEGIN] = np.where(theta1 <= first, by_angle, 0.0)
-                slope[:, END] = np.where(theta1 >= last, by_angle, 0.0)
-            value = np.cos(least) - sign * ratio
-            self.add(name, np.where(reaches, value, 1.0), np.where(reaches[:, None], -sign * slope, 0.0))
+            values, slopes = np.where(reaches[:, None], values, 1.0), np.where(reaches[:, None, None], slopes, 0.0)
+        self.add(name, values, slopes)
 
     # -- lengths ------------------------------------------------------------------------------------------------------
 
-    def length(self, name: str, k: int, sign: float, rest: float, equal: bool = False) -> None:
-        """``sign`` times the length k, and ``rest`` units, is at least 0 (or 0)."""
-        lengths = self.placed.lengths
-        slope = np.zeros((self.count, COLUMNS))
-        slope[:, k] = sign
+    def lengths(self, name: str, links: list[int], sign: float, rest: float, equal: bool = False) -> None:
+        """``sign`` times each of these lengths, and ``rest`` units, is at least 0 (or 0)."""
+        lengths, places = self.placed.lengths, np.arange(len(links))
+        values, slopes = sign * lengths[:, links], np.zeros((self.count, len(links), COLUMNS))
+        slopes[:, places, links] = sign
         if self.placed.pivot is None:
-            slope[:, _GROUND] += rest
-            self.add(name, sign * lengths[:, k] + rest * lengths[:, _GROUND], slope, equal)
+            slopes[:, :, _GROUND] += rest
+            self.add(name, values + rest * lengths[:, _GROUND:], slopes, equal)
         else:
-            self.add(name, sign * lengths[:, k] + rest, slope, equal)
-
-    def lengths(self, name: str, sign: float, rest: float) -> None:
-        """The same for each length."""
-        for k in range(len(LINKS)):
-            self.length(name, k, sign, rest)
+            self.add(name, values + rest, slopes, equal)
 
     def ratio(self, name: str, most: float) -> None:
         """The shortest length, times ``most``, is at least each other."""
-        lengths = self.placed.lengths
+        lengths, every = self.placed.lengths, np.arange(len(LINKS))
         shortest = lengths.argmin(axis=1)
-        rows, size = np.arange(self.count), lengths.sum(axis=1)
-        for k in range(len(LINKS)):
-            slope = np.zeros((self.count, COLUMNS))
-            slope[rows, shortest] = most
-            slope[:, k] -= 1.0
-            value = most * lengths[rows, shortest] - lengths[:, k]
-            # over the perimeter, whose change does not matter where the constraint holds
-            self.add(name, value / size, slope / size[:, None])
+        rows, size = np.arange(self.count), lengths.sum(axis=1)[:, None]
+        slopes = np.zeros((self.count, len(LINKS), COLUMNS))
+        slopes[rows, :, shortest] = most
+        slopes[:, every, every] -= 1.0
+        values = most * lengths[rows, shortest][:, None] - lengths
+        # over the perimeter, whose change does not matter where the constraint holds
+        self.add(name, values / size, slopes / size[:, None])
 
     # -- places -------------------------------------------------------------------------------------------------------
 
     def at(self, name: str, point: _Point, place: complex) -> None:
         """The point is there."""
         gap = point.place - place
-        self.add(name, gap.real, point.slope.real, equal=True)
-        self.add(name, gap.imag, point.slope.imag, equal=True)
+        self.add(name, _two(gap), _two(point.slope), equal=True)
 
     def near(self, name: str, point: _Point, middle: complex, far: float) -> None:
         """The point is no farther than that from the middle."""
         gap = point.place - middle
         away = np.abs(gap)
         along = np.conj(gap) / np.where(away > 0, away, 1.0)
-        self.add(name, far - away, -(along[:, None] * point.slope).real)
+        self.add(name, (far - away)[:, None], -(along[:, None] * point.slope).real[:, None])
 
     def inside(self, name: str, point: _Point, box: Box) -> None:
         """The point lies in the box."""
-        for side in point.sides:
-            value, slope = _from_side(point, box, side)
-            self.add(name, value, slope)
+        self.add(name, *_from_sides(point, box))
 
     def outside(self, name: str, point: _Point, box: Box) -> None:
         """The point lies on the outer side of the side of the box that it is nearest to."""
-        parts = [_from_side(point, box, side) for side in point.sides]
-        values, slopes = np.stack([-value for value, _ in parts]), np.stack([-slope for _, slope in parts])
-        best = values.argmax(axis=0)
-        rows = np.arange(self.count)
-        self.add(name, values[best, rows], slopes[best, rows])
+        values, slopes = _from_sides(point, box)
+        rows, best = np.arange(self.count), values.argmin(axis=1)
+        self.add(name, -values[rows, best][:, None], -slopes[rows, best][:, None])
 
     # -- joints that move ---------------------------------------------------------------------------------------------
 
@@ -304,11 +296,19 @@ class _Columns:
 _SIGN = (1.0, 1.0, -1.0, -1.0)
 
 
-def _from_side(point: _Point, box: Box, side: int) -> tuple[Floats, Floats]:
-    """How far inside of a side of a box a point is: left, lower, right or upper."""
-    sign = _SIGN[side]
-    place, slope = (point.place.imag, point.slope.imag) if side % 2 else (point.place.real, point.slope.real)
-    return sign * (place - box[side]), sign * slope
+def _two(column: Complexes) -> Floats:
+    """Real and imaginary parts (n, 2, ...) of a column (n, ...)."""
+    return np.stack([column.real, column.imag], axis=1)
+
+
+def _from_sides(point: _Point, box: Box) -> tuple[Floats, Floats]:
+    """How far inside of the sides of a box a point is, (n, k), of those that it may leave: left, lower, right, upper."""
+    place, slope = _two(point.place), _two(point.slope)
+    values = np.concatenate([place - np.array(box[:2]), np.array(box[2:]) - place], axis=1)
+    slopes = np.concatenate([slope, -slope], axis=1)
+    if len(point.sides) == len(_SIGN):
+        return values, slopes
+    return values[:, point.sides], slopes[:, point.sides]
 
 
 def _least_near(middle: Floats, values: Floats, step: float) -> Floats:
