@@ -1,4 +1,4 @@
-"""What the software withstands: ``python -m benchmarks.reliability [--scale SHARE]``; ``make fault`` runs it whole.
+"""What the software withstands: ``python -m benchmarks.reliability [--scale SHARE] [--parts ...]``; ``make fault`` runs it whole.
 
 Kills, failing writes, flipped bits and changed bodies are counted; expensive requests are measured against their budget; and
 well-meant clients ask beside hostile ones. Each promise is one row of docs/reliability.md.
@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -98,7 +98,7 @@ def _sent(port: int, count: int, seed: int) -> tuple[dict[str, int], list[str]]:
     return dict(sorted(statuses.items())), broken
 
 
-def bodies(port: int, count: int) -> dict[str, Any]:
+def bodies(running: service.Service, port: int, count: int) -> dict[str, Any]:
     """Changed bodies over all routes."""
     statuses, broken = _sent(port, count, 3)
     for line in broken[:5]:
@@ -234,68 +234,77 @@ def ends(atlas: Path) -> list[dict[str, Any]]:
     return rows
 
 
+def _alone(part: Callable[..., Any], atlas: Path, *arguments: Any, **options: Any) -> Any:
+    """A part at a service of its own."""
+    with service.running(service.serve_command, atlas=atlas, **options) as running:
+        return part(running, running.port, *arguments)
+
+
+PARTS: dict[str, Callable[[Path, Callable[[int], int]], Any]] = {
+    "budgets": lambda atlas, some: _alone(budgets, atlas, max_budget_ms=BUDGET_MS),
+    "crowds": lambda atlas, some: [_alone(crowd, atlas, some(600), bad) for bad in (False, True)],
+    "memory": lambda atlas, some: _alone(memory, atlas, max(20_000, some(100_000))),
+    "bodies": lambda atlas, some: _alone(bodies, atlas, some(100_000), max_budget_ms=20),
+    "ends": lambda atlas, some: ends(atlas),
+    "flips": lambda atlas, some: flips(atlas, some(10_000)),
+    "kills": lambda atlas, some: kills(some(1_000)),
+}
+"""By their names; each takes the atlas, and the number to try for a full number."""
+
+
 def measure(
     atlas: Annotated[Path | None, "the default atlas; built anew if not given"] = None,
     scale: Annotated[float, "share of the full counts"] = 1.0,
+    parts: Annotated[str, "parts of the run; the others stay as they are", tuple(PARTS)] = tuple(PARTS),
 ) -> Iterator[dict[str, Any]]:
-    """All of it; at full scale about two hours."""
+    """The parts in turn; at full scale about two hours."""
 
     def some(full: int) -> int:
         return max(full // 50, round(scale * full))
 
+    stamp = report.stamp()
+    kept = report.load("reliability")["parts"] if (report.RESULTS / "reliability.json").exists() else {}
     with tempfile.TemporaryDirectory() as folder:
         if atlas is None:
             atlas = Path(folder) / "atlas.h5"
             service.build(atlas)
-        results: dict[str, Any] = {"scale": scale, "budget_ms": BUDGET_MS}
-        with service.running(service.serve_command, atlas=atlas, max_budget_ms=BUDGET_MS) as running:
-            results["budgets"] = budgets(running, running.port)
-        with service.running(service.serve_command, atlas=atlas) as running:
-            results["crowds"] = [crowd(running, running.port, some(600), bad) for bad in (False, True)]
-        print(json.dumps(results["crowds"]), flush=True)
-        with service.running(service.serve_command, atlas=atlas) as running:
-            results["memory"] = memory(running, running.port, max(20_000, some(100_000)))
-        with service.running(service.serve_command, atlas=atlas, max_budget_ms=20) as running:
-            results["bodies"] = bodies(running.port, some(100_000))
-        results["ends"] = ends(atlas)
-        results["flips"] = flips(atlas, some(10_000))
-        results["kills"] = kills(some(1_000))
-    yield results
+        for name in parts:
+            kept[name] = {"made": stamp, "found": PARTS[name](atlas, some)}
+            print(name, json.dumps(kept[name]["found"]), flush=True)
+            yield {"made": stamp, "parts": kept}
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/reliability.md."""
-    whole = f"python -m benchmarks.reliability --scale {results['scale']:g}"
+    found = {name: part["found"] for name, part in results["parts"].items()}
     rows: list[tuple[str, str, str, str]] = []
-    if kills := results.get("kills"):
+    if kills := found.get("kills"):
         count, wrong = f"{kills['kills']:,} kills", f"{kills['other_files']} files with other bytes"
         rows.append(("A killed build goes on and ends in the same bytes", "`kills`", count, wrong))
-    if flips := results.get("flips"):
+    if flips := found.get("flips"):
         count, wrong = f"{flips['flips']:,} flips", f"{flips['accepted']} accepted"
         rows.append(("A flipped bit of an atlas file is noticed", "`flips`", count, wrong))
-    if bodies := results.get("bodies"):
+    if bodies := found.get("bodies"):
         told = ", ".join(f"{count:,} x {status}" for status, count in bodies["statuses"].items())
         text = "Every changed body is answered or refused as problem+json, never with a fault"
         rows.append((text, "`bodies`", f"{bodies['bodies']:,} bodies", f"{bodies['broken']} otherwise; {told}"))
-    if crowds := results.get("crowds"):
+    if crowds := found.get("crowds"):
         short, bad = crowds
         count = f"{short['requests']:,} requests in {short['seconds']:.0f} s, load average {short['load']:.1f}"
         text = "Short requests of 64 clients, one a second each: 99th percentile at most 250 ms"
         rows.append((text, "`crowd`", count, f"{short['short_p99_ms']:.0f} ms"))
         told = ", ".join(f"{count:,} x {status}" for status, count in sorted(bad["statuses"].items()))
-        found = f"/livez {bad['livez_p99_ms']:.0f} ms, short requests {bad['short_p99_ms']:.0f} ms; {told}"
+        told_of = f"/livez {bad['livez_p99_ms']:.0f} ms, short requests {bad['short_p99_ms']:.0f} ms; {told}"
         text = "The same beside one hostile client of each kind: /livez at most 50 ms at the 99th percentile"
         count = f"{bad['requests']:,} requests in {bad['seconds']:.0f} s, load average {bad['load']:.1f}"
-        rows.append((text, "`crowd`", count, f"{found}; at most {bad['megabytes']:.0f} MB in all"))
-    if after := results.get("memory"):
+        rows.append((text, "`crowd`", count, f"{told_of}; at most {bad['megabytes']:.0f} MB in all"))
+    if after := found.get("memory"):
         grown = after["late_megabytes"] - after["early_megabytes"]
         text = "Memory does not grow with the number of requests: at most 5 MB more after ten times as many"
         rows.append((text, "`memory`", f"{after['requests']:,} requests", f"{grown:+.1f} MB"))
-    for row in results.get("ends", []):
-        count, found = f"with {row['under_way']} under way", f"{row['seconds']:.1f} s, code {row['code']}"
-        rows.append(("SIGTERM ends the service within 5 s", "`ends`", count, found))
-    if not rows:
-        rows = [("none was tried in this run beyond the expensive requests below", "", "", "")]
+    for row in found.get("ends", []):
+        count, ended = f"with {row['under_way']} under way", f"{row['seconds']:.1f} s, code {row['code']}"
+        rows.append(("SIGTERM ends the service within 5 s", "`ends`", count, ended))
     head = ["promise", "test", "count", "result"]
     budget = [
         (
@@ -307,13 +316,13 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
             f"{row['megabytes']:.0f}",
             f"{row['livez_p99_ms']:.0f}",
         )
-        for row in results["budgets"]
+        for row in found["budgets"]
     ]
     budget_head = ["request", "route", "status", "wall, ms", "processor, ms", "memory, MB", "/livez p99, ms"]
     return {
         "promises": report.lines(head, rows, 4),
         "budgets": report.lines(budget_head, budget, 3),
-        "run": f"`{whole}`",
+        "made": report.made_text([part["made"] for part in results["parts"].values()]),
     }
 
 

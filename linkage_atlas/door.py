@@ -367,6 +367,4 @@ def match(
 def _features(crank: Any, curve: Any, radian: float) -> Features:
     resampled = resample(crank, curve)[1]
     average, details = haar_features(resampled)
-    return Features(
-        resampled.size, resampled is not curve, float(average / radian), [float(value / radian) for value in details]
-    )
+    return Features(resampled.size, resampled is not curve, float(average / radian), (details / radian).tolist())
