@@ -116,7 +116,8 @@ class _PathSearch:
         match source:
             case Fresh():
                 if source.screen not in self.seeds:
-                    self.seeds[source.screen] = self.screens[source.screen].seeds(self.thin, self.chart)
+                    found = self.screens[source.screen].seeds(self.thin, self.chart)
+                    self.seeds[source.screen] = self.problem.facing(found)
                 return self.seeds[source.screen].take(slice(source.start, source.stop))
             case Best():
                 assert self.pool is not None

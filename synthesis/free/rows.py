@@ -122,6 +122,13 @@ class JointProblem:
             offset = timed.offset + self.poses.rotation_mean(gap)
         return timed._replace(pose=pose, offset=offset)
 
+    def facing(self, timed: Timed) -> Timed:
+        """Candidates of unknown offset with one that is right to within their own error, from the mean direction of the gaps."""
+        if self.rotation is None:
+            return timed
+        angle = self.turned(timed, derivatives=False).body.angle
+        return timed._replace(offset=np.angle(self.poses.rotation_mean(np.exp(1j * (self.rotation - angle)))))
+
     def _best_pose(self, e1: Complexes, e2: Complexes) -> Complexes:
         """A, z1, z2 of the least mean square, by Gram and Schmidt twice over {1, e1, e2}: never by normal equations."""
         weight = self.position_share

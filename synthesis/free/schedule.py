@@ -62,3 +62,12 @@ PATH = (
     Round(Best(12), 300, 1e-5, "where no linkage is exact: to the end of the best valleys"),
 )
 """Paths without crank angles."""
+
+GUESSED = (
+    Round(Fresh(0, 0, 600), 60, _STALL, "all coarse types: none is near"),
+    Round(_HOPS, 60, _STALL, "minima beside the best"),
+    Round(_HOPS, 60, _STALL, "minima beside the new ones"),
+    Round(_HOPS, 60, _STALL, "and once more"),
+    Round(Best(12), 300, 1e-5, "to the end of the best valleys"),
+)
+"""Poses that are far from any four-bar's, where pairs of dyads are no beginning."""

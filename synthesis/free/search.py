@@ -3,7 +3,7 @@
 Data flow of a request::
 
     poses --(three and more samples with rotation and position, or only such)--> dyads and their pairs: `motion`
-          --(otherwise, or where that is not exact)--> guessed timings of a coarse table: `path`
+          --(otherwise, or where that is not exact and samples lack a part, or is far off)--> guessed timings: `path`
       -> candidates with crank angles -> within the limits, ranked, different from one another: `answers`
 """
 
@@ -23,10 +23,11 @@ from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution
 from synthesis.free.answers import solutions_of
 from synthesis.free.limited import within_limits
-from synthesis.free.motion import chart_of, search_motion
+from synthesis.free.motion import FEW, chart_of, search_motion
 from synthesis.free.path import search_path
 from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
+from synthesis.free.schedule import GUESSED, PATH
 from synthesis.free.screen import COARSE, FINE, PathScreen
 from synthesis.mechanism import Chart
 from synthesis.ranking import Status
@@ -45,6 +46,9 @@ Screens = Callable[[str], Sequence[PathScreen]]
 _COARSE_PERIMETER, _FINE_PERIMETER, _FINE_SEEDS = 28, 44, 1000
 _FEWEST_FULL = 3
 """Samples with rotation and position from which on dyads lead to four-bars that fit the others too."""
+
+_FAR = 0.01
+"""J from which on poses are no four-bar's with some noise."""
 
 
 def path_screens(family: str) -> tuple[PathScreen, ...]:
@@ -111,10 +115,13 @@ def search_free(
     elif not poses.ordered:
         raise FieldError("/order", "'any' needs rotation and position at three samples or more: a path has an order")
     reached = Status.of(solutions, tolerance) is Status.REACHED
-    unfinished = not solutions or (poses.full.size < poses.samples and not reached)
+    mixed = poses.full.size < poses.samples
+    # dyads that fit alone are far from fitting together where the motion is far from any four-bar's
+    unfinished = not solutions or (mixed and not reached) or (poses.samples > FEW and pool.least > _FAR)
     if not by_dyads or (unfinished and poses.ordered and not work.expired()):
         chart, begin = GrashofChart(), work.elapsed
-        found = search_path(poses, chart, screens(limits.family), tolerance, work)
+        rounds = PATH if mixed or not by_dyads else GUESSED
+        found = search_path(poses, chart, screens(limits.family), tolerance, work, rounds)
         for seconds, objective in found.trace:
             if seconds >= begin and (not trace or objective < trace[-1][1]):
                 trace.append((seconds, objective))
