@@ -1,4 +1,4 @@
-"""``python -m docs.figures``: draws docs/img/notation.svg and docs/img/motion.svg with the project's own linkage and sheet.
+"""``python -m docs.figures``: draws notation.svg, limits.svg and motion.svg in docs/img with the project's own linkage and sheet.
 
 Both hold their own paper, light or dark as the reader's system asks, so that they are legible on any background.
 """
@@ -28,6 +28,8 @@ path{fill:none;stroke:var(--ink);stroke-width:3;stroke-linejoin:round;stroke-lin
 .ground{stroke:var(--soft);stroke-width:4}.hatch{stroke:var(--soft);stroke-width:2}
 .body{stroke:var(--body);stroke-width:3;fill:var(--body);fill-opacity:.14}
 .thin{stroke:var(--soft);stroke-width:1.6}.dash{stroke:var(--soft);stroke-width:2;stroke-dasharray:9 8}
+.box{stroke:var(--path);stroke-width:2;stroke-dasharray:9 8}
+.out{stroke:var(--wanted);stroke-width:2;fill:var(--wanted);fill-opacity:.08}
 .arc{stroke:var(--ink);stroke-width:1.8}.head{fill:var(--ink);stroke:none}
 .turn{stroke:var(--path);stroke-width:2;stroke-opacity:.45}.path{stroke:var(--path);stroke-width:4}
 .mark{stroke:var(--path);stroke-width:5}.wanted{stroke:var(--wanted);stroke-width:2.2}
@@ -181,6 +183,72 @@ def notation() -> None:
     figure.save("notation.svg", "Notation of the four-bar linkage")
 
 
+def box(low: complex, high: complex) -> list[complex]:
+    """Corners of a box."""
+    return [low, complex(high.real, low.imag), high, complex(low.real, high.imag)]
+
+
+def limits() -> None:
+    """What each limit of a request concerns, on one four-bar over its used interval."""
+    linkage = Linkage((4.6, 9.2, 8.0, 12.2), 1, np.deg2rad(30), 0j, 0.0, (6.3, np.deg2rad(38)), 0.0)
+    crank = np.linspace(0, np.deg2rad(110), 90)
+    way, here = linkage.joints(crank), linkage.joints(np.deg2rad(35))
+    a, b, d, c = here.pivot_a, here.pivot_b, complex(here.crank_pin[0]), complex(here.coupler_pin[0])
+    assert here.body_point is not None and way.body_point is not None
+    p = complex(here.body_point[0])
+    figure = Figure([-8.6 - 7.2j, 19.5 + 12.2j], 1100)
+    every = np.concatenate([way.crank_pin, way.coupler_pin, way.body_point, [a, b]])
+    room = box(
+        complex(every.real.min() - 0.7, every.imag.min() - 0.7),
+        complex(every.real.max() + 0.7, every.imag.max() + 0.7),
+    )
+    figure.line(room, "dash", closed=True)
+    figure.text("envelope", room[3], (6, 10), "word", "start")
+    for pivot, name, low, high in (
+        (a, "pivot_a_box", -2.2 - 1.6j, 1.8 + 1.1j),
+        (b, "pivot_b_box", -1.6 - 1.6j, 3.0 + 1.5j),
+    ):
+        figure.line(box(pivot + low, pivot + high), "box", closed=True)
+        figure.text(name, pivot + low, (4, -24), "word t-path", "start")
+    out = 3.2 - 5.4j
+    figure.line(box(out, out + 5.0 + 2.6j), "out", closed=True)
+    figure.text("keep_out: no fixed pivot here", out, (4, -24), "word t-wanted", "start")
+    figure.line(d + abs(p - d) * 1.12 * np.exp(1j * np.linspace(0, 2 * np.pi, 120)), "dash")
+    figure.text("coupler_radius_max", d - abs(p - d) * 1.12j, (-8, -24), "word", "end")
+    figure.line(way.body_point, "path")
+    figure.line(way.crank_pin, "turn")
+    figure.line(way.coupler_pin, "turn")
+    figure.line([a, b], "ground")
+    figure.line([d, c, p], "body", closed=True)
+    figure.line([d, c], "coupler")
+    figure.line([a, d], "crank")
+    figure.line([b, c], "rocker")
+    toward_d, toward_b = float(np.angle(d - c)), float(np.angle(b - c))
+    figure.arc(c, 62, toward_d + 2 * np.pi, toward_b + 2 * np.pi, "", 24)
+    figure.text("transmission_angle_min", c, (100, -4), "word", "start")
+    for one in (a, b):
+        figure.pivot(one, -np.pi / 2)
+    for one in (d, c):
+        figure.dot(one, 8, "pin")
+    figure.dot(p, 8, "point")
+    figure.text("body point", p, (16, 10), "word", "start")
+    for word, z, offset, name in (
+        ("crank", (a + d) / 2, (-14, 6), "word t-crank"),
+        ("coupler", (d + c) / 2, (0, -30), "word t-body"),
+        ("rocker", (b + c) / 2, (-18, -20), "word"),
+        ("ground", (a + b) / 2, (0, 12), "word"),
+    ):
+        figure.text(word, z, offset, name, {"crank": "end", "rocker": "end"}.get(word, "middle"))
+    figure.text(
+        "link_min, link_max, link_ratio_max, links: crank, coupler, rocker and ground; all over the used interval",
+        -8.2 - 6.9j,
+        (0, 0),
+        "word",
+        "start",
+    )
+    figure.save("limits.svg", "What each limit concerns")
+
+
 def motion(seconds: float = 8.0, frames: int = 180) -> None:
     """The worked example solved, and its best linkage turning through the motion that was asked for."""
     request = json.loads((ROOT / "app" / "examples" / "worked_example.json").read_text())
@@ -261,5 +329,6 @@ def motion(seconds: float = 8.0, frames: int = 180) -> None:
 
 if __name__ == "__main__":
     notation()
+    limits()
     motion()
-    print(f"wrote {IMAGES}/notation.svg and motion.svg")
+    print(f"wrote notation.svg, limits.svg and motion.svg to {IMAGES}")
