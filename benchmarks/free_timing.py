@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
 from benchmarks import baselines, report
+from benchmarks.heavy import heavy_poses
 from benchmarks.report import Times
 from tests.oracles.free_classes import FreeCase, free_case, recompute_free
 
@@ -29,6 +30,8 @@ PATHS = (6, 8, 9, 10, 12, 15, 20, 30, 60, 100)
 NOISY, NOISE = (6, 10, 20, 60), 1e-3
 KINDS = {"motion": MOTION, "few": FEW, "mixed": MIXED, "any family": SWINGING, "noise": NOISY, "path": PATHS}
 CLASSES = tuple(f"{kind} {samples}" for kind, sizes in KINDS.items() for samples in sizes)
+RANDOM = (6, 10, 20)
+RANDOM_CLASSES = tuple(f"random {samples}" for samples in RANDOM)
 BASELINE_POSES, BASELINE_CASES = (3, 4, 5), 30
 
 
@@ -80,6 +83,27 @@ def measure_class(name: str, cases: int) -> dict[str, Any]:
         ratio = np.array(objective) / reference
         result |= {"as_good": float(np.mean(ratio <= 1.01)), "worst_over_truth": report.finite(ratio.max())}
     return result
+
+
+def measure_random(name: str, cases: int) -> dict[str, Any]:
+    """Poses drawn at random, which no four-bar makes: J beside that of a heavy search, and milliseconds of both."""
+    samples, ours, theirs, ratio = int(name.split()[1]), Times(), Times(), []
+    for seed in range(cases):
+        random = np.random.default_rng([55, samples, seed])
+        rotation = random.uniform(-1, 1, samples)
+        position = random.standard_normal(samples) + 1j * random.standard_normal(samples)
+        found = ours.run(la.synthesize, np.rad2deg(rotation), position, timing="free")
+        told = recompute_free(position, rotation, found.best.to_dict()) if found.solutions else None
+        least = theirs.run(heavy_poses, rotation, position)
+        ratio.append(told.objective / least if told is not None and told.one_way else np.inf)
+    heavy = theirs.summary()
+    return {
+        "cases": cases,
+        "as_good": float(np.mean(np.array(ratio) <= 1.01)),
+        "worst": report.finite(max(ratio)),
+        "heavy_processor_ms": heavy["median_processor_ms"],
+        **ours.summary(),
+    }
 
 
 def truth_polished(case: FreeCase) -> float:
@@ -154,12 +178,13 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/free_timing.md."""
     parts = results["parts"]
     rows = []
-    for name in CLASSES:
+    for name in CLASSES + RANDOM_CLASSES:
         if name in parts:
             found = parts[name]
             times = ", ".join(report.significant(found[f"{which}_processor_ms"]) for which in ("median", "p99"))
             rows.append({"class": name.rsplit(" ", 1)[0], "samples": name.rsplit(" ", 1)[1], "times": times, **found})
-    exact = [row for row in rows if row["class"] != "noise"]
+    exact = [row for row in rows if row["class"] not in ("noise", "random")]
+    drawn = [row for row in rows if row["class"] == "random"]
     noisy = [row for row in rows if row["class"] == "noise"]
     stamps = [results["made"], *(part["made"] for part in parts.values())]
     public = [
@@ -171,13 +196,21 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         }
         for row in results.get("public", [])
     ]
-    tables = {"exact": exact, "noise": noisy, "public": public, "baselines": results.get("baselines", [])}
+    tables = {
+        "exact": exact,
+        "noise": noisy,
+        "random": drawn,
+        "public": public,
+        "baselines": results.get("baselines", []),
+    }
     return report.tables("free_timing", tables) | {"made": report.made_text(stamps)}
 
 
 def measure(
-    cases: Annotated[int, "of each class; 300 at most for paths and noise"] = 1000,
-    classes: Annotated[str, "parts of the run; the others stay as they are", CLASSES] = CLASSES,
+    cases: Annotated[int, "of each class; 300 at most for paths and noise, 60 for random poses"] = 1000,
+    classes: Annotated[str, "parts of the run; the others stay as they are", CLASSES + RANDOM_CLASSES] = (
+        CLASSES + RANDOM_CLASSES
+    ),
     public: Annotated[Path | None, "measure the published cases of this folder instead"] = None,
 ) -> Iterator[dict[str, Any]]:
     """The classes in turn, then the baselines; or the published cases."""
@@ -191,9 +224,12 @@ def measure(
         yield {**kept, "made": stamp, "public": rows}
         return
     for name in classes:
-        few = name.startswith(("path", "noise"))
-        found = measure_class(name, min(cases, 300) if few else cases)
-        print(name, json.dumps(found | {"failures": found["failures"][:10]}), flush=True)
+        if name in RANDOM_CLASSES:
+            found = measure_random(name, min(cases, 60))
+        else:
+            few = name.startswith(("path", "noise"))
+            found = measure_class(name, min(cases, 300) if few else cases)
+        print(name, json.dumps(found), flush=True)
         kept["parts"][name] = {**found, "made": stamp}
         yield {**kept, "made": stamp}
     yield {**kept, "made": stamp, "baselines": measure_baselines()}

@@ -54,6 +54,35 @@ def heavy_objective(
     return float(np.sqrt(product.refine(problem, unknowns[best], branch[best], 2000).cost.min()))
 
 
+def heavy_poses(rotation: np.ndarray, position: np.ndarray, starts: int = 1500, seed: int = 7) -> float:
+    """The least J that a heavy search finds for poses without crank angles, passed in their order by a crank that turns fully.
+
+    Shapes, crank angles, directions and branches are random; all descend together over lengths, pose and angles.
+
+    Parameters
+    ----------
+    rotation : ndarray, shape (N,)
+        Radians.
+    position : ndarray, shape (N,), complex
+    starts, seed : int
+    """
+    random, chart = np.random.default_rng(seed), product.GrashofChart()
+    problem = product.JointProblem(product.make_poses(rotation, position), chart)
+    seeds = random_seeds(random, product.FullCrankChart(), 0, starts)
+    gaps = random.dirichlet(np.ones(position.size - 1), size=starts) * random.uniform(0.3, 6.2, (starts, 1))
+    way = np.concatenate([np.zeros((starts, 1)), np.cumsum(gaps, axis=1)], axis=1)
+    timed = product.Timed(
+        chart.unknowns(product.FullCrankChart().shape(seeds[:, :-1]).lengths),
+        np.zeros((starts, 3), dtype=complex),
+        np.zeros(starts),
+        seeds[:, -1:] + random.choice([-1, 1], (starts, 1)) * way,
+        random.choice(BRANCHES, starts),
+    )
+    found = product.refine_timed(problem, problem.facing(timed), 150)
+    best = np.argsort(found.cost, kind="stable")[:40]
+    return float(np.sqrt(product.refine_timed(problem, found.timed.take(best), 500).cost.min()))
+
+
 def heavy_within(
     target: product.Target, limits: product.Limits, starts: int = 300, draws: int = 4000, seed: int = 6
 ) -> float | None:

@@ -25,11 +25,15 @@ from synthesis.atlas.windows import TIE, Windows
 from synthesis.errors import FieldError
 from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
+from synthesis.fourbar.grashof_chart import GrashofChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.rounding import best_from_stock
 from synthesis.fourbar.solution import Solution, assess, mounted
+from synthesis.free.joint import JointProblem, Timed
+from synthesis.free.joint import refine as refine_timed
+from synthesis.free.poses import make_poses
 from synthesis.least_squares import Minima, minimise
 from synthesis.mechanism import Chart
 from synthesis.pose import fit_positions, objective
