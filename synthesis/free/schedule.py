@@ -65,9 +65,7 @@ PATH = (
 
 GUESSED = (
     Round(Fresh(0, 0, 600), 60, _STALL, "all coarse types: none is near"),
-    Round(_HOPS, 60, _STALL, "minima beside the best"),
-    Round(_HOPS, 60, _STALL, "minima beside the new ones"),
-    Round(_HOPS, 60, _STALL, "and once more"),
+    *(Round(_HOPS, 60, _STALL, "minima beside the best, and beside what the round before found"),) * 5,
     Round(Best(12), 300, 1e-5, "to the end of the best valleys"),
 )
 """Poses that are far from any four-bar's, where pairs of dyads are no beginning."""
