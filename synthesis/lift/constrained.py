@@ -134,12 +134,14 @@ class _Search:
         built = self.space.designs(places, sides)
         self.work.go_on()
         found = least(slacks(built, self.space.task, self.space.limits, COARSE_NODES))
-        missing = sum(np.where(np.isfinite(one), np.clip(-one, 0.0, 1.0), 1.0) for one in found.values())
+        missing = np.sum([np.where(np.isfinite(one), np.clip(-one, 0.0, 1.0), 1.0) for one in found.values()], axis=0)
         near = np.argsort(missing, kind="stable")[:NEAR]
         value = self.objective(built.taken(near)) + WEIGHT * missing[near] / 10
         chosen: list[int] = []
         for at in near[np.argsort(value, kind="stable")]:
-            apart = (np.abs(places[at] - places[other]).max() > APART or sides[at] != sides[other] for other in chosen)
+            apart = (
+                np.abs(places[at] - places[other]).max() > APART or sides[at] != sides[other] for other in chosen
+            )
             if all(apart):
                 chosen.append(int(at))
             if len(chosen) == STARTS:
@@ -263,9 +265,7 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
         at = int(np.argmax(worst))
         name = min(found, key=lambda one: float(found[one][at]))
         amount = max(-float(found[name][at]), 0.0)
-        message = (
-            f"no design within all constraints was found: the nearest fails {name} by {amount:.3g} of its limit"
-        )
+        message = f"no design within all constraints was found: the nearest fails {name} by {amount:.3g} of its limit"
         raise refusal(name, "/constraints", amount, message)
     values = search.objective(built)
     at = int(admissible[np.argmin(values[admissible])])

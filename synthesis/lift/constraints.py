@@ -15,7 +15,7 @@ import numpy as np
 
 from synthesis.lift.motion import refusal
 from synthesis.lift.objective import Task
-from synthesis.lift.pose import Cylinder, Design, Pose, pose_at_turn, shape
+from synthesis.lift.pose import Cylinder, Design, Pose, dead_point, pose_at_turn, shape
 from synthesis.one_variable import Floats, rising_root
 
 SEARCH_NODES = 65
@@ -164,9 +164,9 @@ def slacks(built: Built, task: Task, limits: Constraints, nodes: int = SEARCH_NO
         value = np.asarray(value)
         value = value[:, None] if value.ndim == 1 else value
         if low is not None:
-            found[f"{name}>={name}_min"] = (value - low) / (unit or abs(low) or high)
+            found[f"{name}>=min"] = (value - low) / (unit or abs(low) or high)
         if most is not None:
-            found[f"{name}<={name}_max"] = (most - value) / (unit or abs(most) or high)
+            found[f"{name}<=max"] = (most - value) / (unit or abs(most) or high)
 
     for name, bounds in limits.lengths.items():
         within(name, getattr(design, name), bounds, high)
@@ -182,12 +182,12 @@ def slacks(built: Built, task: Task, limits: Constraints, nodes: int = SEARCH_NO
     # the cylinder lengthens all the way: its rate keeps its sign, and the transmission angle is not 0
     push = -pose.length_1 / np.hypot(pose.down, pose.height_1 + pose.across)
     least = np.sin(limits.transmission_min or 0.0)
-    found["transmission_angle>=transmission_angle_min"] = push - max(least, 1e-6)
+    found["transmission>=min"] = push - max(least, 1e-6)
     if limits.extension_max is not None:
-        found["extension<=extension_max"] = 1 - top / (limits.extension_max * closed)
+        found["extension<=max"] = 1 - top / (limits.extension_max * closed)
     if limits.dead_point_min is not None:
         share = 1 - dead_lengths(built)[:, None] / closed
-        found["dead_point>=dead_point_min"] = share - limits.dead_point_min
+        found["dead_point>=min"] = share - limits.dead_point_min
     with np.errstate(all="ignore"):
         speed = speeds_at(pose, drive, closed, top)
         run = jerky_run(pose, drive, speed)
@@ -200,9 +200,9 @@ def slacks(built: Built, task: Task, limits: Constraints, nodes: int = SEARCH_NO
     ):
         if most is not None:
             values = np.where(np.isfinite(values), values, np.inf)
-            found[f"{name}<={name}_max"] = 1 - np.abs(values) / most
+            found[f"{name}<=max"] = 1 - np.abs(values) / most
     if limits.force_ratio_max is not None:
-        found["force_ratio<=force_ratio_max"] = 1 - np.abs(pose.gain) / limits.force_ratio_max
+        found["force_ratio<=max"] = 1 - np.abs(pose.gain) / limits.force_ratio_max
     if any(bound is not None for bound in limits.rise_time):
         within("rise_time", _duration(top - closed, drive), limits.rise_time)
     _envelope(found, pose, limits, high)
@@ -219,7 +219,7 @@ def _envelope(found: dict[str, Any], pose: Pose, limits: Constraints, high: floa
     """The joints that move, A, B and C, within the box; the pivot D is below A, and O is a fact (`check_constraints`)."""
     x = np.stack(np.broadcast_arrays(pose.x, pose.design.l3 * pose.sin_turn - pose.design.b, -pose.design.b), axis=-1)
     y = np.stack(np.broadcast_arrays(pose.y, pose.root, pose.height), axis=-1)
-    names = ("x>=envelope", "y>=envelope", "x<=envelope", "y<=envelope")
+    names = ("x_min>=min", "y_min>=min", "x_max<=max", "y_max<=max")
     for name, bound, values, side in zip(names, limits.envelope, (x, y, x, y), (1, 1, -1, -1)):
         if bound is not None:
             found[name] = side * ((values.min(axis=-1) if side > 0 else values.max(axis=-1)) - bound) / high
@@ -248,3 +248,77 @@ def check_constraints(limits: Constraints) -> None:
         if bound is not None and side * bound > 0:
             message = f"the box must hold the cylinder's pivot at (0, 0), found {bound:.9g}"
             raise refusal("envelope", f"/constraints/envelope/{k}", abs(bound), message)
+
+
+MEASURED_NODES = 2001
+
+
+def measured(built: Built, task: Task) -> dict[str, float]:
+    """What the constraints are about, of one design over `MEASURED_NODES` poses; ``transmission`` in radians."""
+    one = Built(
+        Design(*(np.array([value], dtype=float) for value in built.design.as_tuple())),
+        *(np.array([value], dtype=float) for value in (built.gamma, built.turn, built.closed)),
+    )
+    wide, drive = columns(one.design), task.cylinder
+    pose = pose_at_turn(wide, turns_of(one, MEASURED_NODES), shape(wide, one.gamma[:, None]))
+    closed, top = float(built.closed), float(pose.length[0, -1])
+    run = jerky_run(pose, drive, speeds_at(pose, drive, closed, top))
+    x = np.concatenate([pose.x[0], (wide.l3 * pose.sin_turn - wide.b)[0], [0.0, -float(built.design.b)]])
+    y = np.concatenate([pose.y[0], pose.root[0], pose.height[0], [0.0]])
+    push = -pose.length_1 / np.hypot(pose.down, pose.height_1 + pose.across)
+    return {
+        **built.design.as_dict(),
+        "closed_length": closed,
+        "extension": top / closed,
+        "dead_point": 1 - float(pose_at_turn(built.design, dead_point(built.design)).length) / closed,
+        "acceleration": float(np.max(np.abs(run.acceleration))),
+        "jerk": float(np.max(np.abs(run.jerk))),
+        "rise_time": float(_duration(top - closed, drive)),
+        "transmission": float(np.arcsin(np.clip(np.min(push), -1.0, 1.0))),
+        "force_ratio": float(np.max(np.abs(pose.gain))),
+        "x_min": float(x.min()),
+        "y_min": float(y.min()),
+        "x_max": float(x.max()),
+        "y_max": float(y.max()),
+    }
+
+
+@dataclass(frozen=True)
+class Row:
+    """One limit beside what a design has: ``least`` says that the value may not be less, else not more."""
+
+    name: str
+    value: float
+    limit: float
+    least: bool
+
+    @property
+    def kept(self) -> bool:
+        """Whether the design keeps to it."""
+        return self.value >= self.limit if self.least else self.value <= self.limit
+
+
+def rows_of(limits: Constraints, values: dict[str, float]) -> list[Row]:
+    """Every limit beside the value of `measured`."""
+    left, bottom, right, top = limits.envelope
+    ranges: dict[str, Range] = {
+        **limits.lengths,
+        "closed_length": limits.closed_length,
+        "extension": (None, limits.extension_max),
+        "dead_point": (limits.dead_point_min, None),
+        "acceleration": (None, limits.acceleration_max),
+        "jerk": (None, limits.jerk_max),
+        "rise_time": limits.rise_time,
+        "transmission": (limits.transmission_min, None),
+        "force_ratio": (None, limits.force_ratio_max),
+        "x_min": (left, None),
+        "y_min": (bottom, None),
+        "x_max": (None, right),
+        "y_max": (None, top),
+    }
+    return [
+        Row(name, values[name], limit, least_end)
+        for name, pair in ranges.items()
+        for limit, least_end in zip(pair, (True, False))
+        if limit is not None
+    ]
