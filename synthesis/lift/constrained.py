@@ -41,6 +41,8 @@ WEIGHT = 30.0
 """Of the worst broken constraint beside the logarithm of the objective."""
 ACTIVE = 2e-3
 """Slack, in units of the limit, below which a constraint holds a design."""
+REACHES = 1 + 1e-6
+"""Share by which l3 stays above half of the stroke, where A would only just come down to the start."""
 CLOSED = 1e-12
 """Share of its end below which a range is one value."""
 
@@ -76,7 +78,8 @@ class Space:
         closed_low, closed_high = self.limits.closed_length
         with np.errstate(all="ignore"):
             if self.limits.start == "any":
-                l3, gamma = between("l3", 1e-6 * high, 0.5 * high), np.pi * turning
+                # below half of the stroke C cannot hang A so low
+                l3, gamma = between("l3", REACHES * 0.5 * (high - low), 0.5 * high), np.pi * turning
                 closed = closed_low + (closed_high - closed_low) * (next(at) if self._closed_is_free else 0.0)
                 l5 = high - l3
                 turn = angle_or_flat(low, l3, l5)

@@ -7,6 +7,7 @@ guesses, for the state in which an integration starts, and for what its end is c
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import mpmath
 import numpy as np
@@ -373,7 +374,7 @@ def measures(design: Design, closed: float, speed: float, low: float, high: floa
     Joints by circles, at heights that are graded towards both ends. The motion by series in the turn, reverted into
     series in the cylinder's length; the dead point by walking down from the start.
     """
-    l2, l3, _, l5, b = design.as_tuple()
+    l3, l5, b = design.l3, design.l5, design.b
     u = np.linspace(0.0, 1.0, poses)
     found = [placed(design, float(height)) for height in low + (high - low) * u * u * (3 - 2 * u)]
     length = np.array([math.hypot(*at["B"]) for at in found])
@@ -393,7 +394,7 @@ def measures(design: Design, closed: float, speed: float, low: float, high: floa
     second = s[1] * way[1] + s[2] * way[0] ** 2
     third = s[1] * way[2] + 2 * s[2] * way[0] * way[1] + s[3] * way[0] ** 3
     below = [pose(design, first + 1e-4 * k)["length"] for k in range(12_000)]
-    dead = next(one for one, after in zip(below, below[1:]) if after > one)
+    dead = next(one for one, after in pairwise(below) if after > one)
     return {
         **design.as_dict(),
         "closed_length": closed,
