@@ -154,9 +154,7 @@ def measure_table_2() -> Iterator[dict[str, Any]]:
     tasks = [task(Objective("discrete"), cylinder=cylinder) for cylinder in cylinders]
     for wanted, value, optimum in zip(tasks, cylinders.values(), optimize_batch(tasks)):
         length, speed = wanted.cylinder.length, wanted.cylinder.speed
-        # fitted: two digits of this row are lost in print, its arm follows from (31) and its f from the model
         printed = {"length": length, "speed": speed, "printed_l2": ARMS[length], "printed_f": value}
-        printed["fitted"] = length in FITTED
         yield printed | optimum_row(wanted, optimum)
 
 
@@ -222,7 +220,8 @@ def blocks(results: dict) -> dict[str, str]:
         "table_2": [
             {**row, "arm": f"{row['printed_l2']:g}{mark}", "value": f"{row['printed_f']:g}{mark}"}
             for row in table_2
-            for mark in (" (fitted)" if row["fitted"] else "",)
+            # two digits of the fitted row are lost in print: its arm follows from (31), its f from the model
+            for mark in (" (fitted)" if row["length"] in FITTED else "",)
         ],
         "designs": [
             {"what": what, **{row["design"]: cell.format(**row, **row["lengths"]) for row in designs}}

@@ -200,18 +200,18 @@ QUERIES = (
         answer=answer_motion,
         table=motion_table,
         examples={
+            "forces": {
+                "design": BUILDABLE_DESIGN,
+                "cylinder": {"length": 482.2, "speed": 100.0},
+                "samples": 51,
+                "pneumatics": {"load": 1000.0, "mass": 20.0, "bore": 63.0, "rod": 20.0, "pressure": 6.0},
+            },
             "initial": {"design": INITIAL_DESIGN, "cylinder": CYLINDER, "samples": 21},
             "published": {
                 "design": OPTIMUM_DESIGN,
                 "cylinder": CYLINDER,
                 "times": [0.0, 0.5, 1.0, 3.0, 5.0, 7.0],
                 "include": ["angles", "residual", "assemblies"],
-            },
-            "forces": {
-                "design": BUILDABLE_DESIGN,
-                "cylinder": {"length": 482.2, "speed": 100.0},
-                "samples": 51,
-                "pneumatics": {"load": 1000.0, "mass": 20.0, "bore": 63.0, "rod": 20.0, "pressure": 6.0},
             },
             "lowering": {
                 "design": INITIAL_DESIGN,

@@ -125,11 +125,13 @@ class Fields {
   }
 
   entry(host, at, name, schema, value, parse, wide = false) {
-    const control = element("input", { type: "text", spellcheck: false, value: shown(value) });
-    if (isNumber(schema)) control.inputMode = "decimal";
+    // where blank stands for the default, null has to be written: none
+    const lifts = schema.nullable && schema.default !== undefined && schema.default !== null;
+    const control = element("input", { type: "text", spellcheck: false, value: lifts && value === null ? "none" : shown(value) });
+    if (isNumber(schema) && !lifts) control.inputMode = "decimal";
     control.placeholder = shown(Array.isArray(schema.default) ? schema.default.join(", ") : schema.default);
-    host.append(this.field(at, name, schema, control, wide));
-    return () => this.read(at, control, parse);
+    host.append(this.field(at, name, lifts ? { ...schema, description: `${schema.description ?? ""} “none” takes it away.`.trim() } : schema, control, wide));
+    return () => this.read(at, control, (entered) => (lifts && entered.toLowerCase() === "none" ? null : parse(entered)));
   }
 
   choice(host, at, name, schema, value) {
@@ -216,13 +218,15 @@ class Fields {
 
   /** A few numbers that belong together, a field for each; `parts` of the schema names them. */
   tuple(host, at, name, schema, items, count, value) {
-    const grid = this.box(host, label(name, schema), schema);
+    const unit = schema.unit ? ` (${schema.unit.replace("angle", "angle unit")})` : "";
+    const grid = this.box(host, `${label(name, schema)}${unit}`, schema, schema.nullable && (value === undefined || value === null));
     grid.classList.add("tuple");
-    const names = schema.parts ?? ["x", "y", "z", "w"].slice(0, count);
-    const readers = names.map((part, k) => this.build(grid, `${at}/${k}`, part, { ...items, unit: schema.unit, default: schema.default?.[k] }, value?.[k]));
+    const names = schema.parts ?? ["x", "y", "z", "w"].slice(0, count), partly = items.nullable;
+    const readers = names.map((part, k) => this.build(grid, `${at}/${k}`, part, { ...items, unit: undefined, default: schema.default?.[k] }, value?.[k]));
     return () => {
       const found = readers.map((read) => read());
       if (found.every((part) => part === undefined)) return undefined;
+      if (partly) return found.map((part, k) => (part === undefined ? schema.default?.[k] ?? null : part));
       const missing = found.indexOf(undefined);
       if (missing >= 0) this.mark(`${at}/${missing}`, "wanted with the others");
       if (missing >= 0) throw new Error(`${label(name, schema)}: ${names[missing]} is missing.`);

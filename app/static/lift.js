@@ -57,31 +57,70 @@ function drawing(host, moved, follow) {
 
 const CURVES = [["Height of the platform", "mm", "height"], ["Speed of the platform", "mm/s", "velocity"], ["Acceleration of the platform", "mm/s²", "acceleration"], ["Length of the cylinder", "mm", "cylinder_length"]];
 
+/** The forces of a reply as curves; what is available is dashed. */
+function forceCurves({ forces, time }, { pressure }) {
+  const level = { values: time.map(() => pressure), colour: "box", dash: [6, 4], width: 1.2 };
+  return [
+    { title: "Forces of cylinder (blue), link (green), slide (red)", unit: "N", series: ["cylinder", "link", "slide"].map((name, k) => ({ values: forces[name], colour: ["body", "path", "pose"][k] })) },
+    { title: "Pressure needed (dashed: available)", unit: "bar", series: [{ values: forces.pressure, colour: "body" }, level] },
+  ];
+}
+
 /** A motion: drawing and curves that follow one another. */
-function motion(moved, { picture, curves: charts }) {
-  const mark = curves(charts, { x: moved.time, xUnit: "s", list: CURVES.map(([title, unit, name]) => ({ title, unit, values: moved[name] })) });
-  return drawing(picture, moved, mark);
+function motion(moved, { picture, curves: charts }, pneumatics = null) {
+  const list = [...CURVES.map(([title, unit, name]) => ({ title, unit, values: moved[name] })), ...(moved.forces ? forceCurves(moved, { pressure: 6, ...pneumatics }) : [])];
+  return drawing(picture, moved, curves(charts, { x: moved.time, xUnit: "s", list }));
 }
 
 const smooth = (request) => ({ ...request, include: [...new Set([...(request.include ?? []), "points"])] });
+
+function motionFacts(host, reply) {
+  facts(host, [
+    ["time of the rise", reply.rise_time, "s"], ["height at the start", reply.height_start, "mm"], ["height at the end", reply.height_end, "mm"],
+    ["cylinder at the top", reply.length_top, "mm"], ["cylinder at the dead point", reply.dead_point_length, "mm"],
+    ["condition number, smallest", reply.condition.min], ["condition number at the start", reply.condition.start],
+  ]);
+  if (!reply.forces) return;
+  const { forces } = reply;
+  facts(host, [
+    ["largest force of the cylinder", forces.cylinder_max, "N"], ["least force of the cylinder", forces.cylinder_min, "N"], ["largest pressure needed", forces.pressure_max, "bar"],
+    ["pressure is enough", forces.pressure_is_enough], ["least bore", forces.bore_min, "mm"],
+  ], "Forces");
+  if (reply.residual !== null) facts(host, [["largest loop residual", reply.residual, "mm"]]);
+}
+
+const UNITS = { extension: "", dead_point: "", acceleration: "mm/s²", jerk: "mm/s³", rise_time: "s", transmission_angle: "°", force_ratio: "" };
+
+/** What an optimum has beside each limit, those that hold it first. */
+function limits(host, reply, unit) {
+  const rows = reply.constraints.toSorted((one, two) => two.active - one.active);
+  const of = (name) => UNITS[name] ?? "mm";
+  table(host, "Constraints", ["limit of", "has", "", "limit", "unit", "holds the design"], rows.map((row) => [row.name.replaceAll("_", " "), row.value, row.kind === "least" ? "≥" : "≤", row.limit, of(row.name).replace("°", unit === "rad" ? "rad" : "°"), row.active]));
+  const { unconstrained: free } = reply;
+  if (!free) return;
+  const broken = free.breaks.map((row) => `${row.name.replaceAll("_", " ")} ${text(row.value, 3)}${of(row.name) ? ` ${of(row.name)}` : ""}`).join(", ");
+  note(host, `The source's problem, for the same objective, has the optimum ${text(free.objective, 5)}: this one is ${text(Math.abs(100 * reply.cost), 3)} % ${reply.cost < 0 ? "below" : "above"}. ${broken ? `Outside of the limits there: ${broken}.` : "It keeps to all limits."}`);
+}
 
 export const lift = {
   request: (query, request) => (query.path === "/v1/lift/motion" ? smooth(request.times ? request : { ...request, samples: Math.max(SMOOTH, request.samples ?? 0) }) : request),
 
   async show({ query, request, reply, ask }, hosts) {
     if (query.path === "/v1/lift/motion") {
-      facts(hosts.facts, [["time of the rise", reply.rise_time, "s"], ["height at the start", reply.height_start, "mm"], ["height at the end", reply.height_end, "mm"], ["cylinder at the top", reply.length_top, "mm"], ["cylinder at the dead point", reply.dead_point_length, "mm"], ["condition number, smallest", reply.condition.min], ["condition number at the start", reply.condition.start]]);
-      return motion(reply, hosts);
+      motionFacts(hosts.facts, reply);
+      return motion(reply, hosts, request.pneumatics);
     }
     if (query.path === "/v1/lift/batch") {
       table(hosts.tables, "An optimum for each cylinder", [{ name: "l1′", unit: "mm" }, { name: "speed", unit: "mm/s" }, ...LENGTHS.map((name) => ({ name, unit: "mm" })), "f", "f published", { name: "rise time", unit: "s" }, "held by"], reply.rows.map((row) => [row.cylinder.length, row.cylinder.speed, ...LENGTHS.map((name) => row.design?.[name]), row.objective, row.objective_of_published, row.motion?.rise_time, row.active ?? row.detail]));
       return null;
     }
-    const columns = [["optimum", reply.design, reply.objective], ...(reply.published ? [["published", reply.published.design, reply.published.objective]] : [])];
-    table(hosts.facts, "Design", ["", ...columns.map(([name]) => name)], [...LENGTHS.map((name) => [`${name}, mm`, ...columns.map(([, design]) => design[name])]), ["f", ...columns.map(([, , f]) => f)]]);
-    facts(hosts.facts, [["time of the rise", reply.motion.rise_time, "s"], ["speed at the start", reply.motion.velocity_start, "mm/s"], ["mean speed over height", reply.motion.velocity_mean, "mm/s"], ["held by", reply.active], ["evaluations", reply.evaluations]]);
-    if (reply.published) note(hosts.facts, `Published design: ${reply.published.reason}`);
+    const beside = reply.published ? [[`published (${reply.published.source})`, reply.published]] : reply.unconstrained ? [["the source's problem", reply.unconstrained]] : [];
+    const columns = [["optimum", reply], ...beside];
+    table(hosts.facts, "Design", ["", ...columns.map(([name]) => name)], [...LENGTHS.map((name) => [`${name}, mm`, ...columns.map(([, one]) => one.design[name])]), ["closed l1′, mm", reply.closed_length, ...beside.map(() => request.cylinder.length)], ["objective", ...columns.map(([, one]) => one.objective)]]);
+    facts(hosts.facts, [["time of the rise", reply.motion.rise_time, "s"], ["speed at the start", reply.motion.velocity_start, "mm/s"], ["mean speed over height", reply.motion.velocity_mean, "mm/s"], ["cylinder at the dead point", reply.motion.dead_point_length, "mm"], ["held by", reply.active], ["evaluations", reply.evaluations]]);
+    if (reply.published) note(hosts.facts, `Published design: ${reply.published.reason}.`);
     note(hosts.facts, reply.note);
-    return motion(await ask("/v1/lift/motion", smooth({ design: reply.design, cylinder: request.cylinder, samples: SMOOTH })), hosts);
+    if (reply.constraints) limits(hosts.tables, reply, request.angle_unit);
+    return motion(await ask("/v1/lift/motion", smooth({ design: reply.design, cylinder: { ...request.cylinder, length: reply.closed_length }, samples: SMOOTH })), hosts);
   },
 };

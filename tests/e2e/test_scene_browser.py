@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import time
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +25,8 @@ from tests.e2e.test_page_browser import (  # noqa: F401
     wait,
 )
 
+ROOT = Path(__file__).parents[2]
+MOST_PIXELS = 3000
 FIRST_ANSWER_MS = 500
 FRAMES = 30
 """Least frames a second of a drawing that runs."""
@@ -168,3 +173,37 @@ def test_a_drawing_runs_smoothly_and_stops(at) -> None:
     time.sleep(0.2)
     assert body.get_attribute("d") == stood
     assert button.get_attribute("aria-label") == "Play"
+
+
+PICTURES = {
+    "lift_page": ("lift", 1440, "light", 1, 0.4),
+    "lift_page_dark": ("lift", 1440, "dark", 0, 0.7),
+    "lift_page_phone": ("lift", 360, "light", 0, 0.5),
+}
+"""Pictures of docs/img: machine, width, colours, question, and how far the drawing has run."""
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_it_looks_like_this(at, tmp_path, name) -> None:
+    """The pictures of the documents; made anew with ``LINKAGE_ATLAS_SCREENSHOTS=1``."""
+    scene, width, theme, query, share = PICTURES[name]
+    page = at(scene, width)
+    if page.execute_script("return document.documentElement.dataset.theme") != theme:
+        find(page, "theme").click()
+    choose(page, query)
+    slider = page.find_element(By.CSS_SELECTOR, ".player input")
+    page.execute_script(
+        "const [s, share] = arguments; s.value = Number(s.min) + share * (s.max - s.min); s.dispatchEvent(new Event('input'))",
+        slider,
+        share,
+    )
+    page.execute_script("document.activeElement.blur()")
+    height = page.execute_script(
+        "return Math.ceil(document.querySelector('.output').getBoundingClientRect().bottom) + 20"
+    )
+    resize(page, width, min(height, MOST_PIXELS))
+    time.sleep(0.5)
+    file = tmp_path / f"{name}.png"
+    assert page.save_screenshot(str(file)) and file.stat().st_size > 20_000
+    if os.environ.get("LINKAGE_ATLAS_SCREENSHOTS"):
+        shutil.copy(file, ROOT / "docs/img" / file.name)
