@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.lift_constrained import cases, evolved, limits
 from synthesis.errors import FieldError
 from synthesis.lift import constrained
 from synthesis.lift.constrained import Constrained, Space, optimize_within
@@ -20,6 +19,7 @@ from synthesis.lift.optimum import optimize
 from synthesis.lift.pose import Cylinder, Design
 from synthesis.work import Cancelled, Work
 from tests.oracles import lift as oracle
+from tests.oracles.lift_constrained import cases, evolved, limits
 
 CASES = cases()
 LOOSE = Constraints({name: (51.0, 600.0) for name in ("l2", "l3", "l4", "l5", "b")}, (220.0, 600.0))
