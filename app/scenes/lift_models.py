@@ -238,7 +238,7 @@ Box = Annotated[
 
 
 class ConstraintsModel(RequestModel):
-    """What the design must keep to besides the stroke. Every default is a limit; null takes it away."""
+    """What the design must keep to besides the stroke. Null takes a limit away, where nothing else is said."""
 
     extension_max: Annotated[Number, Field(gt=1, le=100)] | None = Field(
         1.8, description="Cylinder at the top over its closed length; 1.8 is what a single stage can."

@@ -62,11 +62,11 @@ def optimize_table(reply: OptimizeReply) -> str:
             sign = ">=" if row.kind == "least" else "<="
             lines.append(f"{row.name:>20} {row.value:14.7g} {sign:>6} {row.limit:14.7g}{' *' if row.active else ''}")
         lines += ["* holds the design", ""]
-    if reply.unconstrained:
+    if reply.unconstrained and reply.cost is not None:
         broken = ", ".join(f"{row.name} {row.value:.6g}" for row in reply.unconstrained.breaks)
         lines.append(
-            f"the source's problem at cylinder length as given: objective {reply.unconstrained.objective:.6g}, "
-            f"outside of: {broken or 'no limit'}"
+            f"the source's problem has the objective {reply.unconstrained.objective:.6g} (this one: {reply.cost:+.1%}) "
+            f"and is outside of: {broken or 'no limit'}"
         )
     lines.append(reply.note)
     return "\n".join(lines)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from synthesis.errors import FieldError
 from synthesis.lift.admissible import check_task
 from synthesis.lift.constraints import FINE_NODES, SEARCH_NODES, Built, Constraints, check_constraints, least, slacks
 from synthesis.lift.motion import refusal
@@ -265,11 +266,7 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
     worst = np.where(np.isfinite(merit) & _lifts(built), worst, -1.0)
     admissible = np.nonzero(worst >= 0)[0]
     if not admissible.size:
-        at = int(np.argmax(worst))
-        name = min(found, key=lambda one: float(found[one][at]))
-        amount = max(-float(found[name][at]), 0.0)
-        message = f"no design within all constraints was found: the nearest fails {name} by {amount:.3g} of its limit"
-        raise refusal(name, "/constraints", amount, message)
+        raise _none_found({name: float(one[int(np.argmax(worst))]) for name, one in found.items()})
     values = search.objective(built)
     at = int(admissible[np.argmin(values[admissible])])
     one = built.taken([at])
@@ -284,3 +281,14 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
 def _lifts(built: Built) -> Flags:
     """Whether no dead point lies between start and top."""
     return np.asarray(dead_point(built.design) > np.asarray(built.turn))
+
+
+def _none_found(mine: dict[str, float]) -> FieldError:
+    """The error that names what the nearest design breaks most."""
+    if not all(np.isfinite(list(mine.values()))):
+        message = "no design was found that meets the stroke with lengths within their ranges"
+        return refusal("assembly", "/constraints", 0.0, message)
+    name = min(mine, key=mine.__getitem__)
+    amount = max(-mine[name], 0.0)
+    message = f"no design within all constraints was found: the nearest fails {name} by {amount:.3g} of its limit"
+    return refusal(name, "/constraints", amount, message)

@@ -403,6 +403,7 @@ def test_constraints_replace_defaults_and_angles_follow_the_unit(client) -> None
         ("constraints.colour", 1, "#/constraints/colour"),
         ("constraints.jerk_max", 1e-6, "#/constraints"),
         ("constraints.closed_length", [700, None], "#/constraints/closed_length"),
+        ("constraints.l3", [60, 100], "#/constraints"),  # too short for the stroke: nothing can be assembled
     ],
 )
 def test_bad_constraints_name_the_field(client, path, value, pointer) -> None:
