@@ -98,6 +98,7 @@ docs: $(READY)
 
 scenes: $(READY)
 	$(BIN)/python -m benchmarks.lift
+	$(BIN)/python -m benchmarks.lift_constrained
 	$(BIN)/python -m benchmarks.chain
 	$(BIN)/python -m benchmarks.knotter
 

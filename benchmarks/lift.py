@@ -22,7 +22,7 @@ from synthesis.lift.motion import acceleration, motion, stroke, velocity
 from synthesis.lift.objective import Evaluator, Objective, Task, equation_residuals, project
 from synthesis.lift.optimum import Optimum, optimize, optimize_batch
 from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
-from synthesis.lift.published import ARMS, STROKE, published_for
+from synthesis.lift.published import ARMS, FITTED, STROKE, published_for
 from tests.oracles import lift as oracle
 
 ROUNDINGS = 5_000
@@ -217,6 +217,12 @@ def blocks(results: dict) -> dict[str, str]:
     rows = {
         **results,
         **results["stability"],
+        "table_2": [
+            {**row, "arm": f"{row['printed_l2']:g}{mark}", "value": f"{row['printed_f']:g}{mark}"}
+            for row in table_2
+            # two digits of the fitted row are lost in print: its arm follows from (31), its f from the model
+            for mark in (" (fitted)" if row["length"] in FITTED else "",)
+        ],
         "designs": [
             {"what": what, **{row["design"]: cell.format(**row, **row["lengths"]) for row in designs}}
             for what, cell in OF_DESIGNS.items()

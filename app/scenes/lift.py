@@ -1,4 +1,4 @@
-"""The lift over HTTP and on the command line: answers made from `synthesis.lift`."""
+"""The lift over HTTP and on the command line: its motion, and the questions of the scene; optima: `app.scenes.lift_optimum`."""
 
 from __future__ import annotations
 
@@ -7,42 +7,32 @@ from typing import TYPE_CHECKING, Any
 
 from app.query import Angles, Export, Query, Resources
 from app.scenes.lift_models import (
-    MAX_BATCH_STEPS,
-    MIN_MAGNITUDE,
     Assembly,
     BatchReply,
     BatchRequest,
-    BatchRow,
     ConditionModel,
-    CylinderModel,
-    DesignReply,
-    DiscreteObjective,
+    ForcesReply,
     MotionReply,
     MotionRequest,
     OptimizeReply,
     OptimizeRequest,
-    OptimumMotion,
-    PublishedReply,
+)
+from app.scenes.lift_optimum import (
+    answer_batch,
+    answer_optimize,
+    cylinder_of,
+    optimum_csv,
+    optimum_dxf,
+    optimum_svg,
 )
 from app.scenes.lift_tables import batch_table, motion_table, optimize_table
 from linkage_atlas import FieldError, Work
 
 if TYPE_CHECKING:
+    from synthesis.lift.forces import Drive
     from synthesis.lift.motion import Motion
-    from synthesis.lift.objective import Task
-    from synthesis.lift.optimum import Optimum
-    from synthesis.lift.pose import Cylinder
-    from synthesis.lift.published import Published
 
-
-def _cylinder(model: CylinderModel) -> Cylinder:
-    from synthesis.lift.pose import Cylinder
-
-    for name, value in (("speed", model.speed), ("acceleration", model.acceleration)):
-        if 0 < abs(value) < MIN_MAGNITUDE:
-            message = f"too small: 0 or at least {MIN_MAGNITUDE:g}, found {value:g}"
-            raise FieldError(f"/cylinder/{name}", message, constraint=name)
-    return Cylinder(model.length, model.speed, model.acceleration)
+LONG_SAMPLES = 2000
 
 
 def _move(request: MotionRequest) -> Motion:
@@ -52,24 +42,12 @@ def _move(request: MotionRequest) -> Motion:
     if request.times is not None and request.samples is not None:
         raise FieldError("/times", "give either `times` or `samples`, not both")
     design = Design(**request.design.model_dump())
-    return motion(design, _cylinder(request.cylinder), request.times, request.samples or 201)
-
-
-def _columns(moved: Motion) -> dict[str, list[float]]:
-    """What every reply and every file lists over the time."""
-    columns = {
-        "time": moved.time,
-        "height": moved.pose.height,
-        "velocity": moved.velocity,
-        "acceleration": moved.acceleration,
-        "cylinder_length": moved.cylinder_length,
-        "cylinder_speed": moved.cylinder_speed,
-    }
-    return {name: column.tolist() for name, column in columns.items()}
+    return motion(design, cylinder_of(request.cylinder), request.times, request.samples or 201)
 
 
 def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
     """The motion that was asked for, and of the extras only those in ``include``."""
+    from synthesis.lift.files import columns
     from synthesis.lift.loops import condition, smallest_condition
     from synthesis.lift.pose import pose_at_turn
 
@@ -94,14 +72,47 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
         length_top=float(limits.length_top),
         condition=ConditionModel(start=start, top=top, bottom=bottom, min=smallest_condition(design, limits)[0]),
         angle_unit=request.angle_unit,
-        **_columns(moved),
+        **columns(moved),
         **_extras(request, moved, work),
+        forces=_forces(request, moved),
+    )
+
+
+def _drive(request: MotionRequest) -> Drive | None:
+    from synthesis.lift.forces import Drive
+
+    if request.pneumatics is None:
+        return None
+    if request.pneumatics.rod >= request.pneumatics.bore:
+        raise FieldError("/pneumatics/rod", "the rod must be thinner than the bore", constraint="rod")
+    return Drive(**request.pneumatics.model_dump())
+
+
+def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
+    from synthesis.lift.forces import forces, least_bore
+
+    drive = _drive(request)
+    if drive is None:
+        return None
+    found = forces(moved, drive)
+    lists = ("weight", "cylinder", "link", "slide", "pressure")
+    most = float(found.pressure.max())
+    return ForcesReply(
+        **{name: getattr(found, name).tolist() for name in lists},
+        pivot_O=[(x, y) for x, y in found.pivot_o.tolist()],
+        pivot_D=[(x, y) for x, y in found.pivot_d.tolist()],
+        cylinder_max=float(found.cylinder.max()),
+        cylinder_min=float(found.cylinder.min()),
+        pressure_max=most,
+        bore_min=least_bore(found, drive),
+        pressure_is_enough=most <= drive.pressure,
     )
 
 
 def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]:
     """Only what ``include`` asks for."""
     from synthesis.lift import loops, pose
+    from synthesis.lift.files import joints
 
     at, speed, design = moved.pose, moved.cylinder_speed, moved.pose.design
     radian = Angles(request.angle_unit).radian
@@ -110,13 +121,8 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
         return {f"{prefix}{k}": (column / radian).tolist() for k, column in enumerate(angles.T, 1)}
 
     def points() -> dict[str, Any]:
-        heights, link = at.height.tolist(), design.l3 * at.sin_turn - design.b
-        return {
-            "A": [(-design.b, height) for height in heights],
-            "B": list(zip(at.x.tolist(), at.y.tolist())),
-            "C": list(zip(link.tolist(), at.root.tolist())),
-            "D": (-design.b, 0.0),
-        }
+        found = {name: list(zip(z.real.tolist(), z.imag.tolist())) for name, z in joints(at).items() if name in "ABC"}
+        return {**found, "D": (-design.b, 0.0)}
 
     def instant_centre() -> list[float | None]:
         speeds = loops.velocity_by_instant_centre(design, speed, at.height).tolist()
@@ -149,99 +155,39 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
     return found
 
 
-def _task(cylinder: CylinderModel, request: OptimizeRequest | BatchRequest) -> Task:
-    from synthesis.lift.objective import Objective, Task
-
-    objective = Objective(**request.objective.model_dump())
-    return Task(_cylinder(cylinder), *request.stroke, objective, request.upper_bound)
-
-
-def _optimum(optimum: Optimum, published: Published | None, cylinder: CylinderModel) -> dict[str, Any]:
-    """What a reply and a row of a batch say of an optimum."""
-    return {
-        "status": "optimal",
-        "design": DesignReply(**optimum.design.as_dict()),
-        "objective": optimum.objective,
-        "active": list(optimum.active),
-        "motion": OptimumMotion(
-            rise_time=optimum.duration,
-            velocity_start=optimum.velocity_bottom if cylinder.speed > 0 else 0.0,
-            velocity_bottom=optimum.velocity_bottom,
-            velocity_mean=optimum.mean_velocity,
-            dead_point_length=optimum.dead_point_length,
-        ),
-        "objective_of_published": published.objective if published else None,
-    }
-
-
-LONG_SAMPLES = 2000
-
-NOTES = {
-    "discrete": "The sum depends on n through its sample at the start, where the platform is fastest; "
-    "as n grows the optimum runs away to ever longer arms.",
-    "continuous": "Rewards slowness: it falls to 0 as the arms grow, so that the upper bound decides. "
-    "The normalized objective does not.",
-    "normalized": "The variance of the speed in units of its squared mean: evenness alone, whatever the speed. "
-    "Its optimum does not depend on n, and on the upper bound only when that is in the way.",
-}
-
-
-def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeReply:
-    """The optimum design, and the published one beside it."""
-    from synthesis.lift.optimum import optimize
-    from synthesis.lift.published import published_for
-
-    task = _task(request.cylinder, request)
-    optimum = optimize(task, resources.work())
-    published = published_for(task, optimum)
-    beside = None
-    if published:
-        design = DesignReply(**published.design.as_dict())
-        beside = PublishedReply(
-            design=design, objective=published.objective, slope=published.slope, reason=published.reason
-        )
-    return OptimizeReply(
-        **_optimum(optimum, published, request.cylinder),
-        objective_kind=task.objective.kind,
-        slacks=optimum.slacks,
-        equations=optimum.equations,
-        published=beside,
-        note=NOTES[task.objective.kind],
-        evaluations=optimum.evaluations,
-    )
-
-
-def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
-    """The optimum for each cylinder; one that has none says why and does not stop the others."""
-    from synthesis.lift.optimum import optimize_batch
-    from synthesis.lift.published import published_for
-
-    if isinstance(request.objective, DiscreteObjective):
-        steps = request.objective.n * len(request.cylinders)
-        if steps > MAX_BATCH_STEPS:
-            message = f"n times cylinders must be at most {MAX_BATCH_STEPS}, found {steps}"
-            raise FieldError("/objective/n", message, constraint="batch_steps", amount=steps - MAX_BATCH_STEPS)
-    tasks = [_task(cylinder, request) for cylinder in request.cylinders]
-    rows = []
-    for cylinder, task, found in zip(request.cylinders, tasks, optimize_batch(tasks, resources.work())):
-        if isinstance(found, FieldError):
-            reason = {name: found.details.get(name) for name in ("constraint", "amount")}
-            row = {"status": "infeasible", "detail": found.message, **reason}
-        else:
-            row = _optimum(found, published_for(task, found), cylinder)
-        rows.append(BatchRow(cylinder=cylinder.model_dump(), **row))
-    return BatchReply(status="ok", rows=rows)
-
-
 def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
-    """The motion as comma-separated values, one time a line."""
+    """The motion as comma-separated values, one time a line, with the forces where they are asked for."""
+    from synthesis.lift.files import columns
     from synthesis.sheet import csv_text
 
-    return csv_text(_columns(_move(request)), "\n").encode()
+    moved = _move(request)
+    rows, found = columns(moved), _forces(request, moved)
+    if found is not None:
+        rows |= {f"force_{name}": getattr(found, name) for name in ("weight", "cylinder", "link", "slide")}
+        rows["pressure"] = found.pressure
+    return csv_text(rows, "\n").encode()
+
+
+def motion_svg(request: MotionRequest, resources: Resources) -> bytes:
+    """The lift at its start and its top as a drawing."""
+    from synthesis.lift.files import design_svg
+
+    moved = _move(request)
+    return design_svg(moved.pose.design, float(moved.stroke.turn_bottom)).encode()
+
+
+def motion_dxf(request: MotionRequest, resources: Resources) -> bytes:
+    """The lift at its start and its top for CAD."""
+    from synthesis.lift.files import design_dxf
+
+    moved = _move(request)
+    return design_dxf(moved.pose.design, float(moved.stroke.turn_bottom)).encode()
 
 
 INITIAL_DESIGN = {"l2": 300.0, "l3": 180.0, "l4": 240.0, "l5": 330.0, "b": 480.0}
 OPTIMUM_DESIGN = {"l2": 351.9, "l3": 162.8, "l4": 351.9, "l5": 347.2, "b": 535.8}
+BUILDABLE_DESIGN = {"l2": 130.5, "l3": 165.5, "l4": 223.5, "l5": 344.5, "b": 560.3}
+"""The optimum within the default constraints, rounded to 0.1 mm."""
 CYLINDER = {"length": 220.0, "speed": 100.0}
 
 QUERIES = (
@@ -254,6 +200,12 @@ QUERIES = (
         answer=answer_motion,
         table=motion_table,
         examples={
+            "forces": {
+                "design": BUILDABLE_DESIGN,
+                "cylinder": {"length": 482.2, "speed": 100.0},
+                "samples": 51,
+                "pneumatics": {"load": 1000.0, "mass": 20.0, "bore": 63.0, "rod": 20.0, "pressure": 6.0},
+            },
             "initial": {"design": INITIAL_DESIGN, "cylinder": CYLINDER, "samples": 21},
             "published": {
                 "design": OPTIMUM_DESIGN,
@@ -268,7 +220,11 @@ QUERIES = (
                 "include": ["points"],
             },
         },
-        exports={"csv": Export("text/csv; charset=utf-8", motion_csv)},
+        exports={
+            "csv": Export("text/csv; charset=utf-8", motion_csv),
+            "svg": Export("image/svg+xml", motion_svg),
+            "dxf": Export("image/vnd.dxf", motion_dxf),
+        },
         is_long=lambda request: max(request.samples or 0, len(request.times or ())) > LONG_SAMPLES,
     ),
     Query(
@@ -280,7 +236,19 @@ QUERIES = (
         answer=answer_optimize,
         table=optimize_table,
         is_long=lambda _: True,
+        exports={
+            "csv": Export("text/csv; charset=utf-8", optimum_csv),
+            "svg": Export("image/svg+xml", optimum_svg),
+            "dxf": Export("image/vnd.dxf", optimum_dxf),
+        },
         examples={
+            "buildable": {
+                "cylinder": CYLINDER,
+                "stroke": [200.0, 510.0],
+                "objective": {"kind": "normalized"},
+                "upper_bound": 600.0,
+                "constraints": {"extension_max": 1.8, "dead_point_min": 0.05},
+            },
             "published": {
                 "cylinder": CYLINDER,
                 "stroke": [200.0, 510.0],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, JsonValue
 
 from app.query import AngleUnit, Column, Computed, Count, Number, ReplyModel, RequestModel
 
@@ -19,8 +19,17 @@ MAX_CYLINDERS = 24
 MAX_BATCH_STEPS = 12_000
 """Height steps n times cylinders in one batch."""
 
-Length = Annotated[Number, Field(ge=MIN_MAGNITUDE, le=MAX_MAGNITUDE)]
+
+def _unit(name: str) -> dict[str, JsonValue]:
+    """The unit of a field, for its form."""
+    return {"unit": name}
+
+
+MM, MM_S, MM_S2, MM_S3, NEWTON, BAR = (_unit(name) for name in ("mm", "mm/s", "mm/s²", "mm/s³", "N", "bar"))
+Length = Annotated[Number, Field(ge=MIN_MAGNITUDE, le=MAX_MAGNITUDE, json_schema_extra=MM)]
 Rate = Annotated[Number, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
+Positive = Annotated[Number, Field(gt=0, le=MAX_MAGNITUDE)]
+Place = Annotated[Number, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
 Time = Annotated[Number, Field(ge=-MAX_MAGNITUDE * MAX_MAGNITUDE, le=MAX_MAGNITUDE * MAX_MAGNITUDE)]
 Extra = Literal[
     "angles",
@@ -48,8 +57,28 @@ class CylinderModel(RequestModel):
     """The drive."""
 
     length: Length = Field(description="Length in the lowest position, l1'.")
-    speed: Rate = Field(description="Speed of lengthening at the start; negative: lowering, from the top.")
-    acceleration: Rate = Field(0.0, description="Constant acceleration of lengthening.")
+    speed: Rate = Field(
+        description="Speed of lengthening at the start; negative: lowering, from the top.", json_schema_extra=MM_S
+    )
+    acceleration: Rate = Field(0.0, description="Constant acceleration of lengthening.", json_schema_extra=MM_S2)
+
+
+class PneumaticsModel(RequestModel):
+    """What the platform carries, and the cylinder's piston; links and friction have no weight."""
+
+    load: Annotated[Number, Field(ge=0, le=MAX_MAGNITUDE)] = Field(
+        description="Vertical load on the platform.", json_schema_extra=NEWTON
+    )
+    mass: Annotated[Number, Field(ge=0, le=MAX_MAGNITUDE)] = Field(
+        0.0, description="Mass on the platform besides: its weight and its inertia.", json_schema_extra=_unit("kg")
+    )
+    bore: Positive = Field(description="Diameter of the piston.", json_schema_extra=MM)
+    rod: Annotated[Number, Field(ge=0, le=MAX_MAGNITUDE)] = Field(
+        0.0,
+        description="Diameter of the rod, for a cylinder that has to pull; less than the bore.",
+        json_schema_extra=MM,
+    )
+    pressure: Positive = Field(6.0, description="Pressure available, over the surroundings.", json_schema_extra=BAR)
 
 
 class MotionRequest(RequestModel):
@@ -61,7 +90,10 @@ class MotionRequest(RequestModel):
         None, description="Even times from start to end; 201 unless `times` are given."
     )
     times: Annotated[list[Time], Field(min_length=1, max_length=MAX_SAMPLES, fail_fast=True)] | None = Field(
-        None, description="Times of your own, in place of `samples`."
+        None, description="Times of your own, in place of `samples`.", json_schema_extra=_unit("s")
+    )
+    pneumatics: PneumaticsModel | None = Field(
+        None, description="Load and piston: forces and pressure over the motion."
     )
     include: Annotated[list[Extra], Field(max_length=16)] = Field([], description="What else to compute.")
     angle_unit: AngleUnit = "deg"
@@ -113,6 +145,23 @@ class Assembly(ReplyModel):
     working: bool
 
 
+class ForcesReply(ReplyModel):
+    """Forces in N over the time and the pressure needed in bar; pivots as [x, y], of the ground on the part."""
+
+    weight: Column
+    cylinder: Column
+    link: Column
+    slide: Column
+    pressure: Column
+    pivot_O: Computed[list[tuple[float, float]]]
+    pivot_D: Computed[list[tuple[float, float]]]
+    cylinder_max: float = Field(description="Largest force that pushes.")
+    cylinder_min: float = Field(description="Least force; negative: the cylinder has to pull.")
+    pressure_max: float
+    bore_min: float = Field(description="The bore that just carries the load at the pressure available.")
+    pressure_is_enough: bool
+
+
 class MotionReply(ReplyModel):
     """The motion; what was not asked for is null."""
 
@@ -141,6 +190,7 @@ class MotionReply(ReplyModel):
     residual: float | None = None
     instant_centre: Computed[list[float | None]] | None = None
     assemblies: list[Assembly] | None = None
+    forces: ForcesReply | None = None
 
 
 class DiscreteObjective(RequestModel):
@@ -154,19 +204,74 @@ class DiscreteObjective(RequestModel):
 
 
 class ContinuousObjective(RequestModel):
-    """The same as an integral over height. Rewards slowness: its optimum is always on the upper bound."""
+    """The same as an integral over height (28); not divided by the mean speed."""
 
     kind: Literal["continuous"]
 
 
 class NormalizedObjective(RequestModel):
-    """The integral divided by the squared mean speed: has an interior optimum, whatever the bound."""
+    """The integral (28) divided by the squared mean speed (29)."""
 
     kind: Literal["normalized"]
 
 
 AnyObjective = Annotated[DiscreteObjective | ContinuousObjective | NormalizedObjective, Field(discriminator="kind")]
-Stroke = Annotated[list[Length], Field(min_length=2, max_length=2)]
+Stroke = Annotated[
+    list[Length], Field(min_length=2, max_length=2, json_schema_extra={"parts": ["start", "top"], "unit": "mm"})
+]
+Range = Annotated[
+    list[Length | None],
+    Field(min_length=2, max_length=2, json_schema_extra={"parts": ["from", "to"], "unit": "mm"}),
+]
+Times = Annotated[
+    list[Positive | None],
+    Field(min_length=2, max_length=2, json_schema_extra={"parts": ["from", "to"], "unit": "s"}),
+]
+Box = Annotated[
+    list[Place | None],
+    Field(
+        min_length=4,
+        max_length=4,
+        json_schema_extra={"parts": ["left", "bottom", "right", "top"], "unit": "mm"},
+    ),
+]
+
+
+class ConstraintsModel(RequestModel):
+    """What the design must keep to besides the stroke. Null takes a limit away, where nothing else is said."""
+
+    extension_max: Annotated[Number, Field(gt=1, le=100)] | None = Field(
+        1.8, description="Cylinder at the top over its closed length; 1.8 is what a single stage can."
+    )
+    dead_point_min: Annotated[Number, Field(ge=0, lt=1)] | None = Field(
+        0.05, description="Cylinder length from the dead point up to the start, as a share of the closed length."
+    )
+    transmission_angle_min: Annotated[Number, Field(ge=0, lt=90, json_schema_extra=_unit("angle"))] | None = Field(
+        None,
+        description="Of the cylinder against the direction in which it cannot move B; null: 30 degrees, 0: none.",
+    )
+    acceleration_max: Positive | None = Field(
+        1000.0, description="Largest acceleration of the platform, up or down.", json_schema_extra=MM_S2
+    )
+    jerk_max: Positive | None = Field(
+        10_000.0, description="Largest jerk of the platform while it runs.", json_schema_extra=MM_S3
+    )
+    closed_length: Range | None = Field(
+        None, description="Closed length of the cylinder; null: from the cylinder's own to `upper_bound`."
+    )
+    l2: Range | None = Field(None, description="AB; null: from a tenth of the top height to `upper_bound`.")
+    l3: Range | None = Field(None, description="AC; null: as l2.")
+    l4: Range | None = Field(None, description="BC; null: as l2.")
+    l5: Range | None = Field(None, description="DC; null: as l2.")
+    b: Range | None = Field(None, description="Slide to pivot; null: as l2.")
+    envelope: Box = Field(
+        [None, 0.0, None, None], description="Box of all joints from start to top; the pivot O is (0, 0)."
+    )
+    rise_time: Times | None = Field(None, description="Time of the rise; null: any.")
+    force_ratio_max: Positive | None = Field(None, description="Cylinder force over load; null: any.")
+    start: Literal["any", "collinear"] = Field(
+        "any", description="Collinear: A, B and O in a line at the start (31), and l3, l4 at most l2 (35)."
+    )
 
 
 class OptimizeRequest(RequestModel):
@@ -176,6 +281,10 @@ class OptimizeRequest(RequestModel):
     stroke: Stroke = Field(description="Height of the platform at the start and at the top.")
     objective: AnyObjective = DiscreteObjective(kind="discrete")
     upper_bound: Length = Field(600.0, description="No length of the design is larger.")
+    constraints: ConstraintsModel | None = Field(
+        None, description="Limits that make the design buildable; null: the source's problem as it is."
+    )
+    angle_unit: AngleUnit = "deg"
 
 
 class BatchRequest(RequestModel):
@@ -212,15 +321,38 @@ class PublishedReply(ReplyModel):
 
     design: DesignReply
     objective: float
-    slope: float = Field(description="df/dl2 along l4 = l2; 0 at an interior optimum.")
+    slope: float = Field(description="df/dl2 along l4 = l2.")
     reason: str
+    source: Literal["printed", "fitted"] = Field(description="Fitted: a digit that is lost in print is inferred.")
+
+
+class ConstraintRow(ReplyModel):
+    """One limit: what the design has beside it, over 2,001 poses, and whether it holds the design."""
+
+    name: str
+    value: float
+    kind: Literal["least", "most"]
+    limit: float
+    active: bool
+
+
+class UnconstrainedReply(ReplyModel):
+    """The optimum of the source's problem for the same stroke, and the limits that it breaks."""
+
+    design: DesignReply
+    objective: float
+    breaks: list[ConstraintRow]
 
 
 class OptimizeReply(ReplyModel):
-    """The optimum. `active` names the inequalities that hold it; `slacks` says how far away the others are."""
+    """The optimum. `active` names the inequalities that hold it; `slacks` says how far away the others are.
+
+    With constraints a slack is a share of the limit, of a length a share of the top height; else a length.
+    """
 
     status: Literal["optimal"]
     design: DesignReply
+    closed_length: float
     objective: float
     objective_kind: Literal["discrete", "continuous", "normalized"]
     active: list[str]
@@ -229,6 +361,9 @@ class OptimizeReply(ReplyModel):
     motion: OptimumMotion
     objective_of_published: float | None
     published: PublishedReply | None
+    constraints: list[ConstraintRow] | None = None
+    unconstrained: UnconstrainedReply | None = None
+    cost: float | None = Field(None, description="Objective over the unconstrained one's, less 1.")
     note: str
     evaluations: int
 

@@ -21,6 +21,12 @@ def motion_table(reply: MotionReply) -> str:
         lines.append(f"largest loop residual {reply.residual:.2g}")
     for pose in reply.assemblies or []:
         lines.append(f"assembly at height {pose.height:.6g}{' (working branch)' if pose.working else ''}")
+    if reply.forces is not None:
+        lines.append(
+            f"cylinder force {reply.forces.cylinder_min:.6g} to {reply.forces.cylinder_max:.6g} N, pressure up to "
+            f"{reply.forces.pressure_max:.4g} bar ({'enough' if reply.forces.pressure_is_enough else 'not enough'}), "
+            f"least bore {reply.forces.bore_min:.4g} mm"
+        )
     lines += ["", f"{'time':>12} {'height':>14} {'velocity':>14} {'acceleration':>14} {'cylinder':>14}"]
     last = len(reply.time) - 1
     rows = sorted({round(k * last / (TABLE_ROWS - 1)) for k in range(TABLE_ROWS)})
@@ -42,6 +48,7 @@ def optimize_table(reply: OptimizeReply) -> str:
         lines.append(f"{name:>10} " + " ".join(f"{getattr(design, name):14.6f}" for _, design, _ in columns))
     lines.append(f"{'objective':>10} " + " ".join(f"{value:14.7g}" for _, _, value in columns))
     lines += [
+        f"{'closed l1':>10} {reply.closed_length:14.6f}",
         "",
         f"active: {', '.join(reply.active) or 'none'}",
         f"rise time {reply.motion.rise_time:.6f} s, speed at the start {reply.motion.velocity_start:.6g}, "
@@ -49,6 +56,18 @@ def optimize_table(reply: OptimizeReply) -> str:
     ]
     if reply.published:
         lines.append(f"published: {reply.published.reason}")
+    if reply.constraints:
+        lines += ["", f"{'constraint':>20} {'is':>14}        {'limit':>14}"]
+        for row in reply.constraints:
+            sign = ">=" if row.kind == "least" else "<="
+            lines.append(f"{row.name:>20} {row.value:14.7g} {sign:>6} {row.limit:14.7g}{' *' if row.active else ''}")
+        lines += ["* holds the design", ""]
+    if reply.unconstrained and reply.cost is not None:
+        broken = ", ".join(f"{row.name} {row.value:.6g}" for row in reply.unconstrained.breaks)
+        lines.append(
+            f"the source's problem has the objective {reply.unconstrained.objective:.6g} (this one: {reply.cost:+.1%}) "
+            f"and is outside of: {broken or 'no limit'}"
+        )
     lines.append(reply.note)
     return "\n".join(lines)
 

@@ -1,100 +1,89 @@
-// A machine's page: a form for each of its queries, the reply as a picture and as a table of numbers.
+// A machine's page: the question as a form, the answer as drawing, figures, curves and tables, files and a link.
 
-import { text } from "./drawing.js";
+import { everything } from "./answer.js";
+import { chain } from "./chain.js";
 import { buildForm } from "./form.js";
-import { picture } from "./pictures.js";
+import { fromFragment, toFragment } from "./formats.js";
+import { knotter } from "./knotter.js";
+import { lift } from "./lift.js";
 import { ask, download } from "./service.js";
 import { $, say, startScenes, startTheme } from "./shell.js";
 
-let scene = null, query = null, read = null, answered = null, turn = 0;
+/**
+ * What a machine's module exports: `show(answer, hosts)`, which draws an answer {query, request, reply, ask} into the
+ * elements of `hosts` (picture, facts, curves, tables) and may return the player of its drawing; and, if its drawing
+ * needs more than was asked for, `request(query, request)`, what is sent instead.
+ */
+const MACHINES = { lift, chain, knotter };
+const HOSTS = ["picture", "facts", "curves", "tables"];
+
+let scene = null, machine = null, query = null, form = null, answered = null, running = null, run = null, own = "";
 
 function chooseQuery(path) {
   query = scene.queries.find((one) => one.path === path);
   $("query").value = path;
   $("summary").textContent = query.summary;
-  $("example").replaceChildren(...Object.keys(query.examples).map((name) => new Option(name.replaceAll("_", " "), name)));
-  chooseExample(Object.keys(query.examples)[0]);
+  $("example").replaceChildren(...Object.keys(query.examples).map((name) => new Option(name.replaceAll(/[_-]/g, " "), name)));
+}
+
+function fill(request) {
+  form = buildForm($("fields"), query.schema, request);
 }
 
 function chooseExample(name) {
-  read = buildForm($("fields"), query.schema, query.examples[name] ?? {});
-  answer();
+  $("example").value = name;
+  fill(query.examples[name] ?? {});
+  return answer();
 }
 
-/** The request with the points that the picture needs, for queries that can include them. */
-function withExtras(request) {
-  const include = query.schema.properties?.include;
-  if (!include) return request;
-  return { ...request, include: [...new Set([...(request.include ?? []), "points"])] };
+/** Until an answer is there the button stops the search, in the service too. */
+function busy(now) {
+  $("run").textContent = now ? "Stop" : "Answer";
+  $("run").classList.toggle("primary", !now);
+  $("form").setAttribute("aria-busy", String(now));
 }
 
-async function answer() {
-  const mine = ++turn;
-  let request;
+async function answer(at = null) {
+  running?.abort();
+  const mine = new AbortController();
   try {
-    request = withExtras(read());
-  } catch (error) {
-    say(error.message, true);
-    return;
-  }
-  say("Computing…");
-  $("run").disabled = true;
-  try {
-    const begin = performance.now();
-    const reply = await (await ask(query.path, request)).json();
-    if (mine !== turn) return;
-    answered = { request, reply };
+    const request = form.read(), begin = performance.now();
+    running = mine;
+    say("Computing…");
+    busy(true);
+    const sent = machine.request?.(query, request) ?? request;
+    const get = async (path, body) => (await ask(path, body, mine.signal)).json();
+    const reply = await get(query.path, sent);
+    answered = { query, request, reply };
+    await show({ ...answered, sent, ask: get }, at);
     say(`Answered in ${Math.round(performance.now() - begin)} ms.`);
-    showNumbers(reply);
-    showExports();
-    $("picture-card").hidden = false;
-    const some = await picture($("picture"), query, request, reply);
-    if (mine === turn) $("picture-card").hidden = !some;
+    own = await toFragment({ query: query.path, request });
+    history.replaceState(null, "", `#${own}`);
   } catch (error) {
-    if (mine === turn) say(error.message, true);
+    if (error.name === "AbortError") { if (running === mine) say("Stopped."); return; }
+    if (mine === running) form.mark(error.rows ?? []);
+    say(error.message, true);
   } finally {
-    if (mine === turn) $("run").disabled = false;
+    if (running === mine) [running] = [null, busy(false)];
   }
 }
 
-const isNumbers = (value) => Array.isArray(value) && value.every((part) => typeof part === "number");
-
-const isFlat = (value) => value && typeof value === "object" && !Array.isArray(value) && Object.values(value).every((part) => part === null || typeof part !== "object");
-const words = (value) => (typeof value === "number" ? text(value, 8) : String(value));
-
-/** Rows [name, text] of a reply; the names of lists too long for a row are added to `long`. */
-function rows(value, long, name = "") {
-  if (value === null) return [];
-  if (Array.isArray(value)) {
-    if (!value.length) return [[name, "none"]];
-    if (isNumbers(value) && value.length <= 8) return [[name, value.map(words).join(", ")]];
-    if (value.every((part) => typeof part === "string")) return [[name, value.join(", ")]];
-    if (value.length <= 8 && value.every(isFlat)) return value.map((part, k) => [`${name} ${k + 1}`, Object.entries(part).map(([key, inner]) => `${key.replaceAll("_", " ")} ${words(inner)}`).join(", ")]);
-    if (value.length <= 12 && value.every((part) => isNumbers(part) && part.length <= 4)) return [[name, value.map((part) => `(${part.map(words).join(", ")})`).join(" ")]];
-    long.push(`${name} (${value.length})`);
-    return [];
+async function show(answer_, at) {
+  const hosts = Object.fromEntries(HOSTS.map((name) => [name, $(name)]));
+  for (const name of HOSTS) {
+    hosts[name].replaceChildren();
+    $(`${name}-card`).hidden = false; // what is drawn needs its width
   }
-  if (typeof value === "object") return Object.entries(value).flatMap(([part, inner]) => rows(inner, long, name ? `${name} · ${part}` : part));
-  return [[name, typeof value === "number" ? text(value, 10) : String(value)]];
-}
-
-function showNumbers(reply) {
-  const table = document.createElement("table");
-  const long = [];
-  const found = rows(reply, long);
-  if (long.length) found.push(["lists, in the JSON file", long.join(", ").replaceAll("_", " ")]);
-  for (const [name, value] of found) {
-    const row = table.insertRow();
-    row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: name.replaceAll("_", " ") }));
-    row.insertCell().textContent = value;
-  }
-  $("answer").replaceChildren(table);
-  $("answer-card").hidden = false;
+  $("all").replaceChildren();
+  $("all-fold").open = false;
+  run = (await machine.show(answer_, hosts)) ?? null;
+  if (at !== null) run?.go(at);
+  for (const name of HOSTS) $(`${name}-card`).hidden = !hosts[name].childElementCount && name !== "facts";
+  showExports();
 }
 
 function showExports() {
-  const { request, reply } = answered;
-  const name = query.command.replaceAll(" ", "-");
+  const { query: asked, request, reply } = answered, name = asked.command.replaceAll(" ", "-");
   const button = (format, save) => {
     const made = Object.assign(document.createElement("button"), { type: "button", textContent: format.toUpperCase() });
     made.dataset.format = format;
@@ -103,23 +92,53 @@ function showExports() {
   };
   $("exports").replaceChildren(
     button("json", async () => download(new Blob([JSON.stringify({ request, reply }, null, 1)], { type: "application/json" }), `${name}.json`)),
-    ...query.exports.map((format) => button(format, async () => download(await (await ask(`${query.path}.${format}`, request)).blob(), `${name}.${format}`))),
+    ...asked.exports.map((format) => button(format, async () => download(await (await ask(`${asked.path}.${format}`, request)).blob(), `${name}.${format}`))),
   );
 }
 
+/** The page's address with the question, its values and the place of the slider behind #. */
+async function copyLink() {
+  const link = new URL(location.href);
+  link.hash = await toFragment({ query: answered.query.path, request: answered.request, at: run?.value });
+  await navigator.clipboard.writeText(link.href);
+  say("The link is copied. It restores the question, its values and the place of the slider.");
+}
+
+/** The question in the page's address; false if it holds none. */
+async function openLink() {
+  const kept = await fromFragment(location.hash);
+  if (!kept) return false;
+  if (!scene.queries.some((one) => one.path === kept.query)) throw new Error("The link is of another machine or version.");
+  chooseQuery(kept.query);
+  fill(kept.request);
+  await answer(kept.at ?? null);
+  return true;
+}
+
 async function start() {
+  const begin = performance.now();
   startTheme();
   const name = location.pathname.split("/").filter(Boolean).at(-1);
   startScenes(name);
+  machine = MACHINES[name];
   scene = await (await fetch(`/scenes/${name}/queries`)).json();
   document.title = `${scene.title} · linkage-atlas`;
   $("title").textContent = scene.title;
   $("query").replaceChildren(...scene.queries.map((one) => new Option(one.command.split(" ").slice(1).join(" "), one.path)));
-  $("query").addEventListener("change", () => chooseQuery($("query").value));
+  $("query").addEventListener("change", () => { chooseQuery($("query").value); chooseExample($("example").value); });
   $("example").addEventListener("change", () => chooseExample($("example").value));
-  $("form").addEventListener("submit", (event) => { event.preventDefault(); answer(); });
-  document.addEventListener("themechange", () => { if (answered) picture($("picture"), query, answered.request, answered.reply).catch(() => {}); });
+  $("form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    if (running) running.abort();
+    else answer();
+  });
+  $("link").addEventListener("click", () => copyLink().catch((error) => say(error.message, true)));
+  $("all-fold").addEventListener("toggle", () => { if ($("all-fold").open && !$("all").childElementCount) everything($("all"), answered.reply); });
+  addEventListener("hashchange", () => { if (location.hash !== `#${own}`) openLink().catch((error) => say(error.message, true)); });
   chooseQuery(scene.queries[0].path);
+  const opened = await openLink().catch((error) => { say(error.message, true); return false; });
+  if (!opened) await chooseExample($("example").value);
+  performance.measure("first answer", { start: begin });
   document.body.dataset.ready = "true";
 }
 

@@ -9,6 +9,7 @@ class Problem extends Error {
     const rows = (body?.errors ?? []).map((row) => `${(row.pointer ?? "").replace(/^#\/?/, "").replaceAll("/", " ") || "request"}: ${row.detail}`);
     super(rows.length ? rows.slice(0, 3).join("; ") : body?.detail ?? `The service answered with ${status}.`);
     this.status = status;
+    this.rows = body?.errors ?? [];
   }
 }
 

@@ -10,7 +10,7 @@ Numbers in parentheses are the equations of the source named in `synthesis.lift.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -170,16 +170,20 @@ class Evaluator:
         """
         return self.moments(design, gamma)[0]
 
-    def moments(self, design: Design, gamma: Any | None = None) -> Any:
-        """The objective and the mean speed over height (29) of each design, shape (2, ...)."""
+    def moments(self, design: Design, gamma: Any | None = None, closed: Any | None = None) -> Any:
+        """The objective and the mean speed over height (29) of each design, shape (2, ...).
+
+        `closed` is the cylinder's length at the start where it is not the task's.
+        """
         gamma = triangle_angle(design.l2, design.l3, design.l4)[2] if gamma is None else gamma
-        return by_blocks(self._moments, max(1, BLOCK // self._weights.size), *design.as_tuple(), gamma)
+        closed = self.task.cylinder.length if closed is None else closed
+        return by_blocks(self._moments, max(1, BLOCK // self._weights.size), *design.as_tuple(), gamma, closed)
 
     def _moments(self, *fields: Floats) -> Floats:
         self.work.go_on()
         self.evaluations += fields[0].size
         task = self.task
-        *lengths, gamma = (field[:, None] for field in fields)
+        *lengths, gamma, closed = (field[:, None] for field in fields)
         design = Design(*lengths)
         form = shape(design, gamma)
         weights = self._weights
@@ -189,7 +193,7 @@ class Evaluator:
             theta = angle_or_flat(task.low, design.l3, design.l5)  # the turn at the start
             pose = pose_at_turn(design, theta * self._fractions, form)
             weights = -weights * theta * pose.height_1
-        v = velocity(pose, driven_speed(pose, task.cylinder))
+        v = velocity(pose, driven_speed(pose, replace(task.cylinder, length=closed)))
         works = np.all((v >= 0) & np.isfinite(v), axis=1) & (top_lever(design, form)[:, 0] > 0)
         v = np.where(works[:, None], v, 1.0)
         total = np.where(works[:, None], np.sum(weights, axis=-1, keepdims=True), 1.0)

@@ -24,7 +24,6 @@ import uvicorn
 
 import linkage_atlas as la
 from app.main import create_app
-from app.scenes import SCENES
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
 from selenium.webdriver.chrome.service import Service  # noqa: E402
@@ -900,24 +899,6 @@ def test_axe_finds_no_serious_fault_and_nothing_sticks_out(opened, width, theme)
     mode(opened, "path")
     find(opened, "new-path").click()
     assert faults(opened) == []
-
-
-@pytest.mark.parametrize("width", [360, 1280])
-@pytest.mark.parametrize("scene", SCENES)
-def test_the_machines_have_their_pages(opened, address, scene, width) -> None:
-    resize(opened, width)
-    opened.get(f"{address}/scenes/{scene}")
-    wait(opened, "document.body.dataset.ready")
-    count = opened.execute_script("return document.getElementById('query').options.length")
-    for k in range(count):
-        Select(find(opened, "query")).select_by_index(k)
-        wait(opened, "document.getElementById('status').textContent !== 'Computing…'")
-        assert find(opened, "status").text.startswith("Answered"), find(opened, "status").text
-        wait(opened, "!document.getElementById('run').disabled")
-        assert opened.execute_script("return document.querySelectorAll('#answer tr').length") >= 1
-        assert opened.execute_script("return document.documentElement.scrollWidth") <= width
-        if k == 0:
-            assert faults(opened) == []
 
 
 def test_files_come_from_this_service_alone_and_are_light(opened, address) -> None:

@@ -7,6 +7,7 @@ guesses, for the state in which an integration starts, and for what its end is c
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import mpmath
 import numpy as np
@@ -308,3 +309,104 @@ def search(wanted: Task, polish: bool = False) -> tuple[float, Design]:
         end = minimize_scalar(lambda x: best((last, x))[0], bounds=(0.9 * share, min(1.1 * share, 1.0)), **fine)
         places += [(edge.x, 1.0), (last, end.x), (last, 1.0)]
     return min((best(place) for place in places), key=lambda pair: pair[0])
+
+
+# -- what a design within constraints is like -----------------------------------------------------------------
+
+
+def circle_meets(p, r, q, s, side):
+    """The point at distances r from p and s from q; ``side`` +1: to the left of p -> q."""
+    d = math.dist(p, q)
+    a = (r * r - s * s + d * d) / (2 * d)
+    h = math.sqrt(max(r * r - a * a, 0.0))
+    ex, ey = (q[0] - p[0]) / d, (q[1] - p[1]) / d
+    return p[0] + a * ex - side * h * ey, p[1] + a * ey + side * h * ex
+
+
+def placed(design: Design, height: float) -> dict[str, tuple[float, float]]:
+    """The joints at a height of the platform, by circles: C from A and D on the cylinder's side, B from A and C."""
+    l2, l3, l4, l5, b = design.as_tuple()
+    a, d = (-b, height), (-b, 0.0)
+    c = circle_meets(d, l5, a, l3, -1) if height < l3 + l5 else (-b, l5)
+    # B is clockwise from C about A
+    return {"A": a, "B": circle_meets(a, l2, c, l4, -1), "C": c, "D": d, "O": (0.0, 0.0)}
+
+
+def multiply(one, two):
+    """The product of two power series of four terms, each (4, n)."""
+    return np.array([sum(one[i] * two[k - i] for i in range(k + 1)) for k in range(4)])
+
+
+def root(series):
+    """The square root of a power series."""
+    found = np.zeros_like(series)
+    found[0] = np.sqrt(series[0])
+    for k in range(1, 4):
+        rest = sum((found[i] * found[k - i] for i in range(1, k)), np.zeros_like(found[0]))
+        found[k] = (series[k] - rest) / (2 * found[0])
+    return found
+
+
+def series_of(design: Design, turns):
+    """Height and cylinder length as power series in the turn about each of ``turns``: two of (4, n).
+
+    The formulas of `pose`, in arithmetic of series; no derivative is written down.
+    """
+    l2, l3, l4, l5, b = design.as_tuple()
+    gamma = math.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
+
+    def sine(angle):
+        return np.array([np.sin(angle), np.cos(angle), -np.sin(angle) / 2, -np.cos(angle) / 6])
+
+    def whole(value):
+        return np.array([np.full(turns.shape, value), *np.zeros((3, *turns.shape))])
+
+    across = l3 * sine(turns)
+    s = root(whole(l5**2) - multiply(across, across)) + l3 * sine(turns + math.pi / 2)
+    x = l2 * sine(turns - gamma) - whole(b)
+    y = s - l2 * sine(turns - gamma + math.pi / 2)
+    return s, root(multiply(x, x) + multiply(y, y))
+
+
+def measures(design: Design, closed: float, speed: float, low: float, high: float, poses: int = 2001) -> dict:
+    """What the constraints of `synthesis.lift.constraints` are about, at a constant speed of the cylinder.
+
+    Joints by circles, at heights that are graded towards both ends. The motion by series in the turn, reverted into
+    series in the cylinder's length; the dead point by walking down from the start.
+    """
+    l3, l5, b = design.l3, design.l5, design.b
+    u = np.linspace(0.0, 1.0, poses)
+    found = [placed(design, float(height)) for height in low + (high - low) * u * u * (3 - 2 * u)]
+    length = np.array([math.hypot(*at["B"]) for at in found])
+    xy = np.array([[at[name] for name in "ABC"] for at in found])
+    assert abs(length[0] - closed) < 1e-6 * closed and np.all(np.diff(length) > 0)
+    # B moves at right angles to its arm from the triangle's instant centre, where D-C meets the level of A
+    push = []
+    for at in found:
+        (_, ay), (cx, cy), (dx, _) = at["A"], at["C"], at["D"]
+        bx, by = at["B"]
+        gx, gy = bx - dx - ay / cy * (cx - dx), by - ay
+        push.append(abs(gx * by - gy * bx) / (math.hypot(gx, gy) * math.hypot(bx, by)))
+    first = math.acos((l3**2 + low**2 - l5**2) / (2 * l3 * low))
+    s, l1 = series_of(design, first * (1 - np.linspace(0.0, 1.0, poses) ** 2))
+    way = 1 / l1[1], -l1[2] / l1[1] ** 3, (2 * l1[2] ** 2 - l1[1] * l1[3]) / l1[1] ** 5
+    gain = s[1] * way[0]
+    second = s[1] * way[1] + s[2] * way[0] ** 2
+    third = s[1] * way[2] + 2 * s[2] * way[0] * way[1] + s[3] * way[0] ** 3
+    below = [pose(design, first + 1e-4 * k)["length"] for k in range(12_000)]
+    dead = next(one for one, after in pairwise(below) if after > one)
+    return {
+        **design.as_dict(),
+        "closed_length": closed,
+        "extension": float(length[-1] / closed),
+        "dead_point": 1 - dead / closed,
+        "acceleration": float(np.abs(2 * second).max() * speed**2),
+        "jerk": float(np.abs(6 * third).max() * abs(speed) ** 3),
+        "rise_time": float((length[-1] - closed) / abs(speed)),
+        "transmission": math.asin(min(1.0, *push)),
+        "force_ratio": float(np.abs(gain).max()),
+        "x_min": float(min(xy[:, :, 0].min(), -b)),
+        "x_max": float(max(xy[:, :, 0].max(), 0.0)),
+        "y_min": float(min(xy[:, :, 1].min(), 0.0)),
+        "y_max": float(xy[:, :, 1].max()),
+    }

@@ -295,3 +295,146 @@ def test_tables_show_the_figures(capsys) -> None:
     assert "199.969" in out and "working branch" in out and "loop residual" in out
     assert cli.main(["lift", "batch", "--example", "cylinders"]) == 0
     assert "334.8844" in capsys.readouterr().out
+
+
+# -- nothing is said that was not computed ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("length", [150, 215, 219.9, 300, 1000])
+def test_a_cylinder_that_is_not_in_the_table_has_no_published_design(client, length) -> None:
+    body = changed(changed(OPTIMIZE, "cylinder.length", length), "upper_bound", 3000)
+    reply = client.post("/v1/lift/optimize", json=body).json()
+    assert reply["published"] is None and reply["objective_of_published"] is None
+
+
+def test_a_row_with_inferred_digits_is_called_fitted(client) -> None:
+    for length, source in ((220, "printed"), (250, "fitted")):
+        reply = client.post("/v1/lift/optimize", json=changed(OPTIMIZE, "cylinder.length", length)).json()
+        assert reply["published"]["source"] == source
+
+
+@pytest.mark.parametrize(
+    "objective",
+    [{"kind": "discrete", "n": 31}, {"kind": "continuous"}, {"kind": "normalized"}],
+    ids=lambda one: one["kind"],
+)
+def test_a_reply_says_nothing_of_what_it_did_not_compute(client, objective) -> None:
+    """No sentence about other n, other bounds, or where optima lie in general."""
+    reply = client.post("/v1/lift/optimize", json=changed(OPTIMIZE, "objective", objective)).json()
+    said = " ".join([reply["note"], (reply["published"] or {}).get("reason", "")])
+    for word in ("interior", "whatever", "runs away", "grows", "rewards", "always", "decides", "only because"):
+        assert word not in said, said
+    text = json.dumps(client.get("/openapi.json").json()["components"]["schemas"])
+    for word in ("interior optimum", "whatever the bound", "always on the upper bound"):
+        assert word not in text
+
+
+# -- constraints, pneumatics, files -----------------------------------------------------------------------------
+
+BUILDABLE = {
+    "cylinder": {"length": 220, "speed": 100},
+    "stroke": [200, 510],
+    "objective": {"kind": "normalized"},
+    "constraints": {},
+}
+
+
+def test_the_default_constraints_give_a_lift_that_can_be_built(client) -> None:
+    reply = client.post("/v1/lift/optimize", json=BUILDABLE).json()
+    rows = {(row["name"], row["kind"]): row for row in reply["constraints"]}
+    for row in rows.values():
+        assert row["value"] >= row["limit"] if row["kind"] == "least" else row["value"] <= row["limit"]
+    limits = {("extension", "most"): 1.8, ("dead_point", "least"): 0.05, ("transmission_angle", "least"): 30.0}
+    limits |= {
+        ("acceleration", "most"): 1000.0,
+        ("jerk", "most"): 10_000.0,
+        ("y_min", "least"): 0.0,
+        ("l2", "least"): 51.0,
+    }
+    for key, limit in limits.items():
+        assert rows[key]["limit"] == pytest.approx(limit)
+    assert reply["published"] is None
+    # the source's optimum of the same objective, and the constraints that it breaks
+    beside = reply["unconstrained"]
+    source = client.post("/v1/lift/optimize", json=changed(BUILDABLE, "constraints", None)).json()
+    assert beside["objective"] == source["objective"] and beside["design"] == source["design"]
+    assert {row["name"] for row in beside["breaks"]} >= {"extension", "dead_point", "acceleration", "jerk", "y_min"}
+    assert reply["cost"] == pytest.approx(reply["objective"] / source["objective"] - 1)
+    cylinder = {"length": reply["closed_length"], "speed": 100}
+    moved = client.post(
+        "/v1/lift/motion", json={"design": reply["design"], "cylinder": cylinder, "samples": 2001}
+    ).json()
+    assert moved["height_start"] == pytest.approx(200, abs=1e-6) and moved["height_end"] == pytest.approx(
+        510, abs=1e-6
+    )
+    assert moved["rise_time"] == pytest.approx(reply["motion"]["rise_time"], rel=1e-9)
+    assert max(map(abs, moved["acceleration"])) <= 1000
+    assert moved["length_top"] / reply["closed_length"] <= 1.8
+    assert moved["velocity"][0] == pytest.approx(reply["motion"]["velocity_start"], rel=1e-6)
+
+
+def test_constraints_replace_defaults_and_angles_follow_the_unit(client) -> None:
+    body = {
+        **BUILDABLE,
+        "angle_unit": "rad",
+        "constraints": {
+            "transmission_angle_min": 0.3,
+            "jerk_max": None,
+            "l2": [60, None],
+            "closed_length": [None, 450],
+        },
+    }
+    reply = client.post("/v1/lift/optimize", json=body).json()
+    rows = {(row["name"], row["kind"]): row for row in reply["constraints"]}
+    assert ("jerk", "most") not in rows
+    assert rows["transmission_angle", "least"]["limit"] == pytest.approx(0.3)
+    assert rows["l2", "least"]["limit"] == 60 and rows["l2", "most"]["limit"] == 600
+    assert reply["closed_length"] <= 450
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "pointer"),
+    [
+        ("constraints.extension_max", 1, "#/constraints/extension_max"),
+        ("constraints.envelope", [None, 10, None, None], "#/constraints/envelope/1"),
+        ("constraints.envelope", [None], "#/constraints/envelope"),
+        ("constraints.l3", [300, 200], "#/constraints/l3"),
+        ("constraints.rise_time", [4, 3], "#/constraints/rise_time"),
+        ("constraints.colour", 1, "#/constraints/colour"),
+        ("constraints.jerk_max", 1e-6, "#/constraints"),
+        ("constraints.closed_length", [700, None], "#/constraints/closed_length"),
+        ("constraints.l3", [60, 100], "#/constraints"),  # too short for the stroke: nothing can be assembled
+    ],
+)
+def test_bad_constraints_name_the_field(client, path, value, pointer) -> None:
+    reply = client.post("/v1/lift/optimize", json=changed(BUILDABLE, path, value))
+    assert reply.status_code == 422
+    assert reply.json()["errors"][0]["pointer"] == pointer
+
+
+def test_forces_over_the_stroke(client) -> None:
+    pneumatics = {"load": 1000, "bore": 63, "pressure": 6}
+    reply = client.post("/v1/lift/motion", json={**MOTION, "pneumatics": pneumatics}).json()
+    found = reply["forces"]
+    for name in ("weight", "cylinder", "link", "slide", "pressure", "pivot_O", "pivot_D"):
+        assert len(found[name]) == 11
+    gain = [velocity / 100 for velocity in reply["velocity"]]
+    assert found["cylinder"] == pytest.approx([1000 * one for one in gain])
+    area = math.pi * 63**2 / 4
+    assert found["pressure_max"] == pytest.approx(10 * max(found["cylinder"]) / area)
+    assert found["pressure_is_enough"] is (found["pressure_max"] <= 6)
+    assert 10 * max(found["cylinder"]) / (math.pi * found["bore_min"] ** 2 / 4) == pytest.approx(6)
+    thick = client.post("/v1/lift/motion", json={**MOTION, "pneumatics": {**pneumatics, "rod": 63}})
+    assert thick.status_code == 422 and thick.json()["errors"][0]["pointer"] == "#/pneumatics/rod"
+    lines = client.post("/v1/lift/motion.csv", json={**MOTION, "pneumatics": pneumatics}).text.splitlines()
+    assert lines[0].endswith("force_weight,force_cylinder,force_link,force_slide,pressure")
+
+
+def test_the_optimum_as_files(client) -> None:
+    reply = client.post("/v1/lift/optimize", json=OPTIMIZE).json()
+    rows = client.post("/v1/lift/optimize.csv", json=OPTIMIZE).text.splitlines()
+    first = dict(zip(rows[0].split(","), map(float, rows[1].split(","))))
+    assert len(rows) == 202 and first["closed_length"] == reply["closed_length"] == 220
+    assert {name: first[name] for name in DESIGN} == reply["design"]
+    assert client.post("/v1/lift/optimize.svg", json=BUILDABLE).text.startswith("<?xml")
+    assert "LWPOLYLINE" in client.post("/v1/lift/optimize.dxf", json=BUILDABLE).text

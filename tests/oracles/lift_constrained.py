@@ -1,0 +1,102 @@
+"""Sets of constraints of the lift, and a differential evolution within them: what the product's own search is compared with."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from synthesis.lift.constrained import Space
+from synthesis.lift.constraints import FINE_NODES, Constraints, least, slacks
+from synthesis.lift.objective import Evaluator, Objective, Task
+from synthesis.lift.pose import Cylinder
+
+POPULATION = 50
+"""Members of the differential evolution for each variable."""
+BROKEN = 1e3
+"""What the differential evolution pays for the sum of what is broken, beside the objective's logarithm."""
+NAMES = ("l2", "l3", "l4", "l5", "b")
+
+
+def limits(high: float, bound: float, closed: tuple[float, float], **changes: Any) -> Constraints:
+    """The service's default constraints for a stroke, with some of them changed."""
+    settings: dict[str, Any] = {
+        "extension_max": 1.8,
+        "dead_point_min": 0.05,
+        "acceleration_max": 1000.0,
+        "jerk_max": 10_000.0,
+        "envelope": (None, 0.0, None, None),
+        "transmission_min": math.radians(30),
+    }
+    return Constraints({name: (0.1 * high, bound) for name in NAMES}, closed, **{**settings, **changes})
+
+
+def cases() -> dict[str, tuple[Task, Constraints]]:
+    """The default, and three further sets: a narrow frame, another stroke with an early start, the collinear start."""
+    stroke, normalized = (200.0, 510.0), Objective("normalized")
+    return {
+        "default": (Task(Cylinder(220.0, 100.0), *stroke, normalized, 600.0), limits(510.0, 600.0, (220.0, 600.0))),
+        "narrow frame": (
+            Task(Cylinder(220.0, 100.0), *stroke, normalized, 600.0),
+            limits(
+                510.0,
+                600.0,
+                (220.0, 600.0),
+                envelope=(-550.0, 0.0, 50.0, 600.0),
+                rise_time=(2.5, 4.0),
+                force_ratio_max=1.2,
+            ),
+        ),
+        "stroke 200 to 700": (
+            Task(Cylinder(300.0, 150.0), 200.0, 700.0, Objective("continuous"), 900.0),
+            limits(700.0, 900.0, (300.0, 900.0), acceleration_max=3000.0, jerk_max=100_000.0),
+        ),
+        "collinear start": (
+            Task(Cylinder(220.0, 100.0), *stroke, normalized, 600.0),
+            limits(
+                510.0,
+                600.0,
+                (220.0, 600.0),
+                start="collinear",
+                extension_max=2.5,
+                dead_point_min=0.01,
+                jerk_max=1e5,
+                acceleration_max=2000.0,
+                transmission_min=math.radians(20),
+            ),
+        ),
+    }
+
+
+def evolved(task: Task, wanted: Constraints, evaluations: int) -> tuple[float, int]:
+    """The least objective that a differential evolution of the same variables finds, and its evaluations."""
+    from scipy.optimize import differential_evolution
+
+    space, evaluator = Space(task, wanted), Evaluator(task)
+    best, count = math.inf, 0
+
+    def cost(places: np.ndarray) -> np.ndarray:
+        nonlocal best, count
+        built = space.designs(places.T, np.ones(places.shape[1]))
+        count += places.shape[1]
+        found = least(slacks(built, task, wanted, FINE_NODES))
+        broken = np.sum([np.where(np.isfinite(one), np.clip(-one, 0.0, 1.0), 1.0) for one in found.values()], axis=0)
+        value = evaluator.moments(built.design, built.gamma, built.closed)[0]
+        kept = (broken == 0) & np.isfinite(value)
+        best = min(best, float(value[kept].min())) if kept.any() else best
+        return np.where(np.isfinite(value), np.log(np.where(np.isfinite(value), value, 1.0)), 20.0) + BROKEN * broken
+
+    generations = max(1, evaluations // (POPULATION * space.count) - 1)
+    differential_evolution(
+        cost,
+        [(0.0, 1.0)] * space.count,
+        seed=7,
+        popsize=POPULATION,
+        maxiter=generations,
+        tol=0.0,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+    )
+    return best, count

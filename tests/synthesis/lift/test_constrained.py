@@ -1,0 +1,175 @@
+"""The lift within constraints: kept on 2,001 poses by independent code, not beaten by an independent search, refusals, laws."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from synthesis.errors import FieldError
+from synthesis.lift import constrained
+from synthesis.lift.constrained import Constrained, Space, optimize_within
+from synthesis.lift.constraints import Constraints, jerky_run, measured, rows_of, slacks
+from synthesis.lift.motion import motion
+from synthesis.lift.objective import Objective, Task
+from synthesis.lift.optimum import optimize
+from synthesis.lift.pose import Cylinder, Design
+from synthesis.work import Cancelled, Work
+from tests.oracles import lift as oracle
+from tests.oracles.lift_constrained import cases, evolved, limits
+
+CASES = cases()
+LOOSE = Constraints({name: (51.0, 600.0) for name in ("l2", "l3", "l4", "l5", "b")}, (220.0, 600.0))
+
+
+@cache
+def found(name: str) -> Constrained:
+    return optimize_within(*CASES[name])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_constraint_is_kept_on_2001_poses_by_independent_code(name) -> None:
+    task, wanted = CASES[name]
+    one = found(name)
+    design, closed = one.built.design, float(one.built.closed)
+    values = oracle.measures(design, closed, task.cylinder.speed, task.low, task.high)
+    rows = rows_of(wanted, values)
+    assert len(rows) > 12 and [row for row in rows if not row.kept] == []
+    assert oracle.objective(design, replace(task, cylinder=replace(task.cylinder, length=closed))) == pytest.approx(
+        one.objective, rel=2e-6
+    )
+    mine = measured(one.built, task)
+    assert mine.keys() == values.keys()
+    for key, value in values.items():
+        # the dead point is walked to in steps of 1e-4 rad, the extreme of a curve lies between poses
+        assert mine[key] == pytest.approx(value, rel=2e-4, abs=1e-6), key
+
+
+def test_the_optimum_lies_on_constraints_and_says_which() -> None:
+    task, wanted = CASES["default"]
+    one = found("default")
+    values = oracle.measures(one.built.design, float(one.built.closed), 100.0, 200.0, 510.0)
+    near = {row.name for row in rows_of(wanted, values) if abs(row.value - row.limit) < 2e-3 * abs(row.limit)}
+    assert near == {name.split(">=")[0].split("<=")[0] for name in one.active}
+    assert slack_names(task, wanted) >= set(one.active)
+
+
+def slack_names(task: Task, wanted: Constraints) -> set[str]:
+    """The names of all constraints that are computed."""
+    built = Space(task, wanted).designs(np.full((1, 4), 0.5), np.ones(1))
+    return set(slacks(built, task, wanted))
+
+
+def test_differential_evolution_does_not_beat_it() -> None:
+    """A short run; that of 200,000 evaluations is `benchmarks.lift_constrained`."""
+    best, _ = evolved(*CASES["collinear start"], 6000)
+    assert found("collinear start").objective <= best * 1.005
+
+
+def test_without_limits_the_collinear_start_gives_the_optimum_of_the_source() -> None:
+    task = Task(Cylinder(220.0, 100.0), 200.0, 510.0, Objective("normalized"), 600.0)
+    free = optimize(task)
+    wide = Constraints({name: (1.0, 600.0) for name in LOOSE.lengths}, (220.0, 220.0), start="collinear")
+    one = optimize_within(task, wide)
+    assert one.objective == pytest.approx(free.objective, rel=1e-4)
+    assert "l4<=l2" in one.active
+
+
+def test_a_constraint_less_does_not_cost() -> None:
+    task, wanted = CASES["default"]
+    assert optimize_within(task, replace(wanted, jerk_max=None)).objective <= found("default").objective * (1 + 1e-6)
+
+
+def test_speed_does_not_move_the_optimum() -> None:
+    """As fast, as far in acceleration and jerk: the same design, lowering too."""
+    task, wanted = CASES["default"]
+    same = replace(wanted, acceleration_max=1000 * 0.8**2, jerk_max=10_000 * 0.8**3)
+    other = optimize_within(replace(task, cylinder=Cylinder(220.0, -80.0)), same)
+    assert other.objective == pytest.approx(found("default").objective, rel=1e-6)
+
+
+def test_a_braking_cylinder_keeps_the_constraints_too() -> None:
+    task, wanted = CASES["default"]
+    one = optimize_within(replace(task, cylinder=Cylinder(220.0, 120.0, -6.0)), wanted)
+    drive = Cylinder(float(one.built.closed), 120.0, -6.0)
+    moved = motion(one.built.design, drive, samples=2001)
+    assert np.abs(moved.acceleration).max() <= wanted.acceleration_max
+    assert moved.time[-1] == pytest.approx(measured(one.built, replace(task, cylinder=drive))["rise_time"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "constraint"),
+    [
+        ({"jerk_max": 1e-3}, "jerk<=max"),
+        ({"rise_time": (5.0, 4.0)}, "rise_time"),
+        ({"envelope": (None, 5.0, None, None)}, "envelope"),
+        ({"closed_length": (300.0, 200.0)}, "closed_length"),
+    ],
+)
+def test_what_cannot_be_kept_is_named(change, constraint) -> None:
+    task, wanted = CASES["default"]
+    with pytest.raises(FieldError) as caught:
+        optimize_within(task, replace(wanted, **change))
+    assert caught.value.details["constraint"] == constraint
+    assert caught.value.field.startswith("/constraints")
+
+
+def test_a_client_that_leaves_ends_the_search() -> None:
+    looks = 0
+
+    def left() -> bool:
+        nonlocal looks
+        looks += 1
+        return looks > 3
+
+    with pytest.raises(Cancelled):
+        optimize_within(*CASES["default"], Work(cancelled=left))
+    assert looks == 4
+
+
+def test_jerk_is_the_derivative_of_acceleration() -> None:
+    design, drive, h = Design(130.5, 165.5, 223.5, 344.5, 560.3), Cylinder(482.2, 100.0, 7.0), 1e-4
+    times = np.linspace(0.01, 3.0, 40)
+    moved = motion(design, drive, times)
+    run = jerky_run(moved.pose, drive, moved.cylinder_speed)
+    assert run.acceleration == pytest.approx(moved.acceleration, rel=1e-12)
+    ahead, behind = (motion(design, drive, times + step).acceleration for step in (h, -h))
+    assert run.jerk == pytest.approx((ahead - behind) / (2 * h), rel=1e-5, abs=1e-4)
+
+
+def test_designs_of_the_search_meet_the_stroke() -> None:
+    for name in ("default", "collinear start"):
+        task, wanted = CASES[name]
+        space = Space(task, wanted)
+        rng = np.random.default_rng(4)
+        built = space.designs(rng.uniform(0, 1, (400, space.count)), np.where(rng.uniform(size=400) < 0.5, 1.0, -1.0))
+        good = np.nonzero(np.isfinite(built.design.b) & (built.design.l3 < built.design.l5))[0]
+        assert good.size > 60
+        for at in good[:60]:
+            design = Design(*(float(field[at]) for field in built.design.as_tuple()))
+            turn = float(built.turn[at])
+            textbook = oracle.pose(design, turn)
+            assert textbook["height"] == pytest.approx(task.low, rel=1e-9)
+            assert textbook["length"] == pytest.approx(float(built.closed[at]), rel=1e-8)
+            assert oracle.pose(design, 0.0)["height"] == pytest.approx(task.high, rel=1e-12)
+
+
+def test_slacks_are_negative_exactly_where_a_limit_is_missed() -> None:
+    task, wanted = CASES["default"]
+    loose = optimize_within(task, LOOSE).built
+    missed = {row.name for row in rows_of(wanted, measured(loose, task)) if not row.kept}
+    one = constrained.Built(
+        Design(*(np.array([value]) for value in loose.design.as_tuple())),
+        *(np.array([value]) for value in (loose.gamma, loose.turn, loose.closed)),
+    )
+    negative = {
+        name.split(">=")[0].split("<=")[0]
+        for name, slack in slacks(one, task, wanted, 801).items()
+        if slack.min() < 0
+    }
+    assert missed and negative == missed
+    assert limits(510.0, 600.0, (220.0, 600.0)) == wanted
+    assert math.isclose(wanted.transmission_min, math.pi / 6)
