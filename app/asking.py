@@ -11,6 +11,8 @@ import webbrowser
 from pathlib import Path
 from typing import Any, get_args
 
+import shtab
+
 from app.cache import find_atlas
 from app.exits import EPILOG, Exit, exit_of
 from app.fourbar.export import LengthUnit
@@ -31,7 +33,8 @@ _FILE_HELP = (
 def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     """The arguments of a question's command."""
     parser.epilog, parser.formatter_class = EPILOG, argparse.RawDescriptionHelpFormatter
-    parser.add_argument("file", nargs="?", default="-", help=_FILE_HELP[query.from_csv is not None])
+    file = parser.add_argument("file", nargs="?", default="-", help=_FILE_HELP[query.from_csv is not None])
+    file.complete = shtab.FILE  # type: ignore[attr-defined]
     parser.add_argument("--example", choices=sorted(query.examples), help="answer a bundled example instead")
     if query.practical is not None:
         parser.add_argument(
@@ -46,7 +49,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             type=Path,
             metavar="FILE",
             help="the atlas, if one is needed (default: atlas.h5 here, or else the default one, built once in the cache folder)",
-        )
+        ).complete = shtab.FILE  # type: ignore[attr-defined]
     if query.exports:
         formats = ", ".join((*query.exports, "json"))
         parser.add_argument(
@@ -56,9 +59,11 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             action="append",
             default=[],
             help=f"also write a file; its ending says which: {formats}; may be given several times",
-        )
+        ).complete = shtab.FILE  # type: ignore[attr-defined]
     if "svg" in query.exports:
-        parser.add_argument("--plot", action="store_true", help="also draw it, and open the picture where there is a screen")
+        parser.add_argument(
+            "--plot", action="store_true", help="also draw it, and open the picture where there is a screen"
+        )
     if query.file_of is not None:
         parser.add_argument("--rank", type=_rank, default=1, help="which solution to write or draw (%(default)s)")
     if query.shows_units:
@@ -85,7 +90,9 @@ def settings_of(options: argparse.Namespace) -> Settings:
 
 def _run(options: argparse.Namespace, query: Query) -> int:
     names = [_format_of(query, path) for path in getattr(options, "export", ())]
-    request = read_request(query, _text(options, query), practical=not (options.example or getattr(options, "no_preset", 0)))
+    request = read_request(
+        query, _text(options, query), practical=not (options.example or getattr(options, "no_preset", 0))
+    )
     rank = getattr(options, "rank", 1)
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
@@ -177,5 +184,7 @@ def _show(picture: bytes) -> None:
     with tempfile.NamedTemporaryFile(prefix="linkage-", suffix=".svg", delete=False) as file:
         file.write(picture)
     screen = sys.platform == "darwin" or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
-    opened = screen and webbrowser.open(Path(file.name).as_uri())  # without one it might start a browser in the terminal
+    opened = screen and webbrowser.open(
+        Path(file.name).as_uri()
+    )  # without one it might start a browser in the terminal
     print(f"{'opened' if opened else 'no screen to open it on: wrote'} {file.name}", file=sys.stderr)

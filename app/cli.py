@@ -17,7 +17,15 @@ from app.cache import find_atlas
 from app.exits import EPILOG, Exit
 from app.registry import all_queries
 from app.resources import ServiceResources
-from linkage_atlas import BATCH_COMMANDS, AtlasError, AtlasFault, FieldError, __version__, run_batch
+from linkage_atlas import (
+    BATCH_COMMANDS,
+    AtlasError,
+    AtlasFault,
+    FieldError,
+    __version__,
+    add_batch_commands,
+    run_batch,
+)
 
 DESCRIPTION = """Finds planar linkages for a required motion.
 
@@ -63,8 +71,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return Exit.USAGE
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+def make_parser(whole: bool = False) -> argparse.ArgumentParser:
+    """The parser of all commands; the batch's options are in it only where it is to be ``whole``: they take a while to load."""
     plain = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
         prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain
@@ -83,13 +91,23 @@ def make_parser() -> argparse.ArgumentParser:
         add_query(at.add_parser(verb, help=query.summary, description=query.summary), query)
     _add_example(commands.add_parser("example", help="print a request to edit, or the list of examples"))
     _add_serve(commands.add_parser("serve", help="answer over HTTP, with a page to draw motions on"))
-    for name, text in BATCH_COMMANDS.items():
-        commands.add_parser(name, help=text)
+    if whole:
+        add_batch_commands(commands)
+    else:
+        for name, text in BATCH_COMMANDS.items():
+            commands.add_parser(name, help=text)
     completion = commands.add_parser("completion", help="print what completes this command in a shell")
-    completion.description = "Prints a script that completes commands and options; what to do with it stands at its top."
+    completion.description = (
+        "Prints a script that completes commands and options; what to do with it stands at its top."
+    )
     completion.add_argument("shell", choices=("bash", "zsh", "fish"))
-    completion.set_defaults(run=lambda options: print(shtab.complete(parser, options.shell)) or Exit.OK)
+    completion.set_defaults(run=_completion)
     return parser
+
+
+def _completion(options: argparse.Namespace) -> int:
+    print(shtab.complete(make_parser(whole=True), options.shell))
+    return Exit.OK
 
 
 def _add_example(parser: argparse.ArgumentParser) -> None:
@@ -116,7 +134,7 @@ def _add_serve(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="the atlas (default: atlas.h5 here, or else the default one, built once in the cache folder)",
-    )
+    ).complete = shtab.FILE  # type: ignore[attr-defined]
     group.add_argument(
         "--no-atlas", action="store_true", help="start at once: searching needs none, what needs one says so"
     )

@@ -29,7 +29,12 @@ MEANINGS = {
     Exit.UNKNOWN: "unknown: nothing was found before the time was up",
     Exit.INTERRUPTED: "interrupted",
 }
-NOTHING = {"infeasible": Exit.INFEASIBLE, "never": Exit.INFEASIBLE, "blocked": Exit.INFEASIBLE, "unknown": Exit.UNKNOWN}
+NOTHING = {
+    "infeasible": Exit.INFEASIBLE,
+    "never": Exit.INFEASIBLE,
+    "blocked": Exit.INFEASIBLE,
+    "unknown": Exit.UNKNOWN,
+}
 """Statuses of replies that hold no answer; those of the scenes too."""
 EPILOG = "exit codes:\n" + "\n".join(f"  {code:<4} {words}" for code, words in MEANINGS.items())
 

@@ -30,7 +30,9 @@ def waiting(words: str, most: float | None = None) -> Iterator[None]:
     def draw() -> None:
         if done.wait(DELAY):
             return
-        with tqdm(file=sys.stderr, leave=False, bar_format=f"{words}: {{postfix[0]:.0f}} s{limit}", postfix=[DELAY]) as bar:
+        with tqdm(
+            file=sys.stderr, leave=False, bar_format=f"{words}: {{postfix[0]:.0f}} s{limit}", postfix=[DELAY]
+        ) as bar:
             while not done.wait(STEP):
                 bar.postfix[0] += STEP
                 bar.refresh()

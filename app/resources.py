@@ -20,7 +20,9 @@ from app.settings import Settings
 class ServiceResources:
     """Loads what is asked for, once: a scene's request never loads the atlas."""
 
-    def __init__(self, settings: Settings, find_atlas: Callable[[Settings], Path] = lambda settings: settings.atlas) -> None:
+    def __init__(
+        self, settings: Settings, find_atlas: Callable[[Settings], Path] = lambda settings: settings.atlas
+    ) -> None:
         self.settings = settings
         self._find_atlas = find_atlas
         self.max_budget_ms = settings.max_budget_ms

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from linkage_atlas.answers import Match, Matches, Result, Solution
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
-    from linkage_atlas.commands import BATCH_COMMANDS, run_batch
+    from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
     from linkage_atlas.door import match, prepare, synthesize
     from linkage_atlas.functions import function
     from linkage_atlas.generators import FunctionResult, FunctionSolution
@@ -33,7 +33,7 @@ _HOMES = {
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
-    "linkage_atlas.commands": ("BATCH_COMMANDS", "run_batch"),
+    "linkage_atlas.commands": ("BATCH_COMMANDS", "add_batch_commands", "run_batch"),
     "synthesis.errors": ("FieldError", "AtlasError", "AtlasFault"),
     "synthesis.work": ("Work", "Cancelled", "OutOfTime"),
 }
@@ -58,6 +58,7 @@ __all__ = [
     "Solution",
     "Work",
     "__version__",
+    "add_batch_commands",
     "build_atlas",
     "function",
     "load_atlas",
