@@ -113,8 +113,8 @@ class Query:
     exports : mapping
         Format (``svg``, ``dxf``, ...) to `Export`; over HTTP a POST of the same body to ``path.format``.
     file_of : callable, optional
-        ``file_of(request, reply, rank, format, length_unit) -> bytes``: a solution of a reply that is there as a file, so that the
-        command answers once, whatever it writes. Without it the exports are taken.
+        ``file_of(request, reply, rank, format, length_unit) -> bytes``: a solution of a reply that is there as a file, so that
+        the command answers once, whatever it writes. Without it the exports are taken.
     from_csv : callable, optional
         ``from_csv(text) -> request body`` of a table of samples (CSV, or pasted from a spreadsheet), which the command then takes
         too.

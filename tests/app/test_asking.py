@@ -67,16 +67,11 @@ def test_a_rank_beyond_the_requests_top_is_looked_for(run, tmp_path) -> None:
 
 def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> None:
     file = tmp_path / "one.dxf"
-    far = {"link_max": 50, "pivot_a": [0, 0], "pivot_b": [100, 0], "preset": None}
-    request = {
-        "position": [[0, 0], [50, 10], [100, 0], [120, -30]],
-        "crank_span": 90,
-        "budget_ms": 300,
-        "limits": far,
-    }
-    code, out, err = run("synthesize", "--export", file, stdin=json.dumps(request))
-    assert code in (Exit.INFEASIBLE, Exit.UNKNOWN) and not file.exists()
-    assert out.startswith(("infeasible", "unknown")) and "nothing written" in err
+    links = {"ground": 100, "crank": 10, "coupler": 10, "rocker": 10}
+    request = {"output": [0, 10, 30], "crank_span": 60, "limits": {"links": links, "preset": None}}
+    code, out, err = run("function", "--export", file, "--plot", stdin=json.dumps(request))
+    assert code == Exit.INFEASIBLE and not file.exists()
+    assert out.startswith("infeasible") and err == "nothing written: there are 0 solutions\n"
 
 
 def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, monkeypatch) -> None:
@@ -127,7 +122,7 @@ def test_errors_stand_in_the_unit_of_the_request(run) -> None:
     radians = {**RIGHT_ANGLE, "rotation": [0.0, 0.1, 0.4, 0.5, 0.9], "crank_span": 1.5, "angle_unit": "rad"}
     code, out, _ = run("synthesize", "--json", stdin=json.dumps(radians))
     reply = json.loads(out)
-    code, out, _ = run("synthesize", stdin=json.dumps(radians))
+    _, out, _ = run("synthesize", stdin=json.dumps(radians))
     assert "rot. max rad" in out and f"{reply['solutions'][0]['errors']['rotation_rms']:.3g} rad rms" in out
     assert "pos" not in out.split("errors of rank 1")[1].splitlines()[0]
     _, out, _ = run("function", stdin=json.dumps({"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}))
