@@ -8,9 +8,11 @@ import os
 import sys
 import tempfile
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
 
+import pydantic_core
 import shtab
 
 from app.cache import find_atlas
@@ -42,6 +44,14 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             action="store_true",
             help="keep to no limits but those of the request; otherwise to the practical ones (limits.preset) too",
         )
+    parser.add_argument(
+        "--set",
+        type=_setting,
+        metavar="FIELD=VALUE",
+        action="append",
+        default=[],
+        help="a field of the request, as in top=3 or limits.pivot_box=[0,0,200,100]; may be given several times",
+    )
     parser.add_argument("--json", action="store_true", help="print the reply as JSON, not as a table")
     if query.reads_atlas:
         parser.add_argument(
@@ -75,6 +85,17 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     parser.set_defaults(run=lambda options: _run(options, query))
 
 
+def _setting(text: str) -> tuple[list[str], Any]:
+    """A field's path and its value: JSON, or else a word."""
+    path, equals, value = text.partition("=")
+    if not equals or not all(path.split(".")):
+        raise argparse.ArgumentTypeError(f"wanted FIELD=VALUE, found {text!r}")
+    try:
+        return path.split("."), json.loads(value)
+    except ValueError:
+        return path.split("."), value
+
+
 def _rank(text: str) -> int:
     rank = int(text)
     if not 1 <= rank <= 100:
@@ -90,9 +111,8 @@ def settings_of(options: argparse.Namespace) -> Settings:
 
 def _run(options: argparse.Namespace, query: Query) -> int:
     names = [_format_of(query, path) for path in getattr(options, "export", ())]
-    request = read_request(
-        query, _text(options, query), practical=not (options.example or getattr(options, "no_preset", 0))
-    )
+    practical = not (options.example or getattr(options, "no_preset", False))
+    request = read_request(query, _text(options, query), practical, options.set)
     rank = getattr(options, "rank", 1)
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
@@ -129,15 +149,33 @@ def _text(options: argparse.Namespace, query: Query) -> bytes:
     return Path(options.file).read_bytes()
 
 
-def read_request(query: Query, text: bytes, practical: bool) -> Any:
-    """The request of a JSON text, or of a table where the query takes one; within practical limits, where that is wished."""
+def read_request(query: Query, text: bytes, practical: bool, also: Sequence[tuple[list[str], Any]] = ()) -> Any:
+    """The request of a JSON text, or of a table where the query takes one.
+
+    Fields in ``also`` go before those of the text; ``practical`` asks for practical limits where the request leaves it open.
+    """
     is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b'"', b"")
     request: RequestModel
-    if query.from_csv is None or is_json:
-        request = query.request.model_validate_json(text)
+    if query.from_csv is not None and not is_json:
+        request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also)))
+    elif also:
+        request = query.request.model_validate(_with(pydantic_core.from_json(text, allow_inf_nan=False), also))
     else:
-        request = query.request.model_validate(query.from_csv(decoded(text)))
+        request = query.request.model_validate_json(text)
     return query.practical(request) if query.practical is not None and practical else request
+
+
+def _with(body: Any, also: Sequence[tuple[list[str], Any]]) -> Any:
+    """A body with some fields set, also within objects that it has or has not."""
+    if not isinstance(body, dict):
+        raise FieldError("", "wanted a JSON object")
+    for path, value in also:
+        at = body
+        for name in path[:-1]:
+            at[name] = at[name] if isinstance(at.get(name), dict) else {}
+            at = at[name]
+        at[path[-1]] = value
+    return body
 
 
 def decoded(text: bytes) -> str:

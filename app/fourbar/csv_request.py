@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from linkage_atlas import FieldError
@@ -28,12 +29,13 @@ class _Row(NamedTuple):
     cells: list[str]
 
 
-def request_from_csv(text: str) -> dict[str, Any]:
+def request_from_csv(text: str, also: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The body of /v1/synthesize that a table asks for, angles in degrees unless the heads of their columns say rad.
 
     The first line names the columns: x and y, rotation (or angle, phi, theta, gamma), crank_angle (or crank, theta1, t), each
     perhaps with a unit behind it. Without names two columns are x and y, three x, y, rotation, four crank_angle, x, y, rotation,
-    one rotation. An empty cell of rotation, or of x and y, is a sample without it. Without crank angles they are free.
+    one rotation. An empty cell of rotation, or of x and y, is a sample without it. Fields in ``also`` join those of the table.
+    Without crank angles in either they are free.
 
     Cells are separated by tabs, semicolons, commas or spaces. A comma in a number is its decimal point where cells are not
     separated by commas, or where it is quoted; a table that writes some numbers so and others with a point is refused.
@@ -58,9 +60,10 @@ def request_from_csv(text: str) -> dict[str, Any]:
         request["position"] = [None if None in pair else list(pair) for pair in pairs]
     if not request.keys() & {"rotation", "position"}:
         raise FieldError("", "line 1: wanted x and y, or rotation, or both")
-    if "crank_angle" not in request:
-        request["timing"] = "free"
-    return request | ({"angle_unit": unit} if unit == "rad" else {})
+    if unit == "rad":
+        request["angle_unit"] = unit
+    request |= also or {}
+    return request if request.keys() & {"crank_angle", "crank_span"} else {"timing": "free"} | request
 
 
 def _rows(text: str) -> tuple[str, list[_Row]]:

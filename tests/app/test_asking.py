@@ -120,7 +120,7 @@ def test_the_unit_of_length_holds_for_table_and_drawing(run, tmp_path) -> None:
 
 def test_errors_stand_in_the_unit_of_the_request(run) -> None:
     radians = {**RIGHT_ANGLE, "rotation": [0.0, 0.1, 0.4, 0.5, 0.9], "crank_span": 1.5, "angle_unit": "rad"}
-    code, out, _ = run("synthesize", "--json", stdin=json.dumps(radians))
+    _, out, _ = run("synthesize", "--json", stdin=json.dumps(radians))
     reply = json.loads(out)
     _, out, _ = run("synthesize", stdin=json.dumps(radians))
     assert "rot. max rad" in out and f"{reply['solutions'][0]['errors']['rotation_rms']:.3g} rad rms" in out
@@ -144,6 +144,28 @@ def test_a_pasted_table_on_standard_input(run, tmp_path) -> None:
     assert replies[0] == replies[1] == replies[2]
     body = {"timing": "free", "position": [[0, 0], [22, 5], [41, 17.5]], "rotation": [0, 12, 27]}
     assert json.loads(run("synthesize", "--json", stdin=json.dumps(body))[1])["solutions"] == replies[0]
+
+
+def test_fields_are_set_beside_a_table_or_a_request(run, tmp_path) -> None:
+    table, limits = "x,y\n0,0\n22,5\n41,17.5\n", {"pivot_box": [-50, -60, 90, 80], "family": "any"}
+    wanted = {"position": [[0, 0], [22, 5], [41, 17.5]], "crank_span": 50, "limits": limits, "top": 2}
+    fields = ["--set", "crank_span=50", "--set", "limits.family=any", "--set", "limits.pivot_box=[-50,-60,90,80]"]
+    replies = [run("synthesize", "--json", stdin=json.dumps(wanted))]
+    replies.append(run("synthesize", "--json", *fields, "--set", "top=2", stdin=table))
+    body = json.dumps({"position": wanted["position"], "limits": {"family": "full_crank"}, "top": 9})
+    replies.append(run("synthesize", "--json", *fields, "--set", "top=2", stdin=body))
+    solutions = [json.loads(out)["solutions"] for _, out, _ in replies]
+    assert len(solutions[0]) == 2 and solutions[0] == solutions[1] == solutions[2]
+    for wrong, words in (
+        ("top", "FIELD=VALUE"),
+        ("tip=3", "tip: "),
+        ("top=many", "top: "),
+        ("limits..top=1", "FIELD=VALUE"),
+    ):
+        code, out, err = run("synthesize", "--set", wrong, stdin=table)
+        assert (code, out) == (Exit.USAGE, "") and words in err
+    for text in ("[1]", '{"top": NaN}', "{"):
+        assert run("synthesize", "--set", "top=1", stdin=text)[0] == Exit.USAGE
 
 
 # -- exit codes -------------------------------------------------------------------------------------------------------
