@@ -159,10 +159,17 @@ def read_request(query: Query, text: bytes, practical: bool, also: Sequence[tupl
     if query.from_csv is not None and not is_json:
         request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also)))
     elif also:
-        request = query.request.model_validate(_with(pydantic_core.from_json(text, allow_inf_nan=False), also))
+        request = query.request.model_validate(_with(_parsed(text), also))
     else:
         request = query.request.model_validate_json(text)
     return query.practical(request) if query.practical is not None and practical else request
+
+
+def _parsed(text: bytes) -> Any:
+    try:
+        return pydantic_core.from_json(text, allow_inf_nan=False)
+    except ValueError as error:
+        raise FieldError("", f"Invalid JSON: {error}") from None
 
 
 def _with(body: Any, also: Sequence[tuple[list[str], Any]]) -> Any:
