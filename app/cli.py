@@ -11,7 +11,7 @@ from pathlib import Path
 import shtab
 from pydantic import ValidationError
 
-from app import examples
+from app import bundled
 from app.asking import add_query, settings_of
 from app.cache import find_atlas
 from app.exits import EPILOG, Exit
@@ -112,16 +112,16 @@ def _completion(options: argparse.Namespace) -> int:
 
 def _add_example(parser: argparse.ArgumentParser) -> None:
     parser.description = "Prints a bundled request as JSON, to be edited and answered; without a name, all names."
-    parser.add_argument("name", nargs="?", choices=tuple(examples.all_examples()), metavar="NAME")
+    parser.add_argument("name", nargs="?", choices=tuple(bundled.all_examples()), metavar="NAME")
     parser.set_defaults(run=_example)
 
 
 def _example(options: argparse.Namespace) -> int:
     if options.name is None:
-        print(examples.listed())
+        print(bundled.listed())
         return Exit.OK
-    example = examples.all_examples()[options.name]
-    print(examples.pretty(example.request))
+    example = bundled.all_examples()[options.name]
+    print(bundled.pretty(example.request))
     print(f"answered by: linkage-atlas {example.command} FILE", file=sys.stderr)
     return Exit.OK
 

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 
 import linkage_atlas as la
-from app import asking, cache, cli, examples, progress
+from app import asking, bundled, cache, cli, progress
 from app.exits import Exit, exit_of
 from app.fourbar.models import SynthesizeRequest
 from app.registry import all_queries, worked_example
@@ -206,7 +206,7 @@ def test_the_codes_come_out_of_the_command(run) -> None:
 
 def test_every_example_is_a_request_of_its_command(run) -> None:
     listed = run("example")[1]
-    for name, example in examples.all_examples().items():
+    for name, example in bundled.all_examples().items():
         code, out, err = run("example", name)
         assert code == Exit.OK and f"\n{name} " in listed and f"linkage-atlas {example.command} FILE" in err
         assert json.loads(out) == example.request
@@ -215,7 +215,7 @@ def test_every_example_is_a_request_of_its_command(run) -> None:
 
 
 def test_examples_are_laid_out_for_editing() -> None:
-    shown = examples.pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
+    shown = bundled.pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
     assert shown.splitlines() == [
         "{",
         '  "position": [',
