@@ -17,6 +17,7 @@ from app.cache import find_atlas
 from app.exits import EPILOG, Exit
 from app.registry import all_queries
 from app.resources import ServiceResources
+from app.study import add_study
 from linkage_atlas import (
     BATCH_COMMANDS,
     AtlasError,
@@ -89,6 +90,7 @@ def make_parser(whole: bool = False) -> argparse.ArgumentParser:
                 groups[group[0]] = scene.add_subparsers(metavar="COMMAND", required=True)
             at = groups[group[0]]
         add_query(at.add_parser(verb, help=query.summary, description=query.summary), query)
+    add_study(commands.add_parser("study", help="answer many requests, a line each"))
     _add_example(commands.add_parser("example", help="print a request to edit, or the list of examples"))
     _add_serve(commands.add_parser("serve", help="answer over HTTP, with a page to draw motions on"))
     if whole:

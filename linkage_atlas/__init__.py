@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from linkage_atlas.functions import function
     from linkage_atlas.generators import FunctionResult, FunctionSolution
     from linkage_atlas.linkages import FourBar, Joints
+    from linkage_atlas.many_requests import StudyLocked, study
     from linkage_atlas.motions import Motion
     from synthesis.errors import AtlasError, AtlasFault, FieldError
     from synthesis.work import Cancelled, OutOfTime, Work
@@ -33,6 +34,7 @@ _HOMES = {
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
+    "linkage_atlas.many_requests": ("study", "StudyLocked"),
     "linkage_atlas.commands": ("BATCH_COMMANDS", "add_batch_commands", "run_batch"),
     "synthesis.errors": ("FieldError", "AtlasError", "AtlasFault"),
     "synthesis.work": ("Work", "Cancelled", "OutOfTime"),
@@ -56,6 +58,7 @@ __all__ = [
     "OutOfTime",
     "Result",
     "Solution",
+    "StudyLocked",
     "Work",
     "__version__",
     "add_batch_commands",
@@ -65,6 +68,7 @@ __all__ = [
     "match",
     "prepare",
     "run_batch",
+    "study",
     "synthesize",
 ]
 

@@ -52,3 +52,7 @@ class AtlasError(Exception):
         super().__init__(f"{fault.value} ({detail})")
         self.fault = fault
         self.detail = detail
+
+    def __reduce__(self) -> tuple[type[AtlasError], tuple[AtlasFault, str]]:
+        """Its two parts: so it comes from a worker process as it was."""
+        return AtlasError, (self.fault, self.detail)
