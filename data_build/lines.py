@@ -130,7 +130,7 @@ class AnswerFile:
         with self.path.open("rb") as file:
             for line in file:
                 if not line.endswith(b"\n") or b"\0" in line:  # the writer, or the machine, stopped within it
-                    if not (line.startswith(_HEAD) or _HEAD.startswith(line) or not line.strip(b"\0")):
+                    if not (line.startswith(_HEAD) or _HEAD.startswith(line) or not line.strip(b"\0\n")):
                         raise FieldError(
                             "/out", f"{self.path} holds no answers: name another file, or remove this one"
                         )
