@@ -70,7 +70,9 @@ def measure(
     rows: list[dict[str, Any]] = []
     for jobs in JOBS:
         best = {name: min(one[name] for one in found[jobs]) for name in ("wall", "processor", "start")}
-        rows.append({"jobs": jobs, **best, "per_second": requests / best["wall"], "over_single": best["processor"] / single})
+        rows.append(
+            {"jobs": jobs, **best, "per_second": requests / best["wall"], "over_single": best["processor"] / single}
+        )
     for row in rows:
         row["speedup"] = rows[0]["wall"] / row["wall"]
     yield {"requests": requests, "rounds": rounds, "load": load, "single": single, "rows": rows}

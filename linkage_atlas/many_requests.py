@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -90,10 +91,12 @@ def places_of(jobs: int | None, scheduler: str | None) -> tuple[AbstractContextM
 
 def key_of(text: bytes, *depends: str) -> str:
     """The key of a question: a digest of its text, this version and whatever else its answer depends on."""
-    from linkage_atlas import __version__
+    return hashlib.sha256(_head(depends) + b"\n" + text).hexdigest()[:16]
 
-    head = json.dumps([__version__, *depends]).encode()
-    return hashlib.sha256(head + b"\n" + text).hexdigest()[:16]
+
+@cache
+def _head(depends: tuple[str, ...]) -> bytes:
+    return json.dumps([version("linkage-atlas"), *depends]).encode()
 
 
 def _question(number: int, arguments: Mapping[str, Any]) -> Question:
