@@ -8,7 +8,7 @@ import os
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -120,21 +120,31 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     with waiting("searching" if query.file_of else "computing", resources.max_budget_ms / 1000):
         reply = query.answer(request, resources)
     code = exit_of(request, reply)
+    wanted = dict(zip(getattr(options, "export", ()), names))
     plot = getattr(options, "plot", False)
-    if not (names or plot):
-        pass
-    elif (solutions := getattr(reply, "solutions", None)) is not None and len(solutions) < rank:
-        print(f"nothing written: there are {len(solutions)} solutions", file=sys.stderr)
+    if (wanted or plot) and len(getattr(reply, "solutions", [None] * rank)) < rank:
+        print(f"nothing written: there are {len(reply.solutions)} solutions", file=sys.stderr)
         code = code or Exit.USAGE
-    else:
+    elif wanted or plot:
         unit = getattr(options, "length_unit", None) or "mm"
-        for name, path in zip(names, options.export):
-            path.write_bytes(_file(query, request, reply, rank, name, unit, resources))
-            print(f"wrote {path} ({_described(name, query, rank)})", file=sys.stderr)
+        written = {path: _file(query, request, reply, rank, name, unit, resources) for path, name in wanted.items()}
+        code = _write(written) or code
         if plot:
             _show(_file(query, request, reply, rank, "svg", unit, resources))
     print(reply.model_dump_json(indent=2) if options.json else query.table(reply, *_units(query, request, options)))
     return code
+
+
+def _write(files: Mapping[Path, bytes]) -> Exit:
+    """Write files and say which; FAILED where one cannot be."""
+    for path, content in files.items():
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            print(f"cannot write: {error}", file=sys.stderr)
+            return Exit.FAILED
+        print(f"wrote {path}", file=sys.stderr)
+    return Exit.OK
 
 
 def _text(options: argparse.Namespace, query: Query) -> bytes:
@@ -206,12 +216,6 @@ def _format_of(query: Query, path: Path) -> str:
     if not name:
         raise FieldError("/export", f"the file must end in one of {', '.join(formats)}, found '{path.name}'")
     return name
-
-
-def _described(name: str, query: Query, rank: int) -> str:
-    if name == "json":
-        return "request and solution" if query.file_of else "the reply"
-    return f"{name.upper()} of rank {rank}" if query.file_of else name.upper()
 
 
 def _file(

@@ -114,6 +114,9 @@ def run_study(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return Exit.INTERRUPTED
+    except OSError as error:
+        print(f"cannot write: {error}; the same command goes on from here", file=sys.stderr)
+        return Exit.FAILED
     except StudyLocked as error:
         raise FieldError("/out", str(error)) from None
     except BrokenExecutor as error:

@@ -54,7 +54,9 @@ def test_one_answer_gives_table_and_files(run, tmp_path, monkeypatch) -> None:
     assert SynthesizeRequest.model_validate(written["request"]).position == worked_example()["position"]
     title = ElementTree.parse(files[1]).getroot()[0].text
     assert f"crank {second['links']['crank']:.6g}, coupler {second['links']['coupler']:.6g}" in title
-    assert [line.split(" (")[0] for line in err.splitlines()] == [f"wrote {file}" for file in files]
+    assert err.splitlines() == [f"wrote {file}" for file in files]
+    code, out, err = run("function", "--example", "five_pairs", "--export", tmp_path / "no" / "one.svg")
+    assert code == Exit.FAILED and out.startswith("reached") and err.startswith("cannot write: ")
 
 
 def test_a_rank_beyond_the_requests_top_is_looked_for(run, tmp_path) -> None:
