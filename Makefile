@@ -90,6 +90,7 @@ bench: $(READY) $(ATLAS)
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)
 	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.many_requests
 
 docs: $(READY)
 	$(BIN)/python -m docs.figures

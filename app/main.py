@@ -135,7 +135,8 @@ def _add_health_routes(app: FastAPI, resources: ServiceResources) -> None:
 
     @app.get("/readyz", tags=["health"], summary="The atlas is loaded and verified.", responses=_problems(503))
     async def readyz() -> dict[str, str]:
-        _ = resources.atlas
+        if resources.settings.with_atlas:
+            _ = resources.atlas
         return {"status": "ready"}
 
 

@@ -20,7 +20,7 @@ from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
-from linkage_atlas import AtlasError, Cancelled, FieldError, OutOfTime
+from linkage_atlas import AtlasError, AtlasFault, Cancelled, FieldError, OutOfTime
 
 MAX_ERRORS = 20
 """Errors listed in one reply; a request of a thousand wrong numbers needs no thousand lines."""
@@ -166,7 +166,8 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(AtlasError)
     async def _atlas(_: Request, error: AtlasError) -> Response:
-        return problem(503, str(error), headers={"Retry-After": "5"})
+        later = None if error.fault is AtlasFault.NOT_WANTED else {"Retry-After": "5"}
+        return problem(503, str(error), headers=later)
 
     @app.exception_handler(NotFound)
     async def _not_found(_: Request, error: NotFound) -> Response:

@@ -107,18 +107,26 @@ class Query:
     answer : callable
         ``answer(request, resources) -> reply``; raises `linkage_atlas.FieldError` on input that has no answer.
     table : callable
-        ``table(reply) -> str``, the reply as text for a terminal.
+        ``table(reply) -> str``, the reply as text for a terminal; where `shows_units`, ``table(reply, units)``.
     examples : mapping
         Name to request body (plain JSON values), shown in the API's description; each must be answerable.
     exports : mapping
         Format (``svg``, ``dxf``, ...) to `Export`; over HTTP a POST of the same body to ``path.format``.
+    file_of : callable, optional
+        ``file_of(request, reply, rank, format, length_unit) -> bytes``: a solution of a reply that is there as a file, so that
+        the command answers once, whatever it writes. Without it the exports are taken.
     from_csv : callable, optional
-        ``from_csv(text) -> request body`` of a CSV file, which the command then takes too.
+        ``from_csv(text, also) -> request body``, with fields ``also``, of a table of samples (CSV, or pasted from a spreadsheet),
+        which the command then takes too.
     practical : callable, optional
         ``practical(request) -> request`` within limits that one can build, which the command asks for unless told otherwise.
     is_long : callable
         ``is_long(request) -> bool``: whether the answer may take more than a fraction of a second. Over HTTP long requests
         wait for one another and not the short ones for them.
+    shows_units : bool
+        Whether its table names the units of angle and length.
+    reads_atlas : bool
+        Whether it may need an atlas.
     """
 
     path: str
@@ -127,9 +135,12 @@ class Query:
     request: type[RequestModel]
     reply: type[ReplyModel]
     answer: Callable[[Any, Resources], Any]
-    table: Callable[[Any], str]
+    table: Callable[..., str]
     examples: Mapping[str, dict[str, Any]]
     exports: Mapping[str, Export] = field(default_factory=dict)
-    from_csv: Callable[[str], dict[str, Any]] | None = None
+    from_csv: Callable[[str, dict[str, Any]], dict[str, Any]] | None = None
     practical: Callable[[Any], Any] | None = None
     is_long: Callable[[Any], bool] = lambda _: False
+    file_of: Callable[[Any, Any, int, str, str], bytes] | None = None
+    shows_units: bool = False
+    reads_atlas: bool = False

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib.resources import files
 from typing import Any
 
 from app.fourbar.answers import answer_match, answer_synthesize, is_long, practical_request
 from app.fourbar.csv_request import request_from_csv
-from app.fourbar.export import SYNTHESIZE_EXPORTS
+from app.fourbar.export import SYNTHESIZE_EXPORTS, synthesize_file
 from app.fourbar.function import QUERY as FUNCTION
+from app.fourbar.function_export import function_file
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
 from app.fourbar.tables import matches_table, synthesize_table
 from app.query import Query
@@ -39,6 +41,8 @@ def fourbar_queries() -> tuple[Query, ...]:
                 "rocker": {**rotation_only, "curve": "rocker", "top": 5},
             },
             is_long=is_long,
+            shows_units=True,
+            reads_atlas=True,
         ),
         Query(
             "/v1/synthesize",
@@ -70,8 +74,11 @@ def fourbar_queries() -> tuple[Query, ...]:
             request_from_csv,
             practical_request,
             is_long,
+            synthesize_file,
+            shows_units=True,
+            reads_atlas=True,
         ),
-        FUNCTION,
+        replace(FUNCTION, file_of=function_file),
     )
 
 

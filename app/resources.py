@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from threadpoolctl import threadpool_limits
@@ -19,8 +20,11 @@ from app.settings import Settings
 class ServiceResources:
     """Loads what is asked for, once: a scene's request never loads the atlas."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(
+        self, settings: Settings, find_atlas: Callable[[Settings], Path] = lambda settings: settings.atlas
+    ) -> None:
         self.settings = settings
+        self._find_atlas = find_atlas
         self.max_budget_ms = settings.max_budget_ms
         self.failure: la.AtlasError | None = None
         self.load_seconds = 0.0
@@ -32,8 +36,11 @@ class ServiceResources:
         """The atlas, loaded and verified. Raises AtlasError: the one that `prepare` met, if it met one, without reading again."""
         if self.failure is not None:
             raise self.failure
+        if not self.settings.with_atlas:
+            raise la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
+        place = self._find_atlas(self.settings)
         begin = time.perf_counter()
-        atlas = la.load_atlas(self.settings.atlas, self.settings.atlas_max_bytes, self.settings.atlas_max_types)
+        atlas = la.load_atlas(place, self.settings.atlas_max_bytes, self.settings.atlas_max_types)
         # Prepared by all cores; a scan is of one request among several, and its budget is one of processor time too.
         atlas.prepare(positions=False, threads=1)
         self.load_seconds = time.perf_counter() - begin
@@ -52,7 +59,8 @@ class ServiceResources:
         """Load everything now; an atlas that cannot be used is remembered as the `failure` and not raised."""
         la.prepare()
         try:
-            _ = self.atlas.content_sha256
+            if self.settings.with_atlas:
+                _ = self.atlas.content_sha256
         except la.AtlasError as error:
             self.failure = error
         give_back_memory()
@@ -61,7 +69,7 @@ class ServiceResources:
 
     def prepare_positions(self, stopping: threading.Event) -> None:
         """Prepare the scan for requests with positions too, if that is set and there is an atlas; until told to stop."""
-        if self.settings.prepare_positions and self.failure is None:
+        if self.settings.with_atlas and self.settings.prepare_positions and self.failure is None:
             try:
                 self.atlas.prepare(work=la.Work(cancelled=stopping.is_set))
             except la.Cancelled:

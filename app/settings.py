@@ -14,6 +14,10 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="LINKAGE_ATLAS_", frozen=True, extra="ignore")
 
     atlas: Path = Field(Path("atlas.h5"), description="The atlas file that is loaded at start.")
+    with_atlas: bool = Field(
+        True,
+        description="Whether an atlas is loaded; without one the service is ready at once, and what needs one says so.",
+    )
     atlas_max_bytes: int = Field(
         1_000_000_000,
         gt=0,

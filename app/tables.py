@@ -3,7 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
+
+
+@dataclass(frozen=True)
+class Units:
+    """What a table calls the units of its request: of angle, and of length where that is known."""
+
+    angle: str = "deg"
+    length: str = ""
+
+    def head(self, word: str, unit: str) -> str:
+        """The head of a column."""
+        return f"{word} {unit}" if unit else word
+
+    def value(self, number: float | None, unit: str, digits: int = 3) -> str:
+        """An error with its unit."""
+        return "-" if number is None else f"{number:.{digits}g}{' ' if unit else ''}{unit}"
+
+
+DEGREES = Units()
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
@@ -17,3 +37,11 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 def number(value: float | None, digits: int = 6) -> str:
     """A number in as few characters as it needs; a dash for none."""
     return "-" if value is None else f"{value:.{digits}g}"
+
+
+def left_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns of words under a head, the last one as long as it likes."""
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head) - 1)]
+    rule = ["-" * width for width in widths] + ["-" * len(head[-1])]
+    lines = [[cell.ljust(width) for cell, width in zip(row, widths)] + [row[-1]] for row in (head, rule, *rows)]
+    return "\n".join("  ".join(line) for line in lines)

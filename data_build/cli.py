@@ -61,7 +61,12 @@ def _count(text: str) -> int:
 
 def _parser(prog: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=prog, description="Builds and checks atlas files.")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    add_commands(parser.add_subparsers(metavar="COMMAND", required=True))
+    return parser
+
+
+def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the batch's commands to those of a parser."""
     default = AtlasRule()
 
     build = commands.add_parser("build", help="build an atlas file", description="Builds an atlas file.")
@@ -94,7 +99,6 @@ def _parser(prog: str) -> argparse.ArgumentParser:
         command.add_argument("file", type=Path)
         command.add_argument("--json", action="store_true")
         command.set_defaults(run=_verify if name == "verify" else _info)
-    return parser
 
 
 def describe(atlas: Atlas) -> dict[str, Any]:

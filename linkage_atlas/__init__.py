@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from linkage_atlas.answers import Match, Matches, Result, Solution
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
-    from linkage_atlas.commands import BATCH_COMMANDS, run_batch
+    from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
     from linkage_atlas.door import match, prepare, synthesize
     from linkage_atlas.functions import function
     from linkage_atlas.generators import FunctionResult, FunctionSolution
     from linkage_atlas.linkages import FourBar, Joints
+    from linkage_atlas.many_requests import StudyLocked, study
     from linkage_atlas.motions import Motion
     from synthesis.errors import AtlasError, AtlasFault, FieldError
     from synthesis.work import Cancelled, OutOfTime, Work
@@ -33,7 +34,8 @@ _HOMES = {
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
-    "linkage_atlas.commands": ("BATCH_COMMANDS", "run_batch"),
+    "linkage_atlas.many_requests": ("study", "StudyLocked"),
+    "linkage_atlas.commands": ("BATCH_COMMANDS", "add_batch_commands", "run_batch"),
     "synthesis.errors": ("FieldError", "AtlasError", "AtlasFault"),
     "synthesis.work": ("Work", "Cancelled", "OutOfTime"),
 }
@@ -56,14 +58,17 @@ __all__ = [
     "OutOfTime",
     "Result",
     "Solution",
+    "StudyLocked",
     "Work",
     "__version__",
+    "add_batch_commands",
     "build_atlas",
     "function",
     "load_atlas",
     "match",
     "prepare",
     "run_batch",
+    "study",
     "synthesize",
 ]
 

@@ -162,6 +162,14 @@ class Solution:
         """``atlas`` for a row as it is, ``refined`` for the search's."""
         return "refined" if self.type is None else "atlas"
 
+    def errors_in_words(self) -> str:
+        """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
+        largest = {"rotation": self.errors.rotation_max, "position": self.errors.position_max}
+        unit = {"rotation": " deg" if self.linkage.degrees else " rad", "position": ""}
+        return ", ".join(
+            f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values under the names of the HTTP contract."""
         parts = ("rounded", "analysis", "tolerance_study")
@@ -262,7 +270,7 @@ class Result:
         }
 
     def __repr__(self) -> str:
-        rows = [f"  {s.rank}  {s.linkage!r}  objective {s.errors.objective:.2e}" for s in self.solutions]
+        rows = [f"  {s.rank}  {s.linkage!r}  {s.errors_in_words()}" for s in self.solutions]
         count = len(self.solutions)
         return "\n".join([f"{self.status}: {count} solution{'' if count == 1 else 's'}", *rows])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 BATCH_COMMANDS = {
     "build": "build an atlas file",
@@ -16,3 +17,10 @@ def run_batch(arguments: Sequence[str]) -> int:
     from data_build.cli import main
 
     return main(arguments)
+
+
+def add_batch_commands(commands: Any) -> None:
+    """Add the batch's commands with all their options to the subparsers of a parser."""
+    from data_build.cli import add_commands
+
+    add_commands(commands)

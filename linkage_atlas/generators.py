@@ -196,7 +196,8 @@ class FunctionResult:
         }
 
     def __repr__(self) -> str:
-        rows = [f"  {s.rank}  {s.linkage!r}  objective {s.errors.objective:.2e}" for s in self.solutions]
+        unit = "deg" if self.degrees else "rad"
+        rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
         return "\n".join([f"{self.status}: {len(self.solutions)} linkages", *rows])
 
 

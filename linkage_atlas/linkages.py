@@ -137,6 +137,11 @@ class FourBar:
     # -- what it is ---------------------------------------------------------------------------------------------------
 
     @property
+    def degrees(self) -> bool:
+        """Whether its angles are in degrees; else in radians."""
+        return self._radian != 1.0
+
+    @property
     def crank(self) -> float:
         """Length of the crank."""
         return self._linkage.links[0]

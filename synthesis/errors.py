@@ -33,6 +33,7 @@ class AtlasFault(StrEnum):
     CHECKSUM = "the file's bytes do not match its checksum: it is damaged or cut off"
     SCHEMA = "the file is not an atlas of a schema that this version reads"
     CONTENT = "the file's arrays contradict its own description"
+    NOT_WANTED = "this was started without an atlas"
     LIMIT = "the atlas is larger than this service may load"
 
 
@@ -51,3 +52,7 @@ class AtlasError(Exception):
         super().__init__(f"{fault.value} ({detail})")
         self.fault = fault
         self.detail = detail
+
+    def __reduce__(self) -> tuple[type[AtlasError], tuple[AtlasFault, str]]:
+        """Its two parts: so it comes from a worker process as it was."""
+        return AtlasError, (self.fault, self.detail)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import linkage_atlas as la
@@ -46,9 +47,10 @@ def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
     return samples > 64 or request.top > 20 or extra
 
 
-def budget_of(budget_ms: float | None, resources: Resources) -> float:
-    """Seconds that a request may take: what it says, at most what the service allows."""
-    return min(budget_ms or resources.max_budget_ms, resources.max_budget_ms) / 1000
+def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
+    """Seconds that a request may take: what it says, at most what the service allows; None where nothing limits it."""
+    most = min(budget_ms or resources.max_budget_ms, resources.max_budget_ms)
+    return None if math.isinf(most) else most / 1000
 
 
 def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:

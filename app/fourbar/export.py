@@ -14,7 +14,7 @@ import linkage_atlas as la
 from app import computed
 from app.bodies import Reply
 from app.fourbar.answers import analysis_of, is_long, motion_of, solve
-from app.fourbar.models import SynthesizeRequest
+from app.fourbar.models import SynthesizeReply, SynthesizeRequest
 from app.query import Export, Number, RequestModel, Resources
 from linkage_atlas.motions import MAX_SAMPLES, MIN_POSES
 
@@ -125,10 +125,20 @@ SYNTHESIZE_EXPORTS = {
 """Of /v1/synthesize: the best solution as a file."""
 
 
+def synthesize_file(
+    request: SynthesizeRequest, reply: SynthesizeReply, rank: int, name: str, length_unit: str
+) -> bytes:
+    """A solution of a reply as a file; the name is the ending, or ``json``."""
+    kinds = {ending: kind for kind, ending in ENDINGS.items()}
+    body = {"format": kinds.get(name, name), "length_unit": length_unit, "request": request}
+    solution = ExportSolution.model_validate(reply.solutions[rank - 1].model_dump())
+    return answer_export(ExportRequest(**body, solution=solution), None)[0]
+
+
 _PREFIXES = {"crank_angle": "/solution", "analysis": "/request"}
 
 
-def answer_export(body: ExportRequest, resources: Resources) -> tuple[bytes, str]:
+def answer_export(body: ExportRequest, resources: Resources | None) -> tuple[bytes, str]:
     """Content and media type of a file."""
     request = body.request
     with _pointing(lambda field: field if field == "/rank" else "/request" + field):

@@ -26,7 +26,7 @@ from app.query import (
     RequestModel,
     Resources,
 )
-from app.tables import number, table
+from app.tables import DEGREES, Units, number, table
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES
 
 MEDIA_TYPES = {
@@ -244,8 +244,8 @@ def _best(name: str) -> Any:
     return render
 
 
-def function_table(reply: FunctionReply) -> str:
-    """Ranked linkages of the reply."""
+def function_table(reply: FunctionReply, units: Units = DEGREES) -> str:
+    """Ranked linkages of the reply; errors in the request's unit of angle."""
     lines = [f"{reply.status}: {len(reply.solutions)} linkage{'s' if len(reply.solutions) != 1 else ''}"]
     rows = []
     for s in reply.solutions:
@@ -260,14 +260,16 @@ def function_table(reply: FunctionReply) -> str:
         rows.append((s.rank, *links, *at, number(s.transmission_angle_min, 4), *errors, alternations))
     if rows:
         head = ("rank", "crank", "coupler", "rocker", "ground", "branch", "start", "offset", "family", "transm.")
-        lines += ["", table((*head, "rms", "max", "max y", "alt."), rows)]
+        errors = (units.head("rms", units.angle), units.head("max", units.angle), "max y", "alt.")
+        lines += ["", table((*head, *errors), rows)]
         best = reply.solutions[0]
         if best.verdict.reasons:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         if best.rounded is not None and best.rounded.links is not None and best.rounded.errors is not None:
             r = best.rounded.links
             rounded = " ".join(number(v) for v in (r.crank, r.coupler, r.rocker, r.ground))
-            lines.append(f"rounded: {rounded}, largest error {best.rounded.errors.max:.3g}")
+            error = units.value(best.rounded.errors.max, units.angle)
+            lines.append(f"rounded: {rounded}, largest error {error}")
     if trace := ", ".join(f"{ms:.1f} ms: {value:.1e}" for ms, value in reply.report.trace):
         lines += ["", f"best objective after {trace}"]
     elapsed = ", ".join(f"{name} {value:.1f} ms" for name, value in reply.report.elapsed_ms.items())
@@ -306,4 +308,5 @@ QUERY = Query(
     {name: Export(media_type, _best(name)) for name, media_type in MEDIA_TYPES.items()},
     practical=practical_request,
     is_long=is_long,
+    shows_units=True,
 )

@@ -13,7 +13,7 @@ import linkage_atlas as la
 from app import computed
 from app.bodies import Reply
 from app.fourbar.export import Angle, ExportLinks, LengthUnit
-from app.fourbar.function import MEDIA_TYPES, FunctionRequest
+from app.fourbar.function import MEDIA_TYPES, FunctionReply, FunctionRequest
 from app.query import RequestModel, Resources
 from linkage_atlas.functions import read_wanted
 from linkage_atlas.generators import render_function
@@ -39,7 +39,7 @@ class FunctionExportRequest(RequestModel):
     length_unit: LengthUnit = Field("mm", description="The unit of the lengths, for DXF and MJCF.")
 
 
-def answer_export(body: FunctionExportRequest, resources: Resources) -> tuple[bytes, str]:
+def answer_export(body: FunctionExportRequest, resources: Resources | None) -> tuple[bytes, str]:
     """Content and media type of a file."""
     request, solution = body.request, body.solution
     if body.format == "json":
@@ -61,6 +61,13 @@ def answer_export(body: FunctionExportRequest, resources: Resources) -> tuple[by
     made = SimpleNamespace(linkage=linkage, output_offset=solution.output_offset)
     text = render_function(wanted, made, body.format, body.length_unit, degrees)
     return text.encode(), MEDIA_TYPES[body.format]
+
+
+def function_file(request: FunctionRequest, reply: FunctionReply, rank: int, name: str, length_unit: str) -> bytes:
+    """A solution of a reply as a file; the name is the ending, which is the format."""
+    solution = ExportGenerator.model_validate(reply.solutions[rank - 1].model_dump())
+    body = FunctionExportRequest(request=request, solution=solution, format=name, length_unit=length_unit)
+    return answer_export(body, None)[0]
 
 
 def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[str, Any]]) -> None:

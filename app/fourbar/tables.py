@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from app.fourbar.models import (
+    ErrorsReply,
     MatchesReply,
     MatchesReport,
     RoundedReply,
@@ -12,15 +13,15 @@ from app.fourbar.models import (
     SynthesizeReply,
     SynthesizeReport,
 )
-from app.tables import number, table
+from app.tables import DEGREES, Units, number, table
 
 
 def _elapsed(report: MatchesReport | SynthesizeReport) -> str:
     return ", ".join(f"{name} {value:.1f} ms" for name, value in report.elapsed_ms.items())
 
 
-def matches_table(reply: MatchesReply) -> str:
-    """Ranked rows of the matches."""
+def matches_table(reply: MatchesReply, units: Units = DEGREES) -> str:
+    """Ranked rows of the matches; errors in the request's unit of angle."""
     rows = [
         (
             *(m.rank, m.type.number, " ".join(map(str, m.type.lengths)), number(m.start_angle)),
@@ -28,7 +29,7 @@ def matches_table(reply: MatchesReply) -> str:
         )
         for m in reply.matches
     ]
-    text = table(("rank", "type", "lengths", "start", "branch", "offset", "rms error"), rows)
+    text = table(("rank", "type", "lengths", "start", "branch", "offset", units.head("rms error", units.angle)), rows)
     report = reply.report
     return f"{text}\n\nbest of {report.windows:,} windows; {_elapsed(report)}" + _notes(report)
 
@@ -64,24 +65,34 @@ def _analysis_lines(best: SolutionReply) -> list[str]:
     return [f"largest over the interval: {', '.join(found)}"] if found else []
 
 
-def _tolerance_lines(best: SolutionReply) -> list[str]:
+def _tolerance_lines(best: SolutionReply, units: Units) -> list[str]:
     """What tolerances of manufacture do at worst, and what contributes most."""
     if best.tolerance_study is None:
         return []
     study, lines = best.tolerance_study, []
-    for name in ("position", "rotation"):
+    for name, unit in (("position", units.length), ("rotation", units.angle)):
         made = getattr(study, name)
         if made is not None and made.worst.p95 is not None:
             source = getattr(study.largest, name)
             lines.append(
-                f"as made, {name} off by at most {number(made.worst.p95, 4)} in 95 % of {study.samples:,} linkages"
+                f"as made, {name} off by at most {units.value(made.worst.p95, unit, 4)} in 95 % of {study.samples:,} linkages"
                 + (f"; most from {source}" if source else "")
             )
     return lines
 
 
-def synthesize_table(reply: SynthesizeReply) -> str:
-    """Ranked solutions of the reply, and the mounting pose of the best."""
+def _errors(errors: ErrorsReply, units: Units) -> str:
+    """Errors at the samples in words: of rotation, of position, as far as they were asked for."""
+    found = []
+    for name, unit in (("rotation", units.angle), ("position", units.length)):
+        rms, largest = (getattr(errors, f"{name}_{which}") for which in ("rms", "max"))
+        if rms is not None:
+            found.append(f"{name} {units.value(rms, unit)} rms, {units.value(largest, unit)} at most")
+    return "; ".join(found)
+
+
+def synthesize_table(reply: SynthesizeReply, units: Units = DEGREES) -> str:
+    """Ranked solutions of the reply with their largest errors, and the mounting pose and errors of the best."""
     lines = [f"{reply.status}: {len(reply.solutions)} solution{'s' if len(reply.solutions) != 1 else ''}"]
     rows = []
     for s in reply.solutions:
@@ -89,17 +100,20 @@ def synthesize_table(reply: SynthesizeReply) -> str:
         rows.append(
             (
                 *(s.rank, *links, f"{s.branch:+d}", number(s.start_angle), s.family),
-                *(number(s.transmission_angle_min, 4), f"{s.errors.objective:.2e}"),
+                number(s.transmission_angle_min, 4),
+                *(units.value(error, "") for error in (s.errors.rotation_max, s.errors.position_max)),
+                f"{s.errors.objective:.2e}",
             )
         )
     if rows:
-        head = ("rank", "crank", "coupler", "rocker", "ground", "branch", "start", "family", "transm.", "objective")
-        lines += ["", table(head, rows)]
+        head = ("rank", "crank", "coupler", "rocker", "ground", "branch", "start", "family", "transm.")
+        errors = (units.head("rot. max", units.angle), units.head("pos. max", units.length), "objective")
+        lines += ["", table((*head, *errors), rows)]
         best = reply.solutions[0]
+        lines += ["", f"errors of rank 1: {_errors(best.errors, units)}"]
         if best.mount is not None:
             m = best.mount
             lines += [
-                "",
                 f"mounting of rank 1: pivot A ({number(m.pivot_a[0])}, {number(m.pivot_a[1])}), "
                 f"pivot B ({number(m.pivot_b[0])}, {number(m.pivot_b[1])}), ground angle {number(m.ground_angle)}",
                 f"coupler point: radius {number(m.coupler_point.radius)}, angle {number(m.coupler_point.angle)}; "
@@ -112,8 +126,8 @@ def synthesize_table(reply: SynthesizeReply) -> str:
         if best.rounded is not None and best.rounded.closes:
             r = best.rounded
             rounded = " ".join(number(v) for v in (r.links.crank, r.links.coupler, r.links.rocker, r.links.ground))
-            lines.append(f"rounded: {rounded}, objective {r.errors.objective:.2e}{_proof(r)}")
-        lines += _analysis_lines(best) + _tolerance_lines(best)
+            lines.append(f"rounded: {rounded}; {_errors(r.errors, units)}{_proof(r)}")
+        lines += _analysis_lines(best) + _tolerance_lines(best, units)
     trace = ", ".join(f"{ms:.1f} ms: {objective:.1e}" for ms, objective in reply.report.trace)
     if trace:
         lines += ["", f"best objective after {trace}"]

@@ -8,7 +8,6 @@ import pytest
 
 import linkage_atlas as la
 from app import cli
-from app.fourbar.csv_request import request_from_csv
 from tests.oracles.free_classes import free_case, recompute_free
 
 
@@ -64,33 +63,3 @@ def test_a_csv_file_without_crank_angles_is_a_request(tmp_path, capsys) -> None:
     assert reply["status"] == "reached" and len(reply["solutions"][0]["crank_angle"]) == 6
     assert cli.main(["synthesize", str(path)]) == 0
     assert "crank angles of rank 1: 0, " in capsys.readouterr().out
-
-
-def test_csv_columns_separators_and_gaps() -> None:
-    assert request_from_csv("t;x;y;angle\n0;1,5;2;\n10;;;5,25\n") == {
-        "crank_angle": [0.0, 10.0],
-        "rotation": [None, 5.25],
-        "position": [[1.5, 2.0], None],
-    }
-    assert request_from_csv("# a comment\nX (mm)\tY (mm)\n1\t2\n3\t4\n") == {
-        "position": [[1.0, 2.0], [3.0, 4.0]],
-        "timing": "free",
-    }
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("x,y\n", "no rows"),
-        ("x,z\n1,2\n", "line 1: there is no column 'z'"),
-        ("x,y\n1,2\n3\n", "line 3: wanted 2 cells"),
-        ("x,y\n1,two\n", "line 2: 'two' is not a number"),
-        ("x,rotation\n1,2\n", "wanted both x and y"),
-        ("x,y,rotation\n1,,2\n", "line 2: wanted both x and y"),
-    ],
-)
-def test_csv_errors_name_the_line(text, words, tmp_path, capsys) -> None:
-    path = tmp_path / "motion.csv"
-    path.write_text(text)
-    assert cli.main(["synthesize", str(path)]) == 2
-    assert words in capsys.readouterr().err

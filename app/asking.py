@@ -1,0 +1,239 @@
+"""One question on the command line: its request from a file, an example or a pasted table; its reply as table, JSON and files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+import webbrowser
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+import pydantic_core
+import shtab
+
+from app.cache import find_atlas
+from app.exits import EPILOG, Exit, exit_of
+from app.fourbar.export import LengthUnit
+from app.progress import waiting
+from app.query import Query, RequestModel
+from app.resources import ServiceResources
+from app.settings import Settings
+from app.tables import Units
+from linkage_atlas import FieldError
+
+_FILE_HELP = (
+    "the request as JSON; - or nothing: standard input",
+    "the request as JSON, or the samples as a table with x, y, angle (CSV, or pasted from a spreadsheet); - or nothing: "
+    "standard input",
+)
+
+
+def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
+    """The arguments of a question's command."""
+    parser.epilog, parser.formatter_class = EPILOG, argparse.RawDescriptionHelpFormatter
+    file = parser.add_argument("file", nargs="?", default="-", help=_FILE_HELP[query.from_csv is not None])
+    file.complete = shtab.FILE  # type: ignore[attr-defined]
+    parser.add_argument("--example", choices=sorted(query.examples), help="answer a bundled example instead")
+    if query.practical is not None:
+        parser.add_argument(
+            "--no-preset",
+            action="store_true",
+            help="keep to no limits but those of the request; otherwise to the practical ones (limits.preset) too",
+        )
+    parser.add_argument(
+        "--set",
+        type=_setting,
+        metavar="FIELD=VALUE",
+        action="append",
+        default=[],
+        help="a field of the request, as in top=3 or limits.pivot_box=[0,0,200,100]; may be given several times",
+    )
+    parser.add_argument("--json", action="store_true", help="print the reply as JSON, not as a table")
+    if query.reads_atlas:
+        parser.add_argument(
+            "--atlas",
+            type=Path,
+            metavar="FILE",
+            help="the atlas, if one is needed (default: atlas.h5 here, or else the default one, built once in the cache folder)",
+        ).complete = shtab.FILE  # type: ignore[attr-defined]
+    if query.exports:
+        formats = ", ".join((*query.exports, "json"))
+        parser.add_argument(
+            "--export",
+            type=Path,
+            metavar="FILE",
+            action="append",
+            default=[],
+            help=f"also write a file; its ending says which: {formats}; may be given several times",
+        ).complete = shtab.FILE  # type: ignore[attr-defined]
+    if "svg" in query.exports:
+        parser.add_argument(
+            "--plot", action="store_true", help="also draw it, and open the picture where there is a screen"
+        )
+    if query.file_of is not None:
+        parser.add_argument("--rank", type=_rank, default=1, help="which solution to write or draw (%(default)s)")
+    if query.shows_units:
+        parser.add_argument(
+            "--length-unit",
+            choices=get_args(LengthUnit),
+            help="the unit of the request's lengths, for heads of tables and for DXF and MJCF files (mm)",
+        )
+    parser.set_defaults(run=lambda options: _run(options, query))
+
+
+def _setting(text: str) -> tuple[list[str], Any]:
+    """A field's path and its value: JSON, or else a word."""
+    path, equals, value = text.partition("=")
+    if not equals or not all(path.split(".")):
+        raise argparse.ArgumentTypeError(f"wanted FIELD=VALUE, found {text!r}")
+    try:
+        return path.split("."), json.loads(value)
+    except ValueError:
+        return path.split("."), value
+
+
+def _rank(text: str) -> int:
+    rank = int(text)
+    if not 1 <= rank <= 100:
+        raise argparse.ArgumentTypeError(f"must be 1 to 100, found {rank}")
+    return rank
+
+
+def settings_of(options: argparse.Namespace) -> Settings:
+    """The settings, with the atlas that the command line names."""
+    atlas = getattr(options, "atlas", None)
+    return Settings(atlas=atlas) if atlas else Settings()
+
+
+def _run(options: argparse.Namespace, query: Query) -> int:
+    names = [_format_of(query, path) for path in getattr(options, "export", ())]
+    practical = not (options.example or getattr(options, "no_preset", False))
+    request = read_request(query, _text(options, query), practical, options.set)
+    rank = getattr(options, "rank", 1)
+    if rank > getattr(request, "top", rank):
+        request = request.model_copy(update={"top": rank})
+    resources = ServiceResources(settings_of(options), find_atlas)
+    with waiting("searching" if query.file_of else "computing", resources.max_budget_ms / 1000):
+        reply = query.answer(request, resources)
+    code = exit_of(request, reply)
+    wanted = dict(zip(getattr(options, "export", ()), names))
+    plot = getattr(options, "plot", False)
+    if (wanted or plot) and len(getattr(reply, "solutions", [None] * rank)) < rank:
+        print(f"nothing written: there are {len(reply.solutions)} solutions", file=sys.stderr)
+        code = code or Exit.USAGE
+    elif wanted or plot:
+        unit = getattr(options, "length_unit", None) or "mm"
+        written = {path: _file(query, request, reply, rank, name, unit, resources) for path, name in wanted.items()}
+        code = _write(written) or code
+        if plot:
+            _show(_file(query, request, reply, rank, "svg", unit, resources))
+    print(reply.model_dump_json(indent=2) if options.json else query.table(reply, *_units(query, request, options)))
+    return code
+
+
+def _write(files: Mapping[Path, bytes]) -> Exit:
+    """Write files and say which; FAILED where one cannot be."""
+    for path, content in files.items():
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            print(f"cannot write: {error}", file=sys.stderr)
+            return Exit.FAILED
+        print(f"wrote {path}", file=sys.stderr)
+    return Exit.OK
+
+
+def _text(options: argparse.Namespace, query: Query) -> bytes:
+    if options.example and options.file != "-":
+        raise FieldError("", "give a file or --example, not both")
+    if options.example:
+        return json.dumps(query.examples[options.example]).encode()
+    if options.file == "-":
+        if sys.stdin.isatty():
+            print("reading the request from this terminal; Ctrl-D ends it", file=sys.stderr)
+        return sys.stdin.buffer.read()
+    return Path(options.file).read_bytes()
+
+
+def read_request(query: Query, text: bytes, practical: bool, also: Sequence[tuple[list[str], Any]] = ()) -> Any:
+    """The request of a JSON text, or of a table where the query takes one.
+
+    Fields in ``also`` go before those of the text; ``practical`` asks for practical limits where the request leaves it open.
+    """
+    is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b'"', b"")
+    request: RequestModel
+    if query.from_csv is not None and not is_json:
+        request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also)))
+    elif also:
+        request = query.request.model_validate(_with(_parsed(text), also))
+    else:
+        request = query.request.model_validate_json(text)
+    return query.practical(request) if query.practical is not None and practical else request
+
+
+def _parsed(text: bytes) -> Any:
+    try:
+        return pydantic_core.from_json(text, allow_inf_nan=False)
+    except ValueError as error:
+        raise FieldError("", f"Invalid JSON: {error}") from None
+
+
+def _with(body: Any, also: Sequence[tuple[list[str], Any]]) -> Any:
+    """A body with some fields set, also within objects that it has or has not."""
+    if not isinstance(body, dict):
+        raise FieldError("", "wanted a JSON object")
+    for path, value in also:
+        at = body
+        for name in path[:-1]:
+            at[name] = at[name] if isinstance(at.get(name), dict) else {}
+            at = at[name]
+        at[path[-1]] = value
+    return body
+
+
+def decoded(text: bytes) -> str:
+    """A table as spreadsheets save it: UTF-8, or UTF-16 with its mark, or the 8 bits of older ones."""
+    if text[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return text.decode("utf-16", "replace")
+    try:
+        return text.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return text.decode("cp1252", "replace")
+
+
+def _units(query: Query, request: Any, options: argparse.Namespace) -> tuple[Units, ...]:
+    return (Units(request.angle_unit, options.length_unit or ""),) if query.shows_units else ()
+
+
+def _format_of(query: Query, path: Path) -> str:
+    """The format that the name of a file means; of two that fit the longer: plates.dxf before dxf."""
+    formats = [*query.exports, "json"]
+    name = max((one for one in formats if path.name.lower().endswith(f".{one}")), key=len, default="")
+    if not name:
+        raise FieldError("/export", f"the file must end in one of {', '.join(formats)}, found '{path.name}'")
+    return name
+
+
+def _file(
+    query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str, resources: ServiceResources
+) -> bytes:
+    if query.file_of is not None:
+        return query.file_of(request, reply, rank, name, length_unit)
+    if name == "json":
+        return reply.model_dump_json(indent=2).encode()
+    return query.exports[name].render(request, resources)
+
+
+def _show(picture: bytes) -> None:
+    """Keep a picture in a file of its own and open it; where nothing opens it, its place is said."""
+    with tempfile.NamedTemporaryFile(prefix="linkage-", suffix=".svg", delete=False) as file:
+        file.write(picture)
+    screen = sys.platform == "darwin" or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
+    opened = screen and webbrowser.open(
+        Path(file.name).as_uri()
+    )  # without one it might start a browser in the terminal
+    print(f"{'opened' if opened else 'no screen to open it on: wrote'} {file.name}", file=sys.stderr)

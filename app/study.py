@@ -1,0 +1,168 @@
+"""Studies on the command line: a file of requests, a line each, into a file of replies that can be gone on with."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+
+import shtab
+from pydantic import ValidationError
+from tqdm import tqdm
+
+from app.asking import read_request
+from app.cache import find_atlas
+from app.exits import EPILOG, Exit
+from app.query import Query
+from app.registry import all_queries
+from app.resources import ServiceResources
+from app.settings import Settings
+from linkage_atlas import AtlasError, FieldError
+from linkage_atlas.many_requests import (
+    TIMES,
+    Question,
+    StudyLocked,
+    answer_of,
+    is_error,
+    key_of,
+    places_of,
+    study_lines,
+)
+
+DESCRIPTION = """Answers many requests, a line of JSON each, in order.
+
+Each line of the result bears the number of the request's line and its reply as --json prints it, without times,
+or one line of what is wrong with it. Killed or interrupted, the same command goes on: no line is lost or
+doubled. A request without budget_ms has the same reply on every run; no time limits its search.
+"""
+
+
+def add_study(parser: argparse.ArgumentParser) -> None:
+    """The arguments of ``linkage-atlas study``."""
+    parser.description, parser.epilog = DESCRIPTION, EPILOG
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument(
+        "requests", type=Path, help="requests, a line of JSON each; empty lines do not count"
+    ).complete = (  # type: ignore[attr-defined]
+        shtab.FILE
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="the results; a study that was cut off goes on here"
+    ).complete = shtab.FILE  # type: ignore[attr-defined]
+    parser.add_argument(
+        "--command",
+        choices=[query.command for query in all_queries()],
+        default="synthesize",
+        help="the question that all requests are of (%(default)s)",
+    )
+    parser.add_argument("--jobs", type=_count, default=os.cpu_count() or 1, help="processes (default: one a core)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address instead")
+    parser.add_argument("--no-preset", action="store_true", help="no limits but those of each request")
+    parser.add_argument("--atlas", type=Path, metavar="FILE", help="the atlas, for questions that need one")
+    parser.set_defaults(run=run_study)
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, found {number}")
+    return number
+
+
+def run_study(options: argparse.Namespace) -> int:
+    """Answer the requests of a file; returns the exit code."""
+    place = None if options.atlas is None else str(options.atlas.resolve())
+    work = partial(answer_line, options.command, not options.no_preset, place)
+    depends = (options.command, f"preset {not options.no_preset}", f"atlas {place}")
+    if options.out.exists() and options.out.samefile(options.requests):
+        raise FieldError("/out", "the results cannot be the file of the requests")
+    total = sum(1 for _ in _questions(options.requests, depends))
+    executor, places = places_of(options.jobs, options.scheduler)
+    asked_to_stop = threading.Event()
+    for name in (signal.SIGTERM, signal.SIGINT):  # a flag: raised within a callback an exception would be lost
+        if signal.getsignal(name) is not signal.SIG_IGN:
+            signal.signal(name, lambda *_: asked_to_stop.set())
+    refused, first = 0, ""
+    lines = study_lines(
+        work,
+        lambda: _questions(options.requests, depends),
+        total,
+        options.out,
+        executor,
+        places,
+        asked_to_stop.is_set,
+    )
+    try:
+        with tqdm(total=total, disable=None, unit="request", desc="study", file=sys.stderr) as bar:
+            for line, was_there in lines:
+                if is_error(line):
+                    refused += 1
+                    error = json.loads(line)
+                    first = first or f"line {error['line']}: {error['error']}"
+                if was_there and not bar.disable:
+                    bar.initial += 1  # so that the time left is told from what is done now
+                bar.update()
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from here", file=sys.stderr)
+        return Exit.INTERRUPTED
+    except OSError as error:
+        print(f"cannot write: {error}; the same command goes on from here", file=sys.stderr)
+        return Exit.FAILED
+    except StudyLocked as error:
+        raise FieldError("/out", str(error)) from None
+    except BrokenExecutor as error:
+        print(f"a worker process ended: {error}; the same command goes on from here", file=sys.stderr)
+        return Exit.FAILED
+    rest = f", {refused:,} refused; the first: {first}" if refused else ""
+    print(f"wrote {options.out}: {total:,} requests, {total - refused:,} answered{rest}", file=sys.stderr)
+    return Exit.FAILED if refused else Exit.OK
+
+
+def _questions(path: Path, depends: tuple[str, ...]) -> Iterator[Question]:
+    """The lines of a file that are not empty."""
+    with path.open("rb") as file:
+        for number, line in enumerate(file, 1):
+            if text := line.strip():
+                yield Question(number, text, key_of(text, *depends))
+
+
+@cache
+def _query(command: str) -> Query:
+    query = next(query for query in all_queries() if query.command == command)
+    return replace(query, from_csv=None)  # a line is JSON
+
+
+@cache
+def _resources(atlas: str | None) -> ServiceResources:
+    """What all answers of this process share. No time limits them: a reply must not depend on the machine's speed."""
+    settings = Settings() if atlas is None else Settings(atlas=Path(atlas))
+    return ServiceResources(settings.model_copy(update={"max_budget_ms": math.inf}), find_atlas)
+
+
+def answer_line(command: str, practical: bool, atlas: str | None, question: Question) -> bytes:
+    """The line that answers a question: what the command prints for that request alone with ``--json``, without times."""
+    query, resources = _query(command), _resources(atlas)
+    try:
+        if len(question.text) > resources.settings.max_body_bytes:
+            raise FieldError("", f"longer than {resources.settings.max_body_bytes:,} bytes")
+        reply = query.answer(read_request(query, question.text, practical), resources)
+    except ValidationError as error:
+        row = error.errors(include_input=False, include_url=False)[0]
+        return answer_of(question, error=f"{'.'.join(map(str, row['loc'])) or 'request'}: {row['msg']}")
+    except FieldError as error:
+        return answer_of(question, error=str(error))
+    except AtlasError:
+        raise  # of all requests, not of this one
+    except Exception as error:  # one request must not end the study of all others
+        return answer_of(question, error=f"a fault of the program: {type(error).__name__}: {error}")
+    without = {"report": dict.fromkeys(TIMES, True)}
+    return answer_of(question, reply.model_dump_json(exclude=without).encode())

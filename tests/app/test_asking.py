@@ -1,0 +1,304 @@
+"""What a question on the command line gives beside its table: files, pictures, exit codes, units; and requests to begin with."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+import linkage_atlas as la
+from app import asking, bundled, cache, cli, progress
+from app.exits import Exit, exit_of
+from app.fourbar.models import SynthesizeRequest
+from app.registry import all_queries, worked_example
+from app.settings import Settings
+
+QUERIES = {query.command: query for query in all_queries()}
+RIGHT_ANGLE = {"rotation": [0, 8, 19, 31, 40, 44], "crank_span": 90, "top": 2, "budget_ms": 400}
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+    """``run(*arguments, stdin=...)`` in this process: exit code, output, messages."""
+
+    def command(*arguments: object, stdin: str = "") -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin.encode())))
+        try:
+            code = cli.main([str(argument) for argument in arguments])
+        except SystemExit as end:
+            code = end.code
+        return code, *capsys.readouterr()
+
+    return command
+
+
+# -- files and pictures -----------------------------------------------------------------------------------------------
+
+
+def test_one_answer_gives_table_and_files(run, tmp_path, monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr("linkage_atlas.synthesize", lambda *a, f=la.synthesize, **o: asked.append(1) or f(*a, **o))
+    files = [tmp_path / f"one.{ending}" for ending in ("json", "svg", "plates.dxf")]
+    exports = [word for file in files for word in ("--export", file)]
+    code, out, err = run("synthesize", "--example", "worked_example", "--rank", 2, "--json", *exports)
+    assert code == Exit.OK and len(asked) == 1, "answered once, whatever is written"
+    second = json.loads(out)["solutions"][1]
+    written = json.loads(files[0].read_text())
+    assert written["solution"]["links"] == second["links"]
+    assert SynthesizeRequest.model_validate(written["request"]).position == worked_example()["position"]
+    title = ElementTree.parse(files[1]).getroot()[0].text
+    assert f"crank {second['links']['crank']:.6g}, coupler {second['links']['coupler']:.6g}" in title
+    assert err.splitlines() == [f"wrote {file}" for file in files]
+    code, out, err = run("function", "--example", "five_pairs", "--export", tmp_path / "no" / "one.svg")
+    assert code == Exit.FAILED and out.startswith("reached") and err.startswith("cannot write: ")
+
+
+def test_a_rank_beyond_the_requests_top_is_looked_for(run, tmp_path) -> None:
+    file = tmp_path / "one.json"
+    request = {**worked_example(), "top": 1}
+    code, out, _ = run("synthesize", "--rank", 3, "--export", file, "--json", stdin=json.dumps(request))
+    assert code == Exit.OK
+    assert json.loads(file.read_text())["solution"]["links"] == json.loads(out)["solutions"][2]["links"]
+
+
+def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> None:
+    file = tmp_path / "one.dxf"
+    links = {"ground": 100, "crank": 10, "coupler": 10, "rocker": 10}
+    request = {"output": [0, 10, 30], "crank_span": 60, "limits": {"links": links, "preset": None}}
+    code, out, err = run("function", "--export", file, "--plot", stdin=json.dumps(request))
+    assert code == Exit.INFEASIBLE and not file.exists()
+    assert out.startswith("infeasible") and err == "nothing written: there are 0 solutions\n"
+
+
+def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, monkeypatch) -> None:
+    monkeypatch.setattr("linkage_atlas.synthesize", None)
+    code, out, err = run("synthesize", "--example", "worked_example", "--export", "linkage.step")
+    assert (code, out) == (Exit.USAGE, "") and "plates.dxf" in err
+
+
+@pytest.mark.parametrize("screen", [True, False])
+def test_a_plot_is_opened_or_its_place_is_said(screen, run, monkeypatch) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(asking.webbrowser, "open", lambda place: opened.append(place) or True)
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    if screen:
+        monkeypatch.setenv("DISPLAY", ":0")
+    code, out, err = run("function", "--example", "five_pairs", "--plot")
+    place = Path(err.split()[-1])
+    assert code == Exit.OK and out and ElementTree.parse(place).getroot().tag.endswith("svg")
+    assert opened == ([place.as_uri()] if screen else [])
+    place.unlink()
+
+
+@pytest.mark.parametrize("command", ["synthesize", "function"])
+def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_path) -> None:
+    query = QUERIES[command]
+    files = [tmp_path / f"one.{name}" for name in (*query.exports, "json")]
+    name = {"synthesize": "worked_example", "function": "five_pairs"}[command]
+    exports = [word for file in files for word in ("--export", file)]
+    assert run(command, "--example", name, *exports)[0] == Exit.OK
+    assert all(file.stat().st_size > 100 for file in files)
+
+
+def test_the_unit_of_length_holds_for_table_and_drawing(run, tmp_path) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    extents = []
+    for unit in ("mm", "in"):
+        file = tmp_path / f"{unit}.dxf"
+        code, out, _ = run("synthesize", "--example", "worked_example", "--length-unit", unit, "--export", file)
+        assert code == Exit.OK and f"pos. max {unit}" in out and f" {unit} rms" in out
+        lines = ezdxf.readfile(file).modelspace().query("LINE")
+        extents.append(max(line.dxf.start.distance(line.dxf.end) for line in lines))
+    assert extents[1] == pytest.approx(25.4 * extents[0])
+
+
+def test_errors_stand_in_the_unit_of_the_request(run) -> None:
+    radians = {**RIGHT_ANGLE, "rotation": [0.0, 0.1, 0.4, 0.5, 0.9], "crank_span": 1.5, "angle_unit": "rad"}
+    _, out, _ = run("synthesize", "--json", stdin=json.dumps(radians))
+    reply = json.loads(out)
+    _, out, _ = run("synthesize", stdin=json.dumps(radians))
+    assert "rot. max rad" in out and f"{reply['solutions'][0]['errors']['rotation_rms']:.3g} rad rms" in out
+    assert "pos" not in out.split("errors of rank 1")[1].splitlines()[0]
+    _, out, _ = run("function", stdin=json.dumps({"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}))
+    assert "rms deg" in out and "max deg" in out
+
+
+# -- tables from standard input ---------------------------------------------------------------------------------------
+
+
+def test_a_pasted_table_on_standard_input(run, tmp_path) -> None:
+    table = "x;y;phi\n0;0;0\n22;5;12\n41;17,5;27\n"
+    file = tmp_path / "poses.txt"
+    file.write_text(table)
+    replies = []
+    for arguments, stdin in ((["-"], table), ([], table), ([file], "")):
+        code, out, err = run("synthesize", "--json", *arguments, stdin=stdin)
+        assert (code, err) == (Exit.OK, "")
+        replies.append(json.loads(out)["solutions"])
+    assert replies[0] == replies[1] == replies[2]
+    body = {"timing": "free", "position": [[0, 0], [22, 5], [41, 17.5]], "rotation": [0, 12, 27]}
+    assert json.loads(run("synthesize", "--json", stdin=json.dumps(body))[1])["solutions"] == replies[0]
+
+
+def test_fields_are_set_beside_a_table_or_a_request(run, tmp_path) -> None:
+    table, limits = "x,y\n0,0\n22,5\n41,17.5\n", {"pivot_box": [-50, -60, 90, 80], "family": "any"}
+    wanted = {"position": [[0, 0], [22, 5], [41, 17.5]], "crank_span": 50, "limits": limits, "top": 2}
+    fields = ["--set", "crank_span=50", "--set", "limits.family=any", "--set", "limits.pivot_box=[-50,-60,90,80]"]
+    replies = [run("synthesize", "--json", stdin=json.dumps(wanted))]
+    replies.append(run("synthesize", "--json", *fields, "--set", "top=2", stdin=table))
+    body = json.dumps({"position": wanted["position"], "limits": {"family": "full_crank"}, "top": 9})
+    replies.append(run("synthesize", "--json", *fields, "--set", "top=2", stdin=body))
+    solutions = [json.loads(out)["solutions"] for _, out, _ in replies]
+    assert len(solutions[0]) == 2 and solutions[0] == solutions[1] == solutions[2]
+    for wrong, words in (
+        ("top", "FIELD=VALUE"),
+        ("tip=3", "tip: "),
+        ("top=many", "top: "),
+        ("limits..top=1", "FIELD=VALUE"),
+    ):
+        code, out, err = run("synthesize", "--set", wrong, stdin=table)
+        assert (code, out) == (Exit.USAGE, "") and words in err
+    for text in ("[1]", '{"top": NaN}', "{"):
+        assert run("synthesize", "--set", "top=1", stdin=text)[0] == Exit.USAGE
+
+
+# -- exit codes -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("status", "fields", "code"),
+    [
+        ("reached", {}, 0),
+        ("closest", {}, 0),
+        ("closest", {"tolerance": 1e-3}, 4),
+        ("closest", {"tolerances": {"rotation": 0.1}}, 4),
+        ("infeasible", {}, 5),
+        ("unknown", {}, 6),
+    ],
+)
+def test_each_status_has_its_code(status, fields, code) -> None:
+    class Reply:
+        pass
+
+    Reply.status = status
+    request = SynthesizeRequest(rotation=[0, 8, 19, 31], crank_span=90, **fields)
+    assert exit_of(request, Reply) == code
+
+
+def test_the_codes_come_out_of_the_command(run) -> None:
+    strict = {**RIGHT_ANGLE, "tolerances": {"rotation": 1e-6}}
+    assert run("synthesize", stdin=json.dumps(strict))[0] == Exit.CLOSEST
+    assert run("synthesize", stdin=json.dumps(RIGHT_ANGLE))[0] == Exit.OK
+    assert run("knotter", "needle", stdin='{"alpha2": 70}')[0] == Exit.INFEASIBLE
+    help_text = run("synthesize", "--help")[1]
+    for code in Exit:
+        assert f"\n  {code:<4} " in help_text
+
+
+# -- examples, completion, atlas --------------------------------------------------------------------------------------
+
+
+def test_every_example_is_a_request_of_its_command(run) -> None:
+    listed = run("example")[1]
+    for name, example in bundled.all_examples().items():
+        code, out, err = run("example", name)
+        assert code == Exit.OK and f"\n{name} " in listed and f"linkage-atlas {example.command} FILE" in err
+        assert json.loads(out) == example.request
+        QUERIES[example.command].request.model_validate_json(out)
+    assert run("example", "nothing")[0] == Exit.USAGE
+
+
+def test_examples_are_laid_out_for_editing() -> None:
+    shown = bundled.pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
+    assert shown.splitlines() == [
+        "{",
+        '  "position": [',
+        "    [0, 1.5],",
+        "    null,",
+        "    [2, 3]",
+        "  ],",
+        '  "limits": {',
+        '    "family": "any"',
+        "  },",
+        '  "top": 3',
+        "}",
+    ]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_knows_every_command_and_option(shell, run) -> None:
+    code, out, _ = run("completion", shell)
+    assert code == Exit.OK
+    for word in ("synthesize", "knotter", "needle", "no-preset", "scheduler", "worked_example", "casement"):
+        assert word in out
+    if shell == "bash":
+        assert subprocess.run(["bash", "-n"], input=out, text=True, capture_output=True).returncode == 0
+
+
+def test_the_default_atlas_is_built_once_in_the_cache_folder(tmp_path, monkeypatch, capsys) -> None:
+    builds = []
+
+    def build(place: Path, progress) -> None:
+        builds.append(place)
+        progress(1, 1)
+        place.write_bytes(b"atlas")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("LINKAGE_ATLAS_ATLAS", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("linkage_atlas.build_atlas", build)
+    place = cache.find_atlas(Settings())
+    assert place == cache.find_atlas(Settings()) == cache.cached_atlas() and builds == [place]
+    assert place.is_relative_to(tmp_path / "cache") and str(place) in capsys.readouterr().err
+    named = tmp_path / "mine.h5"
+    assert cache.find_atlas(Settings(atlas=named)) == named, "one that is named is never built"
+    (tmp_path / "atlas.h5").write_bytes(b"here")
+    assert cache.find_atlas(Settings()) == Path("atlas.h5")
+    assert builds == [place]
+
+
+# -- waiting ----------------------------------------------------------------------------------------------------------
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("on_terminal", "seconds"), [(True, 0.1), (True, 0.0), (False, 0.1)])
+def test_what_takes_long_says_so_on_a_terminal_only(on_terminal, seconds, monkeypatch) -> None:
+    import time
+
+    monkeypatch.setattr(progress, "DELAY", 0.02)
+    monkeypatch.setattr(progress, "STEP", 0.01)
+    stream = Terminal() if on_terminal else io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with progress.waiting("searching", 30):
+        time.sleep(seconds)
+    assert ("searching" in stream.getvalue()) == (on_terminal and seconds > 0)
+    assert stream.getvalue().rstrip(" \r") == "" or "of at most 30" in stream.getvalue()
+
+
+def test_the_service_without_an_atlas_starts_and_says_what_needs_one(tmp_path) -> None:
+    from fastapi.testclient import TestClient
+
+    from app.main import create_app
+
+    settings = Settings(atlas=tmp_path / "none.h5", with_atlas=False)
+    with TestClient(create_app(settings)) as client:
+        assert client.get("/readyz").status_code == 200
+        assert client.post("/v1/synthesize", json=RIGHT_ANGLE).status_code == 200
+        for path in ("/v1/match", "/v1/synthesize"):
+            body = {"rotation": [0, 8, 19], "crank_span": 90}
+            reply = client.post(path, json=body | ({} if path == "/v1/match" else {"effort": "atlas"}))
+            assert reply.status_code == 503 and "started without an atlas" in reply.json()["detail"]
+            assert "retry-after" not in reply.headers, "waiting does not help"
+    assert "LINKAGE_ATLAS_WITH_ATLAS" not in os.environ

@@ -1,0 +1,171 @@
+"""Studies as a user runs them: each result is the single request's, bad lines are named, kills lose and double nothing."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from app import cli
+from app.exits import Exit
+
+ROOT = Path(__file__).parents[2]
+TIMES = ("elapsed_ms", "trace")
+
+
+def rotations(count: int) -> list[dict]:
+    """Plain requests: motions of random linkages, met exactly within milliseconds."""
+    rng = np.random.default_rng(5)
+    found = []
+    for _ in range(count):
+        crank = la.FourBar(1, *rng.uniform(2, 3, 2), 2.9, start_angle=rng.uniform(0, 360))
+        span = float(rng.uniform(40, 200))
+        found.append(
+            {"rotation": crank.joints(np.linspace(0, span, 9)).rotation.tolist(), "crank_span": span, "top": 1}
+        )
+    return found
+
+
+@pytest.fixture
+def requests(tmp_path) -> Path:
+    path = tmp_path / "requests.ndjson"
+    path.write_text("".join(json.dumps(one) + "\n" for one in rotations(6)))
+    return path
+
+
+def study(*arguments: object) -> int:
+    handlers = [signal.getsignal(name) for name in (signal.SIGTERM, signal.SIGINT)]
+    try:
+        return cli.main(["study", *map(str, arguments)])
+    finally:
+        for name, handler in zip((signal.SIGTERM, signal.SIGINT), handlers):
+            signal.signal(name, handler)
+
+
+def test_each_result_is_the_single_requests(requests, tmp_path, capsys, monkeypatch) -> None:
+    out = tmp_path / "results.ndjson"
+    assert study(requests, "--out", out, "--jobs", 1) == Exit.OK
+    assert "6 requests, 6 answered" in capsys.readouterr().err
+    lines = [json.loads(line) for line in out.read_text().splitlines()]
+    for row, request in list(zip(lines, requests.read_text().splitlines()))[::2]:
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(request.encode())))
+        assert cli.main(["synthesize", "--json"]) == Exit.OK
+        single = json.loads(capsys.readouterr().out)
+        for name in TIMES:
+            del single["report"][name]
+        assert row["reply"] == single
+
+
+def test_processes_give_the_same_bytes(requests, tmp_path) -> None:
+    outs = [tmp_path / f"{jobs}.ndjson" for jobs in (1, 2)]
+    for jobs, out in enumerate(outs, 1):
+        assert study(requests, "--out", out, "--jobs", jobs) == Exit.OK
+    assert outs[0].read_bytes() == outs[1].read_bytes()
+
+
+def test_a_bad_line_has_one_line_of_error(tmp_path, capsys) -> None:
+    path, out = tmp_path / "requests.ndjson", tmp_path / "results.ndjson"
+    good = json.dumps({"alpha2": 9})
+    bad = [
+        "nonsense",
+        '{"alpha2": "9"}',
+        "[1]",
+        '{"alpha2": NaN}',
+        '{"nothing": 1}',
+        "x,y",
+        b"\xff\xfe".decode("latin1"),
+    ]
+    path.write_text("\n".join(["", good, *bad, "", good]), encoding="latin1")
+    assert study(path, "--out", out, "--command", "knotter needle", "--jobs", 1) == Exit.FAILED
+    rows = [json.loads(line) for line in out.read_text().splitlines()]
+    assert [row["line"] for row in rows] == [2, 3, 4, 5, 6, 7, 8, 9, 11]
+    assert ["error" in row for row in rows] == [False, *[True] * 7, False]
+    assert rows[2]["error"].startswith("alpha2: ") and rows[0]["reply"] == rows[-1]["reply"]
+    assert "9 requests, 2 answered, 7 refused; the first: line 3: " in capsys.readouterr().err
+
+
+def test_other_requests_another_command_or_preset_are_not_mixed(requests, tmp_path, capsys) -> None:
+    out = tmp_path / "results.ndjson"
+    requests.write_text(requests.read_text().splitlines()[0] + "\n")
+    assert study(requests, "--out", out, "--jobs", 1) == Exit.OK
+    before = out.read_bytes()
+    assert study(requests, "--out", out, "--jobs", 1, "--no-preset") == Exit.USAGE
+    assert "another request, or of another version or command" in capsys.readouterr().err
+    assert study(requests, "--out", requests) == Exit.USAGE
+    assert study(tmp_path / "none.ndjson", "--out", out) == Exit.USAGE
+    assert out.read_bytes() == before
+
+
+def killed_and_resumed(requests: Path, out: Path, kills: int, jobs: int, seed: int) -> int:
+    """Run a study, killing it so often at random moments; returns how many of the kills met it at work."""
+    rng = random.Random(seed)
+    command = [sys.executable, "-m", "app.start", "study", str(requests), "--out", str(out), "--jobs", str(jobs)]
+    command.append("--no-preset")
+    total = len(requests.read_text().splitlines())
+    met = 0
+    for kill in range(kills + 1):
+        process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env={**os.environ, "OMP_NUM_THREADS": "1"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        if kill < kills:
+            size = out.stat().st_size if out.exists() else 0
+            share = (total - (out.read_bytes().count(b"\n") if size else 0)) / (kills - kill + 1)
+            wanted = size + int(rng.uniform(0.2, 1) * share * 900)
+            while process.poll() is None and (out.stat().st_size if out.exists() else 0) < wanted:
+                time.sleep(0.001)
+            time.sleep(rng.uniform(0, 0.02))
+            process.kill()
+        messages = process.communicate(timeout=120)[1].decode()
+        met += process.returncode == -signal.SIGKILL
+        assert "Traceback" not in messages
+    assert process.returncode == 0, messages
+    return met
+
+
+def test_kills_change_no_byte(requests, tmp_path) -> None:
+    requests.write_text("".join(json.dumps(one) + "\n" for one in rotations(40)))
+    wanted, out = tmp_path / "wanted.ndjson", tmp_path / "results.ndjson"
+    assert study(requests, "--out", wanted, "--jobs", 1, "--no-preset") == Exit.OK
+    assert killed_and_resumed(requests, out, 2, 1, 1) >= 1
+    assert out.read_bytes() == wanted.read_bytes()
+
+
+@pytest.mark.fault
+def test_a_hundred_kills_change_no_byte(tmp_path) -> None:
+    requests = tmp_path / "requests.ndjson"
+    requests.write_text("".join(json.dumps(one) + "\n" for one in rotations(1500)))
+    wanted, out = tmp_path / "wanted.ndjson", tmp_path / "results.ndjson"
+    assert study(requests, "--out", wanted, "--jobs", 1, "--no-preset") == Exit.OK
+    assert killed_and_resumed(requests, out, 100, 2, 2) >= 90
+    assert out.read_bytes() == wanted.read_bytes()
+
+
+def test_an_interrupt_ends_a_study_that_can_be_gone_on_with(tmp_path) -> None:
+    requests, out = tmp_path / "requests.ndjson", tmp_path / "results.ndjson"
+    requests.write_text("".join(json.dumps(one) + "\n" for one in rotations(400)))
+    command = [sys.executable, "-m", "app.start", "study", str(requests), "--out", str(out), "--jobs", "2"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    while process.poll() is None and not (out.exists() and out.stat().st_size):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    messages = process.communicate(timeout=60)[1].decode()
+    assert (
+        process.returncode == Exit.INTERRUPTED
+        and messages.strip() == "interrupted; the same command goes on from here"
+    )
+    done = out.read_bytes()
+    assert done.endswith(b"\n") and 0 < done.count(b"\n") < 400
