@@ -105,13 +105,18 @@ def search_free(
         if np.isfinite(objective) and (not trace or objective < trace[-1][1]):
             trace.append((work.elapsed, objective))
 
+    def note_free(objective: float) -> None:
+        if limits.only_family:  # otherwise what is found may lie outside of the limits
+            note(objective)
+
     solutions: list[Solution] = []
     ended, seeds = True, 0
     by_dyads = poses.full.size >= _FEWEST_FULL or poses.full.size == poses.samples
     if by_dyads:
-        pool, ended = search_motion(poses, limits.family, tolerance, work, note)
+        pool, ended = search_motion(poses, limits.family, tolerance, work, note_free)
         seeds = pool.cost.size
         solutions = _within(poses, pool, chart_of(limits.family), limits, top, tolerance, work, windows)
+        note(min((one.errors.objective for one in solutions), default=np.inf))
     elif not poses.ordered:
         raise FieldError("/order", "'any' needs rotation and position at three samples or more: a path has an order")
     reached = Status.of(solutions, tolerance) is Status.REACHED
@@ -122,7 +127,7 @@ def search_free(
         chart, begin = GrashofChart(), work.elapsed
         rounds = PATH if mixed or not by_dyads else GUESSED
         found = search_path(poses, chart, screens(limits.family), tolerance, work, rounds)
-        for seconds, objective in found.trace:
+        for seconds, objective in found.trace if limits.only_family else ():
             if seconds >= begin and (not trace or objective < trace[-1][1]):
                 trace.append((seconds, objective))
         pool = Pool.of(found.pool)
@@ -130,6 +135,7 @@ def search_free(
         others = _within(poses, pool, chart, limits, top, tolerance, work, windows)
         solutions = sorted(solutions + others, key=lambda one: max(one.errors.objective, tolerance))[:top]
         reached = Status.of(solutions, tolerance) is Status.REACHED
+    note(min((one.errors.objective for one in solutions), default=np.inf))
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
     return solutions, SearchReport(stopped, trace, 0.0, seeds)
 

@@ -213,3 +213,11 @@ def test_time_is_kept(motion) -> None:
     found = la.synthesize(turns, points, timing="free", budget=0.05)
     assert found.report.elapsed_ms["total"] < 1000
     assert found.report.stopped_by == "budget"
+
+
+def test_the_trace_tells_of_answers_within_the_limits_only() -> None:
+    position = [[0, 0], [12.5, 40], [38, 75], [80, 101], [130, 112]]
+    limits = {"preset": "practical"}
+    found = la.synthesize([0, -12, -30, -52, -80], position, timing="free", limits=limits, top=2)
+    assert found.report.trace
+    assert min(objective for _, objective in found.report.trace) >= found.best.errors.objective * (1 - 1e-9)
