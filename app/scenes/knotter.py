@@ -252,13 +252,13 @@ def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
 
 
 def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
-    """Clearance and length at the needle's angle, and the angles for a given clearance or length."""
+    """Clearance and length at the angle alpha2, and the angles for a given clearance or length."""
     from synthesis.knotter import d_knotter
 
     angles = Angles(request.angle_unit, DECIMALS)
     alpha2 = d_knotter.ALPHA2 if request.alpha2 is None else angles.inward(request.alpha2)
     if not abs(alpha2) < math.radians(90.0):
-        raise FieldError("/alpha2", "the needle's angle must lie between -90 and 90 degrees", constraint="range")
+        raise FieldError("/alpha2", "alpha2 must lie between -90 and 90 degrees", constraint="range")
     from synthesis.knotter.needle import Needle
 
     needle = Needle(
@@ -298,7 +298,7 @@ QUERIES = (
     Query(
         path="/v1/knotter/scan",
         command="knotter scan",
-        summary="Which spatial angles let the knot be tied: rope on the bill, hook past the disc, hook on the rope.",
+        summary="Which spatial angles let the knot be tied: rope on the bill, jaw past the disc, jaw on the rope.",
         request=ScanRequest,
         reply=ScanReply,
         answer=answer_scan,
@@ -328,7 +328,7 @@ QUERIES = (
     Query(
         path="/v1/knotter/needle",
         command="knotter needle",
-        summary="The needle's free angles and the length d5 that lays the rope on the disc.",
+        summary="Where the needle clears the jaw's cam, and the length d5 that lays the rope on the disc.",
         request=NeedleRequest,
         reply=NeedleReply,
         answer=answer_needle,

@@ -14,7 +14,8 @@ from app import cli
 from app.scenes import knotter_models as models
 from synthesis.knotter.conditions import MAX_PIECES
 
-FIGURES = json.loads((Path(__file__).parents[2] / "reference" / "knotter.json").read_text())
+ROOT = Path(__file__).parents[3]
+FIGURES = json.loads((ROOT / "tests" / "reference" / "knotter.json").read_text())
 POINTS = ("S0", "S1", "S3", "S4", "S5", "S7", "S8", "S9", "S10")
 
 
@@ -326,3 +327,21 @@ def test_command_line_prints_a_table_and_names_a_bad_field(tmp_path, capsys) -> 
     request.write_text(json.dumps({"points": {"S4": [0, 16, -12]}}))
     assert cli.main(["knotter", "scan", str(request)]) == 2
     assert "points: S3 and S4 coincide" in capsys.readouterr().err
+
+
+# The parts by their names
+
+
+def test_descriptions_name_the_parts_as_the_source_does() -> None:
+    every = json.dumps([model.model_json_schema() for model in (models.ScanRequest, models.NeedleRequest)])
+    source = "".join(path.read_text() for path in (ROOT / "synthesis" / "knotter").glob("*.py"))
+    text = every + source + (ROOT / "docs" / "knotter.md").read_text()
+    for wrong in ("main shaft", "iameter of the needle", "eedle's angle", "patial angle of", "'s spatial angle"):
+        assert wrong not in text, wrong
+    said = {name: field.description for name, field in models.NeedleRequest.model_fields.items()}
+    assert "cam" in said["r0"] and "hickness" in said["D0"]
+    for text in (said["alpha2"], models.Parameters.model_fields["alpha2"].description):
+        assert "k0 and k1 in the plane i1 o1 k1" in text
+    grid = {name: field.description for name, field in models.Grid.model_fields.items()}
+    assert "j2 and j1 in the plane j1 o1 k1" in grid["alpha1"]
+    assert "k0 and k1 in the plane j1 o1 k1" in grid["alpha3"]
