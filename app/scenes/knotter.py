@@ -215,7 +215,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     )
 
 
-def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
+def answer_limit(request: LimitRequest, resources: Resources) -> LimitReply:
     """The values of one parameter at which a condition's verdict changes."""
     from synthesis.knotter.study import solve
 
@@ -232,7 +232,7 @@ def answer_limit(request: LimitRequest, _: Resources) -> LimitReply:
         **{"alpha1": math.radians(10.0), "alpha3": math.radians(25.0)}
         | {name: angles.inward(value) for name, value in asked.items()}
     )
-    limits, holds = solve(mechanism, condition, request.parameter, (low, high), request.samples)
+    limits, holds = solve(mechanism, condition, request.parameter, (low, high), request.samples, resources.work())
     rows = []
     for limit in limits:
         verdict = _condition(request.condition, condition, limit.result, 0, angles)

@@ -18,6 +18,7 @@ from synthesis.chain.errors import ChordError, ChordFault, NotClosing
 from synthesis.chain.track import Motion, Place, Points, cross, dot
 from synthesis.errors import FieldError
 from synthesis.one_variable import Floats, rising_root
+from synthesis.work import Work
 
 MIDDLE = 1e-6
 """Distance from the wanted middle of the slot, in pitches, within which a pin counts as not past it."""
@@ -280,6 +281,7 @@ def find_slot(
     side: int = 1,
     start: float | None = None,
     place_field: str = "/free_segment",
+    work: Work | None = None,
 ) -> Slot:
     """The slot nearest to a place of the track.
 
@@ -298,6 +300,8 @@ def find_slot(
         Another phase for the window's start; its ends then have a step.
     place_field : str
         The request's field that decides where the slot lies.
+    work : Work, optional
+        Asked between the steps.
 
     Raises
     ------
@@ -308,17 +312,21 @@ def find_slot(
     ChordError
         A link does not fit on the track, or the chain does not run smoothly.
     """
-    track, pitch, links = chain.track, chain.pitch, chain.links
+    track, pitch, links, work = chain.track, chain.pitch, chain.links, work or Work()
+    work.go_on()
     least = chain.least_overrun()
+    work.go_on()
     allowed = STRETCH_TOLERANCE * pitch
     too_many = links > 1 and Chain(track, pitch, links - 1).least_overrun().value >= -allowed
     if least.value < -allowed or too_many:
-        raise NotClosing(links, closing_links(track, pitch), -least.value, "on this track")
+        raise NotClosing(links, closing_links(track, pitch, work), -least.value, "on this track")
     chosen = least.phase if start is None else float(start % chain.period)
+    work.go_on()
     slot = _slot_at(chain, chosen, middle, side, place_field)
     _check_running(slot)
     if start is not None:
         return slot
+    work.go_on()
     # A crescent may be critical at two states, each the other's mirror image: then the first is taken.
     found = lowest(slot.slack, 0.0, chain.period, chain.cells, tie=TIE * pitch)
     phase = polished(slot, found.phase, 1) % chain.period

@@ -1,4 +1,4 @@
-"""The needle that lays the rope on the bill: how far it clears the jaw's cam (eq 4) and the length d5 (eq 5) over its angle alpha2.
+"""The needle that lays the rope on the bill: its distance from the jaw's cam (eq 4) and the length d5 (eq 5) over alpha2.
 
 Equation numbers are those of `synthesis.knotter.d_knotter`.
 """
