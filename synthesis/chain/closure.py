@@ -132,7 +132,6 @@ def closing_links(track: Track, pitch: float, work: Work | None = None) -> int:
 
     Law: with one link fewer, some phase misses more than the tolerance.
     """
-
     work = work or Work()
 
     def least(links: int) -> float:
@@ -183,7 +182,6 @@ def critical_parameter(
     NotClosing
         The number of links is outside those of the family.
     """
-
     work = work or Work()
 
     def least(parameter: float) -> float:

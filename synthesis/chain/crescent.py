@@ -148,7 +148,9 @@ def critical_crescent(
         return level_crescent(wheel_radius, upper_radius, alpha)
 
     where = "on any lower radius"
-    return family(critical_parameter(lambda alpha: family(alpha).track, pitch, links, np.pi / 2, FLATTEST, where, work))
+    return family(
+        critical_parameter(lambda alpha: family(alpha).track, pitch, links, np.pi / 2, FLATTEST, where, work)
+    )
 
 
 def stadium(radius: float, straight: float) -> Track:
@@ -177,7 +179,9 @@ def critical_stadium(pitch: float, links: int, radius: float, work: Work | None 
     """
     check_link_fits("/stadium/radius", pitch, radius)
     where = "on any straight of this stadium"
-    straight = critical_parameter(lambda x: stadium(radius, x), pitch, links, links * pitch, 1e-6 * pitch, where, work)
+    straight = critical_parameter(
+        lambda x: stadium(radius, x), pitch, links, links * pitch, 1e-6 * pitch, where, work
+    )
     return stadium(radius, straight)
 
 

@@ -86,18 +86,31 @@ class Slot:
         """Points of the slot, shape (n,)."""
         return self.hung(*self.held(phase))
 
-    def pins(self, phase: Floats) -> Points:
-        """All pins, shape (n, links), each stepped from the one before it."""
+    def places(self, phase: Floats) -> Place:
+        """Segment, way along it and lap of all pins, shape (n, links), each stepped from the one before it.
+
+        Of the free pin: the segment that it hangs beside (the first that its slot replaces), way and lap 0.
+        """
         track, links, k = self.chain.track, self.chain.links, self.free - 1
-        points = np.empty((len(phase), links), dtype=complex)
+        places = Place(*np.zeros((3, len(phase), links)))
+        places.segment[:, k] = self.base[0][0]
         first, _ = self.chain.drive(phase)
-        points[:, 0] = track.points(first)
-        for pins, direction in ((range(1, k), 1), (range(links - 1, k, -1), -1)):
+        for pins, direction in ((range(k), 1), (range(links, k, -1), -1)):
             place = first
             for pin in pins:
-                place = track.step(place, self.chain.pitch, direction)
-                points[:, pin] = track.points(place)
-        points[:, k] = self.hung(points[:, k - 1], points[:, (k + 1) % links])
+                place = track.step(place, self.chain.pitch, direction) if pin not in (0, links) else first
+                for column, found in zip(places, place):
+                    column[:, pin % links] = found
+        return Place(places.segment.astype(np.intp), places.along, places.lap.astype(np.int64))
+
+    def pins(self, phase: Floats) -> Points:
+        """All pins, shape (n, links)."""
+        return self.points_at(self.places(phase))
+
+    def points_at(self, places: Place) -> Points:
+        """The points of all pins from their `places`: the free pin hangs between its neighbours."""
+        points, k = self.chain.track.points(places), self.free - 1
+        points[:, k] = self.hung(points[:, k - 1], points[:, (k + 1) % self.chain.links])
         return points
 
     def hung(self, before: Points, after: Points) -> Points:
