@@ -33,6 +33,7 @@ from app.scenes.chain_replies import (
     theta1_axis,
 )
 from app.scenes.chain_text import table_slot, table_track
+from app.scenes.chain_tolerance import TOLERANCE
 from linkage_atlas import FieldError, Work
 
 if TYPE_CHECKING:
@@ -310,4 +311,5 @@ QUERIES = (
         exports=EXPORTS,
         is_long=is_long,
     ),
+    TOLERANCE,
 )
