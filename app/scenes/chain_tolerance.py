@@ -39,7 +39,9 @@ class ChainToleranceRequest(RequestModel):
     upper_radius: Length = Field(181.78, description="R1, radius of the upper arc.")
     wheel_radius: Length | None = Field(None, description="R0; null: pitch/sqrt(2), four pins a turn.")
     lower_radius: Length | None = Field(None, description="R2; null: from the critical closure.")
-    eccentricity: Length | None = Field(None, description="b; null: from the critical closure, or wheels level with O1.")
+    eccentricity: Length | None = Field(
+        None, description="b; null: from the critical closure, or wheels level with O1."
+    )
     pitch_errors: Annotated[list[Number], Field(min_length=1, max_length=MAX_ERRORS)] = Field(
         [-0.1, -0.075, -0.05, -0.025, 0, 0.025, 0.05, 0.075, 0.1],
         description="What wear or manufacture adds to every link; at most 0.05 of the pitch.",

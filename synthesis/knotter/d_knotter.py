@@ -5,7 +5,8 @@ The machine is data: chains of named turns, points, and three conditions for the
 parameters of rope-holding disc and bill hook of D-knotter", Transactions of the Chinese Society for Agricultural
 Machinery 49(8), 2018. Lengths in mm (or any one unit), angles in radians.
 
-Frames: ``u3`` turns with the disc, ``seat`` is the disc's bearing, ``u4`` turns with the bill, ``u5`` with the jaw, which is
+Frames: ``u3`` turns with the disc, ``seat`` is the disc's bearing (sigma2), ``shaft`` the machine's (sigma1), ``bearing``
+the bill's (sigma0), ``u4`` turns with the bill, ``u5`` with the jaw, which is
 hinged on the bill and opened by a cam (the source also calls it the hook).
 The driver is the bill's angle alpha.
 """
@@ -95,19 +96,9 @@ def mechanism(
     sense = {**SENSES, **(senses or {})}
     chains = (
         Chain("u3", "seat", (Turn("j", "beta", sense["beta"]),)),
-        Chain(
-            "seat",
-            "u4",
-            (
-                Shift(j="-D"),
-                Turn("i", "alpha1", -sense["alpha"]),
-                Shift(i="d5", k="-d1"),
-                Turn("i", "alpha3", -sense["alpha"]),
-                Turn("j", "alpha2"),
-                Shift(k="d6"),
-                Turn("k", DRIVER),
-            ),
-        ),
+        Chain("seat", "shaft", (Shift(j="-D"), Turn("i", "alpha1", -sense["alpha"]), Shift(i="d5", k="-d1"))),
+        Chain("shaft", "bearing", (Turn("i", "alpha3", -sense["alpha"]), Turn("j", "alpha2"), Shift(k="d6"))),
+        Chain("bearing", "u4", (Turn("k", DRIVER),)),
         Chain("u5", "u4", (Turn("j", "alpha4"), Shift(i="-d9", k="-d10"))),  # eqs 22-24
     )
     place = {**POINTS, **(points or {})}
