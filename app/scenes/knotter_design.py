@@ -81,7 +81,7 @@ class FitRequest(MachineRequest):
         128, description="Seeded draws over the ranges; 0: only from `start`."
     )
     descents: Annotated[Count, Field(ge=0, le=20)] = Field(
-        2, description="How many of the best draws are improved; 0: `start` is judged as it is."
+        4, description="How many of the best draws are improved; 0: `start` is judged as it is."
     )
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = 0
     budget_ms: PositiveNumber = Field(

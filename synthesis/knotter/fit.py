@@ -22,7 +22,7 @@ ITERATIONS, FIRST_REACH, LAST_REACH = 30, 0.15, 1e-3
 """Linear programs of one descent; how far the first may go and when the last has come too close, in shares of the ranges."""
 STEP = 4e-3
 """Step of the differences, in shares of the ranges: a set that does not keep the pattern so far around it is worth less."""
-PLACES, HALVINGS = 48, 24
+PLACES, HALVINGS = 24, 18
 """Places looked at along a direction for the first broken verdict, and halvings of the gap before it."""
 RANK = 1e-6
 """Singular values below this share of the largest count as zero."""

@@ -15,7 +15,7 @@ from synthesis.work import Work
 
 LARGEST_FACTOR = 64.0
 """Multiple of the tolerances beyond which the worst corner is not sought."""
-HALVINGS = 40
+HALVINGS = 24
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def spread(
         def along(factor: float, worst: Floats = worst, margins: Callable[[Floats], Floats] = margins) -> float:
             return float(margins(factor * worst[None])[0])
 
-        sampled = margins(draws)
+        sampled = margins(draws) if samples else np.empty(0)
         holding &= sampled > 0
         found[name] = Spread(
             margin=margin,
