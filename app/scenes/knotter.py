@@ -166,6 +166,7 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
 
 
 QUERIES = (
+    CURVES,
     Query(
         path="/v1/knotter/scan",
         command="knotter scan",
@@ -206,7 +207,6 @@ QUERIES = (
         table=needle_table,
         examples={"reference": {}, "steep": {"alpha2": 9, "d5": 57.8}},
     ),
-    CURVES,
     FIT,
     TOLERANCE,
 )

@@ -24,7 +24,8 @@ from synthesis.sheet import csv_text
 
 MAX_SAMPLES = 7201
 MIN_STEP_DEGREES = 0.01
-FRAMES = ("shaft", "bearing", "seat", "u3", "u4", "u5")
+STILL = ("shaft", "bearing", "seat")
+"""Frames that do not move."""
 PATHS = ("S0", "S1", "S3", "S4", "S5", "S7", "S8", "S9", "S10", "O5")
 CROSSINGS = {"E1": "wrap", "E2": "bite"}
 
@@ -86,6 +87,9 @@ class CurvesReply(Provenance):
     E1: CrossingReply = Field(description="Of the wrap, over the whole range.")
     E2: CrossingReply = Field(description="Of the bite.")
     paths: dict[str, Computed[list[list[float]]]] = Field(description="Each point's path in the frame asked for.")
+    axes: dict[str, list[list[float]]] | None = Field(
+        description="Two points of the axes of shaft (i1), disc (j2) and bill (k0) in that frame, one apart; null if it moves."
+    )
     step_before: StepBeforeReply = Field(description="Of E1.")
     wrap: EntryReply
     clearance: ClearanceReply
@@ -156,6 +160,7 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
         paths={
             name: path.tolist() for name, path in point_paths(mechanism, list(PATHS), request.frame, driver).items()
         },
+        axes=_axes(mechanism, request.frame) if request.frame in STILL else None,
         step_before=StepBeforeReply(
             step=angles.outward(step),
             alpha=None if before is None else angles.outward(before[0]),
@@ -164,6 +169,19 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
         **verdicts,
         **provenance(request, [name for name in ("alpha1", "alpha3") if getattr(request, name) is not None]),
     )
+
+
+def _axes(mechanism: Any, frame: str) -> dict[str, list[list[float]]]:
+    """Origin and tip of each axis, in a frame that stands still."""
+    ends = {
+        "shaft": ("shaft", (1.0, 0.0, 0.0)),
+        "disc": ("seat", (0.0, 1.0, 0.0)),
+        "bill": ("bearing", (0.0, 0.0, 1.0)),
+    }
+    return {
+        name: [[float(x) for x in mechanism.carry(at, home, frame, 0.0)] for at in ((0.0, 0.0, 0.0), tip)]
+        for name, (home, tip) in ends.items()
+    }
 
 
 def curves_table(reply: CurvesReply) -> str:
