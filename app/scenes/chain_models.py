@@ -35,9 +35,6 @@ class FitRequest(RequestModel):
         description="Chebyshev: degree of each piece (1 to 64). Spline: knots (4 to 4096). Fourier: harmonics "
         "(1 to 256). Polynomial: degree (1 to 100, fewer than the samples).",
     )
-    decimals: Annotated[Count, Field(ge=0, le=15)] | None = Field(
-        None, description="Decimals of the coefficients by powers (`power`); null: all digits."
-    )
 
 
 class SlotOptions(RequestModel):
@@ -46,6 +43,9 @@ class SlotOptions(RequestModel):
     pitch: Length = Field(description="Length of a link, pin to pin.")
     samples: Samples = Field(91, description="Evenly spaced phases of the slot, both ends included.")
     fit: FitRequest | None = Field(FitRequest(), description="null: no fit.")
+    power_decimals: Annotated[Count, Field(ge=0, le=15)] | None = Field(
+        None, description="Decimals of the fit's coefficients by powers; null: all digits."
+    )
     roller_radius: Length | None = Field(None, description="Radius of the rollers that run in the slot.")
     include: Annotated[list[Literal["pins", "outline"]], Field(max_length=2)] = Field(
         [],

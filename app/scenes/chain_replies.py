@@ -109,7 +109,7 @@ def _power(
     pieces = power_basis(slot, fit)
     if not pieces or request.fit is None:
         return None
-    decimals, error = request.fit.decimals, power_error(slot, pieces, exact)
+    decimals, error = request.power_decimals, power_error(slot, pieces, exact)
     lost = error > 2 * normal + POWER_LOSS * request.pitch
     if decimals is not None:
         pieces = power_basis(slot, fit, decimals)

@@ -161,5 +161,6 @@ export const chain = {
     const samples = Math.max(request.samples ?? 91, Math.ceil(90 / STEPS) + 1);
     return samples * (request.links ?? 200) > MOST_PINS ? request : { ...request, samples, include: ["pins", "outline"] };
   },
+  numbers: ({ pins, outline, ...reply }) => reply,
   show: (answer, hosts) => (answer.query.path === "/v1/chain/tolerance" ? tolerance(answer, hosts) : slot(answer, hosts)),
 };

@@ -115,7 +115,7 @@ function plane(host, reply, name, [right, up], told, steps) {
         body(held, view);
         edge(name === "E1" ? [held[0], held[1]] : [held[1], held[2]], view);
         names.forEach((lay, n) => lay(held[n], view, n === 2 ? -24 : 9, n === 2 ? 14 : -8));
-        now(way[k] ?? [NaN, NaN], view);
+        if (way[k]) now(way[k], view);
         put(layer.querySelector("circle.point"), { visibility: way[k] ? "visible" : "hidden" });
       };
       move(near);
@@ -217,6 +217,9 @@ function tolerance({ reply }, { facts: figures, tables }) {
 
 const SHOWN = { curves: pair, scan, limit, needle, fit, tolerance };
 
+const still = ({ point, path, corners, on_rope, inside, ...crossing }) => crossing;
+
 export const knotter = {
+  numbers: ({ paths, E1, E2, ...reply }) => (paths ? { ...reply, E1: still(E1), E2: still(E2) } : reply),
   show: (answer, hosts) => SHOWN[answer.query.path.split("/").at(-1)](answer, hosts) ?? null,
 };

@@ -343,7 +343,7 @@ def test_pins_of_any_track_and_their_limit(client) -> None:
 
 
 def test_powers_of_the_fit_for_a_control(client) -> None:
-    fit = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"order": 8, "decimals": 6}}).json()["fit"]
+    fit = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"order": 8}, "power_decimals": 6}).json()["fit"]
     power = fit["power"]
     assert power["decimals"] == 6 and len(power["pieces"]) == 5 and power["max_normal"] < 2e-5
     assert power["pieces"][0]["theta1"] == fit["pieces"][0]["theta1"]
