@@ -20,7 +20,6 @@ from benchmarks import report as page
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links
 from synthesis.chain.fit import exact_slot, fit_error, fit_slot
-from synthesis.chain.groove import slot_run
 from synthesis.chain.report import chord_error, report, wheel_conflict
 from synthesis.chain.slot import Slot, find_slot
 from synthesis.chain.track import Track
@@ -124,19 +123,9 @@ def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
         "slack": f"{facts.slack_max.value:.3f}",
         "conflict": f"{conflict:.3f}",
         "speed_range": "{:.3f} to {:.3f}".format(*facts.free_speed),
-        "arcs_error": f"{arcs_error(slot):.0e}",
         "refusal": f"    $ echo '{REFUSED}' | linkage-atlas chain slot\n    {refusal}",
     }
     return {"rows": rows, "words": words}
-
-
-def arcs_error(slot: Slot) -> float:
-    """Largest distance of the exported arcs from the path."""
-    points = np.concatenate([bend.at(np.linspace(0, 1, 9)) for bend in slot_run(slot)])
-    path = slot.path(window(slot, 20_001))
-    start, along = path[:-1], np.diff(path)
-    share = np.clip(((points[:, None] - start) / along).real, 0, 1)
-    return float(np.abs(points[:, None] - start - share * along).min(axis=1).max())
 
 
 def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
