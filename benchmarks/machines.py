@@ -17,8 +17,9 @@ import numpy as np
 from app.resources import ServiceResources
 from app.scenes.chain_tolerance import ChainToleranceRequest, answer_tolerance
 from app.scenes.knotter_curves import CurvesRequest, answer_curves
-from app.scenes.knotter_design import FIT, FitRequest, ToleranceRequest, answer_fit
-from app.scenes.knotter_design import answer_tolerance as answer_knotter_tolerance
+from app.scenes.knotter_fit import FIT, PatternFitRequest, answer_fit
+from app.scenes.knotter_tolerance import KnotterToleranceRequest
+from app.scenes.knotter_tolerance import answer_tolerance as answer_knotter_tolerance
 from app.settings import Settings
 from benchmarks.report import lines, run
 from synthesis.chain import crescent as chain
@@ -71,12 +72,12 @@ def measure_knotter() -> dict[str, Any]:
             for more in ({"step": 2}, {**printed, "step": PRINTED["REF_PRINT"]["scan_step"]})
         )
         before.append({"pair": key, "printed": point, "defaults": ours[1:], "fitted": fitted[1:]})
-    fits = [answer_fit(FitRequest(seed=seed), resources).model_dump() for seed in SEEDS]
+    fits = [answer_fit(PatternFitRequest(seed=seed), resources).model_dump() for seed in SEEDS]
     return {
         "before": before,
-        "defaults": answer_fit(FitRequest.model_validate(FIT.examples["defaults"]), resources).model_dump(),
+        "defaults": answer_fit(PatternFitRequest.model_validate(FIT.examples["defaults"]), resources).model_dump(),
         "fits": [{name: fit[name] for name in ("values", "margin", "draws_kept", "status", "free")} for fit in fits],
-        "tolerance": answer_knotter_tolerance(ToleranceRequest(), resources).model_dump(),
+        "tolerance": answer_knotter_tolerance(KnotterToleranceRequest(), resources).model_dump(),
     }
 
 

@@ -64,7 +64,7 @@ class WornReply(ReplyModel):
     )
 
 
-class ToleranceReply(ReplyModel):
+class CornersReply(ReplyModel):
     """The layouts at all corners of the tolerances."""
 
     sensitivity: dict[str, float] = Field(description="Change of the least slack per change of each length.")
@@ -85,7 +85,7 @@ class ChainToleranceReply(ReplyModel):
     slack_max: float
     pitch_error_min: float = Field(description="The pitch error at which the chain just begins to be stretched.")
     wear: list[WornReply]
-    tolerance: ToleranceReply
+    tolerance: CornersReply
 
 
 def answer_tolerance(request: ChainToleranceRequest, resources: Resources) -> ChainToleranceReply:
@@ -121,7 +121,7 @@ def answer_tolerance(request: ChainToleranceRequest, resources: Resources) -> Ch
             WornReply(**{name: value if isfinite(value) else None for name, value in row._asdict().items()})
             for row in found
         ],
-        tolerance=ToleranceReply(
+        tolerance=CornersReply(
             sensitivity=made.sensitivity,
             slack_min=made.slack_min,
             slack_max=made.slack_max,

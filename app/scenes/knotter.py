@@ -7,7 +7,7 @@ import math
 
 from app.query import Angles, Export, Query, Resources
 from app.scenes.knotter_curves import CURVES
-from app.scenes.knotter_design import FIT, TOLERANCE
+from app.scenes.knotter_fit import FIT
 from app.scenes.knotter_machine import DECIMALS, condition_reply, given_fields, inward, machine_of, provenance
 from app.scenes.knotter_models import (
     ANGLES,
@@ -23,6 +23,7 @@ from app.scenes.knotter_models import (
     ScanRequest,
 )
 from app.scenes.knotter_tables import limit_table, needle_table, scan_csv, scan_table
+from app.scenes.knotter_tolerance import TOLERANCE
 from linkage_atlas import FieldError
 
 MIN_SLOPE = 1e-12

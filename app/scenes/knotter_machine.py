@@ -147,3 +147,10 @@ def condition_reply(name: str, condition: Any, result: Any, row: int, angles: An
         worst_angle=angles.outward(float(result.worst_driver[row])),
         margin=float(result.margin[row]),
     )
+
+
+def unit_of(name: str, angles: Angles) -> float:
+    """Radians in one unit of a dimension that is an angle; 1 for the others."""
+    from synthesis.knotter.dimensions import ANGLES
+
+    return angles.radian if name in ANGLES else 1.0

@@ -87,10 +87,7 @@ class Slot:
         return self.hung(*self.held(phase))
 
     def places(self, phase: Floats) -> Place:
-        """Segment, way along it and lap of all pins, shape (n, links), each stepped from the one before it.
-
-        Of the free pin: the segment that it hangs beside (the first that its slot replaces), way and lap 0.
-        """
+        """Places of all pins, shape (n, links), each stepped from the one before; of the free pin the start of its base."""
         track, links, k = self.chain.track, self.chain.links, self.free - 1
         places = Place(*np.zeros((3, len(phase), links)))
         places.segment[:, k] = self.base[0][0]
@@ -298,13 +295,12 @@ def find_slot(
 ) -> Slot:
     """The slot nearest to a place of the track.
 
-    The window starts where the slack is least: on a chain that closes critically both ends then lie on the bare
-    track. The free pin is the last one that has not passed ``middle`` at that phase.
+    The window starts where the slack is least: on a chain that closes critically both ends then lie on the bare track.
+    The free pin is the last one that has not passed ``middle`` at that phase. ``work`` is asked between the steps.
 
     Parameters
     ----------
     chain : Chain
-        Chain and track.
     middle : float
         Arc length of the place, from the driver's start.
     side : {1, -1}, optional
@@ -313,8 +309,6 @@ def find_slot(
         Another phase for the window's start; its ends then have a step.
     place_field : str
         The request's field that decides where the slot lies.
-    work : Work, optional
-        Asked between the steps.
 
     Raises
     ------

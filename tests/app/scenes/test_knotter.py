@@ -410,7 +410,7 @@ def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> No
 
 
 def test_fit_judges_the_defaults_and_says_how_far_they_may_move(client) -> None:
-    from app.scenes.knotter_design import FIT
+    from app.scenes.knotter_fit import FIT
 
     found = post(client, "fit", **FIT.examples["defaults"])
     assert found["status"] == "reproduced" and found["start_margin"] == found["margin"] == pytest.approx(
