@@ -52,7 +52,7 @@ class CurvesRequest(MachineRequest):
     )
 
 
-class CrossingReply(ReplyModel):
+class RopeCrossingReply(ReplyModel):
     """Where the line of the rope meets the plane of its triangle; rows as many as samples, null where it runs parallel."""
 
     frame: str
@@ -84,8 +84,8 @@ class CurvesReply(Provenance):
     beta: Column = Field(description="Disc's angles.")
     alpha4: Column = Field(description="Jaw's angles.")
     frame: str
-    E1: CrossingReply = Field(description="Of the wrap, over the whole range.")
-    E2: CrossingReply = Field(description="Of the bite.")
+    E1: RopeCrossingReply = Field(description="Of the wrap, over the whole range.")
+    E2: RopeCrossingReply = Field(description="Of the bite.")
     paths: dict[str, Computed[list[list[float]]]] = Field(description="Each point's path in the frame asked for.")
     axes: dict[str, list[list[float]]] | None = Field(
         description="Two points of the axes of shaft (i1), disc (j2) and bill (k0) in that frame, one apart; null if it moves."
@@ -131,7 +131,7 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
         condition = conditions[of]
         curve = crossing_curve(mechanism, condition, driver)
         moved = as_array(mechanism.carry(curve.point.T, condition.frame, request.frame, driver), driver.shape).T
-        crossings[name] = CrossingReply(
+        crossings[name] = RopeCrossingReply(
             frame=condition.frame,
             point=rows(curve.point),
             path=rows(moved),
