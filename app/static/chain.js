@@ -2,6 +2,7 @@
 
 import { curves, facts, table } from "./answer.js";
 import { make, put } from "./drawing.js";
+import { seldom } from "./play.js";
 import { dot, grid, line, stage, symbol } from "./stage.js";
 
 const MOST_PINS = 60_000; // listed in an answer to a drawing
@@ -131,7 +132,7 @@ function slot({ reply }, hosts) {
   const mark = curves(hosts.curves, { x: phases, xUnit: unit, list });
   if (!pins) return null;
   const at = pinsAt(phases, pins.xy), draw = machine(reply, phases, at), extent = [...pins.xy[0], ...(reply.outline?.right ?? reply.outline?.path ?? [])];
-  const follow = [mark];
+  const follow = [seldom(mark)];
   const run = stage(hosts.picture, {
     label: `A chain of ${reply.links} links on its track; pin P${made.free_pin} hangs in the slot`, extent, draw,
     play: { name: made.theta1 ? "Angle of P1" : "Way of P1", from: phases[0], to: phases.at(-1), seconds: 3, round: true },

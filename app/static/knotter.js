@@ -2,6 +2,7 @@
 
 import { curves, facts, note, table } from "./answer.js";
 import { put, text } from "./drawing.js";
+import { seldom } from "./play.js";
 import { along, circle, Projection } from "./space.js";
 import { dot, grid, line, stage, symbol } from "./stage.js";
 
@@ -138,12 +139,12 @@ function pair({ reply, request }, hosts) {
   const of = (name, k) => reply[name].point.map((p, n) => (p && reply[name].on_rope[n] ? p[k] : null));
   const shown = (name, one, two, title) => ({ title, unit: "mm", series: [{ values: of(name, one), colour: "crank" }, { values: of(name, two), colour: "body" }] });
   const has = (name) => reply[name].on_rope.some(Boolean);
-  follow.push(curves(hosts.curves, { x: reply.alpha, xUnit: unit, list: [
+  follow.push(seldom(curves(hosts.curves, { x: reply.alpha, xUnit: unit, list: [
     ...(has("E1") ? [shown("E1", 1, 2, "E1 along j4 (first) and k4 over alpha")] : []),
     ...(has("E2") ? [shown("E2", 0, 2, "E2 along i5 (first) and k5 over alpha")] : []),
     { title: "Turn of the disc, beta", unit, values: reply.beta, colour: "path" },
     { title: "Turn of the jaw, alpha4", unit, values: reply.alpha4, colour: "pose" },
-  ] }));
+  ] })));
   run.go(reply.wrap.angle ?? run.value);
   return run;
 }
