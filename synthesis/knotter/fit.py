@@ -24,6 +24,8 @@ STEP = 4e-3
 """Step of the differences, in shares of the ranges: a set that does not keep the pattern so far around it is worth less."""
 PLACES, HALVINGS = 24, 18
 """Places looked at along a direction for the first broken verdict, and halvings of the gap before it."""
+LONGER = 1e3
+"""Share by which the budget grows for what is bounded by itself: it ends the improvement and not the evaluation that runs."""
 RANK = 1e-6
 """Singular values below this share of the largest count as zero."""
 
@@ -153,7 +155,7 @@ def search(
         Its end ends the improvement; the best so far is the answer.
     """
     work = work or Work()
-    running = work.extended(1.0)  # what ends the best so far must not end the evaluation that runs
+    running = work.extended(LONGER)
     random = np.random.default_rng(seed)
     unknowns = len(pattern.names)
     # one draw in each of `draws` equal parts of every range
@@ -174,7 +176,7 @@ def _improved(pattern: Pattern, share: Floats, work: Work) -> Found:
     """The smallest margin around a set made larger by linear programs within a reach that shrinks where they promise too much."""
     from scipy.optimize import linprog
 
-    running = work.extended(1.0)
+    running = work.extended(LONGER)
     best = pattern.found(share, running)
     reach, count = FIRST_REACH, len(share)
     for _ in range(ITERATIONS):
