@@ -84,7 +84,7 @@ class PatternFitRequest(MachineRequest):
     )
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = 0
     budget_ms: PositiveNumber = Field(
-        10_000, le=600_000, description="After so long the best set so far is the answer."
+        20_000, le=600_000, description="After so long the best set so far is the answer."
     )
 
 
@@ -142,7 +142,7 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
     import numpy as np
 
     from synthesis.knotter.dimensions import dimensions
-    from synthesis.knotter.fit import Pattern, Wanted, directions, rank, search, single_ranges
+    from synthesis.knotter.fit import LONGER, Pattern, Wanted, directions, rank, search, single_ranges
 
     work, angles = resources.work(request.budget_ms / 1000), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
@@ -197,7 +197,7 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
     found, kept = search(
         pattern, request.draws if request.descents else 0, request.descents, request.seed, start, work
     )
-    best, after = found[0], work.extended(1.0)
+    best, after = found[0], work.extended(LONGER)
     reproduced = best.worst > 0
     alone = single_ranges(pattern, best.share, after) if reproduced else None
     ways = directions(pattern, best, after) if reproduced else None
