@@ -19,8 +19,7 @@ from benchmarks import chain_pictures as pictures
 from benchmarks import report as page
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links
-from synthesis.chain.export import bezier, smooth_nodes
-from synthesis.chain.fit import fit_error, fit_slot
+from synthesis.chain.fit import exact_slot, fit_error, fit_slot
 from synthesis.chain.report import chord_error, report, wheel_conflict
 from synthesis.chain.slot import Slot, find_slot
 from synthesis.chain.track import Track
@@ -124,21 +123,9 @@ def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
         "slack": f"{facts.slack_max.value:.3f}",
         "conflict": f"{conflict:.3f}",
         "speed_range": "{:.3f} to {:.3f}".format(*facts.free_speed),
-        "cubics_error": f"{cubics_error(slot):.0e}",
         "refusal": f"    $ echo '{REFUSED}' | linkage-atlas chain slot\n    {refusal}",
     }
     return {"rows": rows, "words": words}
-
-
-def cubics_error(slot: Slot) -> float:
-    """Largest distance of the exported cubics from the path, 91 samples."""
-    t = np.linspace(0, 1, 9)
-    weights = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3])
-    points = (bezier(slot, smooth_nodes(slot, 91)) @ weights).ravel()
-    path = slot.path(window(slot, 4001))
-    start, along = path[:-1], np.diff(path)
-    share = np.clip(((points[:, None] - start) / along).real, 0, 1)
-    return float(np.abs(points[:, None] - start - share * along).min(axis=1).max())
 
 
 def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
@@ -182,10 +169,11 @@ def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
 
 def measure_fits(slot: Slot) -> Iterator[dict[str, Any]]:
     phases = window(slot)
+    exact = exact_slot(slot, phases)
     for kind, orders in ORDERS.items():
         for order in orders:
             fit = fit_slot(slot, kind, order)
-            error = fit_error(slot, fit, phases)
+            error = fit_error(slot, fit, exact)
 
             evaluate = partial(fit.evaluate, phases)
             if kind == "polynomial":  # it is given x: it does not know the phase
@@ -249,7 +237,8 @@ def measure_high_degree(slot: Slot) -> dict[str, Any]:
         ours = np.abs((fit.evaluate(phases) - dense).imag).max()
         rows.append({"degree": degree, **{name: raw(degree, shift) for name, shift in ORIGINS.items()}})
         rows[-1] |= {"ours": ours, "condition": fit.condition}
-    normal = {degree: fit_error(slot, fit_slot(slot, "polynomial", degree), phases).normal for degree in range(2, 41)}
+    exact = exact_slot(slot, phases)
+    normal = {degree: fit_error(slot, fit_slot(slot, "polynomial", degree), exact).normal for degree in range(2, 41)}
     best = min(normal, key=lambda degree: normal[degree])
     # raw powers may be a little better by chance: the samples are fitted, the errors are those between them
     as_well = [row["degree"] for row in rows if row["axis"] < 1.05 * row["ours"]]

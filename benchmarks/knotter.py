@@ -219,7 +219,7 @@ def figures() -> dict:
 def agreement(ours: dict[str, bool], printed: dict[str, bool]) -> list[str]:
     """How many hold in print and here, and whether they are the same pairs."""
     wrong = [key for key in printed if ours[key] != printed[key]]
-    same = "the same ones" if not wrong else f"another verdict at {', '.join(wrong)}"
+    same = "the same ones; inputs fitted to this" if not wrong else f"another verdict at {', '.join(wrong)}"
     return [f"{sum(printed.values())} of {len(printed)}", f"{sum(ours.values())} of {len(ours)}, {same}"]
 
 
@@ -235,7 +235,8 @@ def blocks(results: dict) -> dict[str, str]:
     whole, cut_off = PAPER_SAYS["alpha2_limit"], PAPER_SAYS["d5"]
     kept = "that cut off, not rounded" if int(found["d5_at_8"]) == cut_off else "another length"
     first = "the first whole degree" if found["alpha2_whole"] == whole else f"not the first, {found['alpha2_whole']}"
-    same = "the same" if found["feasible"] == PAPER_SAYS["feasible"] else pair_names(found["feasible"])
+    same = pair_names(found["feasible"])
+    same += "; inputs fitted to the two rows above" if found["feasible"] == PAPER_SAYS["feasible"] else ""
     published = [
         ["needle free (eq 4)", f"alpha2 > {whole} deg", f"{low:.6f} < alpha2 < {high:.6f} deg; {whole} is {first}"],
         ["d5 at alpha2 = 8 deg (eq 5)", f"{cut_off} mm", f"{found['d5_at_8']:.6f} mm; {cut_off} is {kept}"],

@@ -16,7 +16,7 @@ from synthesis.knotter.study import solve, study
 
 PAPER_SAYS = json.loads((ROOT / "tests" / "reference" / "knotter.json").read_text())["paper"]
 PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]
-ROPE, DISC, BILL, HOOK = RED, BLUE, BROWN, GREEN
+ROPE, DISC, BILL, JAW = RED, BLUE, BROWN, GREEN
 
 
 def pairs_of(alpha1: Any, alpha3: Any, **others: float) -> Mechanism:
@@ -52,7 +52,7 @@ def draw_frames() -> None:
     item, turn = pairs_of(10.0, 25.0), np.linspace(0, 2 * np.pi, 300)
     with figure("knotter_frames.png", 1, 2, (11.5, 4.7), sharex=True, sharey=True) as (_, panels):
         for axes, condition, colour, mark in zip(
-            panels, (d_knotter.wrap(), d_knotter.bite()), (BILL, HOOK), ("E1", "E2")
+            panels, (d_knotter.wrap(), d_knotter.bite()), (BILL, JAW), ("E1", "E2")
         ):
             name, found = condition.name, condition.evaluate(item, 1)
             alpha = found.enter[0]
@@ -68,7 +68,7 @@ def draw_frames() -> None:
             bodies = (
                 ("u3", DISC, "disc u3", (22, -46)),
                 ("u4", BILL, "bill u4", (-58, -4) if name == "wrap" else (-44, 8)),
-                ("u5", HOOK, "hook u5", (-56, 8)),
+                ("u5", JAW, "jaw u5", (-56, 8)),
             )
             for frame, tone, label, offset in bodies:
                 origin = drawn((0.0, 0.0, 0.0), frame)
@@ -79,7 +79,7 @@ def draw_frames() -> None:
                     axes.text(*beyond, letter, fontsize=8, color=tone, **CENTRED)
                 note(axes, label, origin, offset, color=tone, fontsize=9, weight="bold")
             hinge = [drawn((0.0, 0.0, 0.0), frame) for frame in ("u4", "u5")]
-            axes.plot(*np.transpose(hinge), color=HOOK, lw=1.0, ls=":")
+            axes.plot(*np.transpose(hinge), color=JAW, lw=1.0, ls=":")
             corners = {corner: drawn(*item.points[corner][::-1]) for corner in condition.triangle}
             triangle(axes, np.array(list(corners.values())), colour, condition.enter, colour)
             ends = {end: drawn(*item.points[end][::-1]) for end in condition.segment}
@@ -104,7 +104,7 @@ def draw_paths() -> None:
     tones, dashes, chosen = (BLUE, GREEN, ORANGE), ("-", "--", ":"), pairs_of(10.0, 25.0)
     with figure("knotter_paths.png", 1, 2, (11, 4.8)) as (drawing, panels):
         for axes, condition, plane, colour in zip(
-            panels, (d_knotter.wrap(), d_knotter.bite()), ([1, 2], [0, 2]), (BILL, HOOK)
+            panels, (d_knotter.wrap(), d_knotter.bite()), ([1, 2], [0, 2]), (BILL, JAW)
         ):
             driver = np.linspace(*condition.window, 1500)
             for row, pair in enumerate(PAIRS):
@@ -126,7 +126,7 @@ def draw_paths() -> None:
             low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         panels[0].set(title="Wrap: paths of E1 in the bill's plane", xlabel="j of u4, mm", ylabel="k of u4, mm")
-        panels[1].set(title="Bite: paths of E2 in the hook's plane", xlabel="i of u5, mm", ylabel="k of u5, mm")
+        panels[1].set(title="Bite: paths of E2 in the jaw's plane", xlabel="i of u5, mm", ylabel="k of u5, mm")
         keys = [Line2D([], [], color=tone, label=f"$\\alpha_1$ = {a}°") for tone, a in zip(tones, (0, 10, 20))]
         keys += [Line2D([], [], color=INK, ls=d, label=f"$\\alpha_3$ = {a}°") for d, a in zip(dashes, (20, 25, 30))]
         keys += [Line2D([], [], color=ROPE, lw=3, label="wanted edge"), *dots("entry, holds", "entry, fails")]
@@ -151,7 +151,7 @@ def draw_map() -> None:
         levels = np.arange(0, np.ceil(margin.max()) + 0.5, 1.0)
         filled = axes.contourf(first, third, margin, levels, cmap="YlGn", extend="max")
         axes.clabel(axes.contour(first, third, margin, levels[1:], colors=INK, linewidths=0.5), fmt="%g", fontsize=7)
-        for condition, colour in zip(d_knotter.conditions(), (BILL, DISC, HOOK)):
+        for condition, colour in zip(d_knotter.conditions(), (BILL, DISC, JAW)):
             limits = []
             for alpha1 in np.linspace(-5, 30, 36):
                 found, _ = solve(pairs_of(alpha1, 25.0), condition, "alpha3", tuple(np.radians([15, 40])), samples=65)

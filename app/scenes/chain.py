@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from math import isfinite, pi
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable
+from math import pi
+from typing import TYPE_CHECKING, Any
 
-from app.query import Angles, Export, Query
+from app.query import Angles, Export, Query, Resources
 from app.scenes.chain_models import (
     MAX_LINKS,
     MAX_PINS,
@@ -13,56 +14,35 @@ from app.scenes.chain_models import (
     ChainSlotRequest,
     ChainTrackReply,
     ChainTrackRequest,
-    ChecksReply,
     CrossingReply,
-    FitReply,
     GeometryReply,
     LineSegment,
     SlotOptions,
     SlotReply,
     TrackCrossingReply,
     TrackSlotReply,
-    WithoutSlotReply,
+)
+from app.scenes.chain_replies import (
+    POSITION,
+    SEGMENT_NAMES,
+    PhaseAxis,
+    common_parts,
+    pin_columns,
+    pins_reply,
+    sample_phases,
+    theta1_axis,
 )
 from app.scenes.chain_text import table_slot, table_track
-from linkage_atlas import FieldError
+from app.scenes.chain_tolerance import TOLERANCE
+from linkage_atlas import FieldError, Work
 
 if TYPE_CHECKING:
+    from synthesis.chain.angles import Pins
     from synthesis.chain.crescent import Crescent
-    from synthesis.chain.report import Report
     from synthesis.chain.slot import Slot
     from synthesis.chain.track import Track
 
-CHECK_PHASES = 9001
-"""Phases at which a fit's errors are measured."""
 LONG_SAMPLES = 1000
-SEGMENT_NAMES = ("left_wheel", "lower_arc", "right_wheel", "upper_arc")
-"""Of the crescent, in the order of travel."""
-
-
-class PhaseAxis(NamedTuple):
-    """How a reply counts the phase: as P1's angle on the left wheel, or as its way along the driving segment."""
-
-    name: str
-    unit: float
-    """P1's way in one unit of the reply."""
-
-
-def _theta1(request: ChainSlotRequest, crescent: Crescent) -> PhaseAxis:
-    return PhaseAxis("theta1", crescent.wheel_radius * Angles(request.angle_unit).radian)
-
-
-POSITION = PhaseAxis("position", 1.0)
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None
-
-
-def _phases(slot: Slot, samples: int) -> Any:
-    import numpy as np
-
-    return np.linspace(slot.start, slot.end, samples)
 
 
 def _check_size(request: SlotOptions, links: int) -> None:
@@ -76,79 +56,7 @@ def is_long(request: SlotOptions) -> bool:
     return request.samples > LONG_SAMPLES or (request.fit is not None and request.fit.order > LONG_SAMPLES)
 
 
-def _fit(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> FitReply | None:
-    from synthesis.chain.fit import fit_error, fit_slot
-
-    if request.fit is None:
-        return None
-    fit = fit_slot(slot, request.fit.kind, request.fit.order, _phases(slot, request.samples))
-    error = fit_error(slot, fit, _phases(slot, CHECK_PHASES))
-    data = dict(fit.data)
-    if fit.kind == "chebyshev":
-        for piece in data["pieces"]:
-            piece[axis.name] = [bound / axis.unit for bound in piece.pop("phase")]
-    else:
-        if fit.kind == "polynomial":
-            data["angle"] = Angles(request.angle_unit).outward(data["angle"])
-        else:
-            data["slope"] *= axis.unit
-            data[f"{axis.name}_start"], data["period"] = slot.start / axis.unit, slot.chain.period / axis.unit
-        if "phase" in data:
-            data[axis.name] = [phase / axis.unit for phase in data.pop("phase")]
-        data = {"coefficients": data}
-    return FitReply(
-        kind=fit.kind,
-        order=fit.order,
-        unknowns=fit.unknowns,
-        condition=fit.condition,
-        max_normal=error.normal,
-        max_chord=error.chord,
-        **data,
-    )
-
-
-def _common(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> tuple[Report, dict[str, Any], dict[str, Any]]:
-    """The report on a slot, and the fields of reply and locus that do not depend on the kind of track."""
-    from synthesis.chain.closure import STRETCH_TOLERANCE
-    from synthesis.chain.report import report
-
-    phases = _phases(slot, request.samples)
-    facts, points = report(slot, phases), slot.path(phases)
-    slack = facts.slack_min > STRETCH_TOLERANCE * request.pitch
-    roller = request.roller_radius
-    common = {
-        "status": "slack" if slack else "closed",
-        "pitch": request.pitch,
-        "links": slot.chain.links,
-        "angle_unit": request.angle_unit,
-        "fit": _fit(slot, request, axis),
-        "without_slot": WithoutSlotReply(
-            chord_error_max=facts.held_chord_error, slack_max=max(facts.slack_max.value, 0.0)
-        ),
-        "checks": ChecksReply(
-            stretched=False,
-            slack=slack,
-            chord_error_max=facts.chord_error,
-            single_valued=facts.single_valued,
-            roller_radius_max=_finite(facts.radius_min),
-            roller_fits=None if roller is None else roller < facts.radius_min,
-            clearance=_finite(facts.clearance),
-            condition=_finite(facts.condition),
-            free_pin_speed=list(facts.free_speed),
-        ),
-    }
-    locus = {
-        axis.name: (phases / axis.unit).tolist(),
-        "xy": [[point.real, point.imag] for point in points.tolist()],
-        "free_pin": slot.free,
-        "depth_max": facts.depth_max.value,
-        "radius_min": _finite(facts.radius_min),
-        "end_step": facts.end_step,
-    }
-    return facts, common, locus
-
-
-def _crescent(request: ChainSlotRequest) -> tuple[Crescent, Slot]:
+def _crescent(request: ChainSlotRequest, work: Work) -> tuple[Crescent, Slot]:
     from synthesis.chain.crescent import crescent_slot
 
     _check_size(request, request.links)
@@ -161,21 +69,31 @@ def _crescent(request: ChainSlotRequest) -> tuple[Crescent, Slot]:
         request.lower_radius,
         request.eccentricity,
         None if start is None else Angles(request.angle_unit).inward(start),
+        work,
     )
 
 
-def answer_slot(request: ChainSlotRequest, resources: Any) -> ChainSlotReply:
+def _theta(crescent: Crescent, slot: Slot) -> Callable[[Pins], Any]:
+    """The pins' angles as the source counts them, rad."""
+    from synthesis.chain.angles import crescent_angles
+
+    return lambda pins: crescent_angles(crescent, slot, pins)
+
+
+def answer_slot(request: ChainSlotRequest, resources: Resources) -> ChainSlotReply:
     """The crescent's closure and slot."""
     from synthesis.chain.crescent import RIGHT_WHEEL
     from synthesis.chain.report import wheel_conflict
 
-    crescent, slot = _crescent(request)
-    angle, axis = Angles(request.angle_unit).outward, _theta1(request, crescent)
-    facts, common, locus = _common(slot, request, axis)
+    work = resources.work()
+    crescent, slot = _crescent(request, work)
+    angle, axis = Angles(request.angle_unit).outward, theta1_axis(request, crescent)
+    facts, common, locus = common_parts(slot, request, axis, work)
     wheel, upper, lower = crescent.link_angles(request.pitch)
     theta1 = [crossing.phase / axis.unit for crossing in slot.crossings]
     return ChainSlotReply(
         **common,
+        pins=pins_reply(slot, request, list(SEGMENT_NAMES), _theta(crescent, slot)),
         geometry=GeometryReply(
             wheel_radius=crescent.wheel_radius,
             upper_radius=crescent.upper_radius,
@@ -206,7 +124,7 @@ def answer_slot(request: ChainSlotRequest, resources: Any) -> ChainSlotReply:
     )
 
 
-def _track(request: ChainTrackRequest) -> Track:
+def _track(request: ChainTrackRequest, work: Work) -> Track:
     from synthesis.chain.crescent import critical_stadium, stadium
     from synthesis.chain.track import Track, arc, line
 
@@ -217,7 +135,7 @@ def _track(request: ChainTrackRequest) -> Track:
             return stadium(request.stadium.radius, request.stadium.straight)
         if request.links is None:
             raise FieldError("/links", "the critical straight of a stadium needs the number of links")
-        return critical_stadium(request.pitch, request.links, request.stadium.radius)
+        return critical_stadium(request.pitch, request.links, request.stadium.radius, work)
     rows, unit = [], Angles(request.angle_unit).radian
     for index, part in enumerate(request.segments or ()):
         if isinstance(part, LineSegment):
@@ -229,7 +147,7 @@ def _track(request: ChainTrackRequest) -> Track:
     return Track(rows)
 
 
-def _track_slot(request: ChainTrackRequest) -> tuple[Slot, int, int]:
+def _track_slot(request: ChainTrackRequest, work: Work) -> tuple[Slot, int, int]:
     """The slot, and the driving and the free segment in the request's own numbering."""
     from synthesis.chain.closure import Chain, closing_links
     from synthesis.chain.crescent import RADIUS_RATIO, driving_segment, tightest_room
@@ -238,7 +156,7 @@ def _track_slot(request: ChainTrackRequest) -> tuple[Slot, int, int]:
 
     if request.links is not None:
         _check_size(request, request.links)
-    track = _track(request)
+    track = _track(request, work)
     if track.total > RADIUS_RATIO * request.pitch:
         raise FieldError(
             "/pitch",
@@ -258,7 +176,7 @@ def _track_slot(request: ChainTrackRequest) -> tuple[Slot, int, int]:
     links = request.links
     if links is None:
         try:
-            links = closing_links(turned, request.pitch)
+            links = closing_links(turned, request.pitch, work)
         except ChordError as error:
             raise FieldError("/pitch", error.message, constraint=error.fault.name.lower()) from None
         if not 3 <= links <= MAX_LINKS:
@@ -267,19 +185,22 @@ def _track_slot(request: ChainTrackRequest) -> tuple[Slot, int, int]:
     index = (free - driver) % track.count
     middle = float(turned.joints[index] + 0.5 * turned.length[index])
     side = 1 if request.side == "left" else -1
-    return find_slot(Chain(turned, request.pitch, links), middle, side), driver, free
+    return find_slot(Chain(turned, request.pitch, links), middle, side, work=work), driver, free
 
 
-def answer_track(request: ChainTrackRequest, resources: Any) -> ChainTrackReply:
+def answer_track(request: ChainTrackRequest, resources: Resources) -> ChainTrackReply:
     """Closure and slot on any track."""
-    slot, driver, free = _track_slot(request)
-    facts, common, locus = _common(slot, request, POSITION)
+    work = resources.work()
+    slot, driver, free = _track_slot(request, work)
+    facts, common, locus = common_parts(slot, request, POSITION, work)
     track = slot.chain.track
+    names = [f"segment {index}" for index in range(track.count)]
     straight = None
     if request.stadium is not None:
         straight = max(segment.length for segment in track.segments if segment.curvature == 0)
     return ChainTrackReply(
         **common,
+        pins=pins_reply(slot, request, names, None, driver),
         track_length=track.total,
         straight=straight,
         driver_segment=driver,
@@ -296,33 +217,36 @@ def answer_track(request: ChainTrackRequest, resources: Any) -> ChainTrackReply:
     )
 
 
-def _slot_of(request: Any) -> tuple[Slot, PhaseAxis]:
+def _slot_of(request: Any, resources: Resources) -> tuple[Slot, PhaseAxis, Callable[[Pins], Any] | None]:
+    """The slot of either request, how its phase is counted, and the angles of its pins."""
     if isinstance(request, ChainSlotRequest):
-        crescent, slot = _crescent(request)
-        return slot, _theta1(request, crescent)._replace(name=f"theta1_{request.angle_unit}")
-    return _track_slot(request)[0], POSITION
+        crescent, slot = _crescent(request, resources.work())
+        axis = theta1_axis(request, crescent)._replace(name=f"theta1_{request.angle_unit}")
+        return slot, axis, _theta(crescent, slot)
+    return _track_slot(request, resources.work())[0], POSITION, None
 
 
-def render_csv(request: Any, resources: Any) -> bytes:
-    """The slot and a roller's walls as a table."""
+def render_csv(request: Any, resources: Resources) -> bytes:
+    """The slot, a roller's walls and, if asked for, all pins as a table."""
     from synthesis.chain.export import to_csv
 
-    slot, axis = _slot_of(request)
-    return to_csv(slot, _phases(slot, request.samples), *axis, request.roller_radius).encode()
+    slot, axis, theta = _slot_of(request, resources)
+    more = pin_columns(slot, request, theta)
+    return to_csv(slot, sample_phases(slot, request.samples), *axis, request.roller_radius, more).encode()
 
 
-def render_svg(request: Any, resources: Any) -> bytes:
-    """Track, pins, slot and a roller's walls as a drawing."""
+def render_svg(request: Any, resources: Resources) -> bytes:
+    """Track, pins, slot and the groove of a roller as a drawing."""
     from synthesis.chain.export import to_svg
 
-    return to_svg(_slot_of(request)[0], request.samples, request.roller_radius).encode()
+    return to_svg(_slot_of(request, resources)[0], request.roller_radius).encode()
 
 
-def render_dxf(request: Any, resources: Any) -> bytes:
-    """Track, pins, slot and a roller's walls for CAD."""
+def render_dxf(request: Any, resources: Resources) -> bytes:
+    """The whole groove as closed contours, for CAD."""
     from synthesis.chain.export import to_dxf
 
-    return to_dxf(_slot_of(request)[0], request.samples, request.roller_radius).encode()
+    return to_dxf(_slot_of(request, resources)[0], request.roller_radius).encode()
 
 
 EXPORTS = {
@@ -351,7 +275,14 @@ QUERIES = (
                 "eccentricity": 90.22,
                 "fit": {"kind": "polynomial", "order": 8},
             },
-            "roller": {"pitch": 131, "links": 16, "upper_radius": 181.78, "roller_radius": 20},
+            "roller": {
+                "pitch": 131,
+                "links": 16,
+                "upper_radius": 181.78,
+                "roller_radius": 20,
+                "include": ["outline"],
+            },
+            "pins": {"pitch": 131, "links": 16, "upper_radius": 181.78, "samples": 19, "include": ["pins"]},
         },
         exports=EXPORTS,
         is_long=is_long,
@@ -380,4 +311,5 @@ QUERIES = (
         exports=EXPORTS,
         is_long=is_long,
     ),
+    TOLERANCE,
 )

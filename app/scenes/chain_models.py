@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from app.query import AngleUnit, Count, Number, ReplyModel, RequestModel
+from app.query import AngleUnit, Column, Computed, Count, Number, ReplyModel, RequestModel
 
 MAX_LINKS = 1000
 """Links of one chain."""
@@ -43,7 +43,15 @@ class SlotOptions(RequestModel):
     pitch: Length = Field(description="Length of a link, pin to pin.")
     samples: Samples = Field(91, description="Evenly spaced phases of the slot, both ends included.")
     fit: FitRequest | None = Field(FitRequest(), description="null: no fit.")
+    power_decimals: Annotated[Count, Field(ge=0, le=15)] | None = Field(
+        None, description="Decimals of the fit's coefficients by powers; null: all digits."
+    )
     roller_radius: Length | None = Field(None, description="Radius of the rollers that run in the slot.")
+    include: Annotated[list[Literal["pins", "outline"]], Field(max_length=2)] = Field(
+        [],
+        description="pins: every pin and link at every sample, in the reply and as columns of the CSV file. outline: the "
+        "closed contours that are cut.",
+    )
     angle_unit: AngleUnit = "deg"
 
 
@@ -140,6 +148,9 @@ class LocusReply(ReplyModel):
     """The free pin's path over one period."""
 
     xy: list[list[float]]
+    slack: Column = Field(
+        description="Length by which two links from the free pin's neighbour overrun the other neighbour along the bare track."
+    )
     free_pin: int
     depth_max: float
     radius_min: float | None = Field(description="Smallest curvature radius of the path; null: straight.")
@@ -155,6 +166,27 @@ class SlotReply(LocusReply):
     defect_max_theta1: float
 
 
+class PowerPieceReply(ReplyModel):
+    """One piece: x and y are sums of coefficients times powers of t, lowest first, t from 0 to 1 over the piece."""
+
+    theta1: list[float] | None = Field(None, description="At t = 0 and 1; null where t counts x and not the phase.")
+    position: list[float] | None = Field(None, description="The same on a track that is no crescent.")
+    x: Column
+    y: Column
+
+
+class PowerReply(ReplyModel):
+    """The fit by powers, for controls of machine tools; in the drawing's coordinates."""
+
+    pieces: list[PowerPieceReply] | None = Field(
+        description="null where powers of this degree lose the fit's digits."
+    )
+    max_normal: float = Field(
+        description="Largest distance from the exact slot, with the coefficients as they are given."
+    )
+    decimals: int | None
+
+
 class FitReply(ReplyModel):
     """A representation, and its errors over 9001 phases. Its phases are angles theta1, or P1's way on a track."""
 
@@ -164,6 +196,7 @@ class FitReply(ReplyModel):
     condition: float
     max_normal: float
     max_chord: float
+    power: PowerReply | None = Field(None, description="Of chebyshev and polynomial.")
     pieces: list[dict[str, Any]] | None = None
     coefficients: dict[str, Any] | None = None
     origin: list[float] | None = None
@@ -179,7 +212,11 @@ class WithoutSlotReply(ReplyModel):
 class ChecksReply(ReplyModel):
     """What the slot does to chain and roller."""
 
-    stretched: bool = Field(description="Always false in a reply: a stretched chain is an error.")
+    stretched: bool = Field(
+        description="At some phase the chain lacks more length than rounding can make. Up to 1e-6 of the pitch that counts as "
+        "closed; beyond it the layout is refused."
+    )
+    missing_length: float = Field(description="What it lacks at its worst phase; 0 where it lacks nothing.")
     slack: bool = Field(description="The ends have a step: no phase has the chain exactly on the bare track.")
     chord_error_max: float = Field(description="Over all links and all samples.")
     single_valued: bool = Field(description="The slot is a function y(x) in its own frame.")
@@ -188,6 +225,31 @@ class ChecksReply(ReplyModel):
     clearance: float | None = Field(description="Distance of the path from the segments that it does not replace.")
     condition: float | None = Field(description="Change of the free pin per change of a link; null: without bound.")
     free_pin_speed: list[float] = Field(description="Least and largest, per speed of P1.")
+
+
+class PinsReply(ReplyModel):
+    """All pins at each sample, rows of as many as the chain has links."""
+
+    segments: list[str] = Field(description="Names of the track's segments.")
+    xy: Computed[list[list[list[float]]]]
+    segment: Computed[list[list[int]]] = Field(
+        description="Which segment each pin is on, from 0; the free pin hangs beside the first that the slot replaces."
+    )
+    theta: Computed[list[list[float]] | None] = Field(
+        description="theta1 to thetaN: on a wheel from the upper arc over the top, on an arc about its centre from "
+        "straight down, right positive. null on a track that is no crescent."
+    )
+    link_angle: Computed[list[list[float]]] = Field(
+        description="Direction of the link from each pin to the next, from x; continuous over the samples."
+    )
+
+
+class OutlineReply(ReplyModel):
+    """Closed contours as rows x, y, bulge: tan of a quarter of the turn to the next row's point, left positive."""
+
+    path: Computed[list[list[float]]] = Field(description="Of the pins: track and slot.")
+    left: Computed[list[list[float]] | None] = Field(description="Wall of the groove; null without a roller.")
+    right: Computed[list[list[float]] | None]
 
 
 class ClosureReply(ReplyModel):
@@ -200,6 +262,8 @@ class ClosureReply(ReplyModel):
     links: int
     angle_unit: AngleUnit
     fit: FitReply | None
+    pins: PinsReply | None = Field(description="null: not asked for in `include`.")
+    outline: OutlineReply | None = Field(description="null: not asked for in `include`.")
     without_slot: WithoutSlotReply
     checks: ChecksReply
 

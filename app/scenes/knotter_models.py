@@ -43,13 +43,17 @@ ANGLES = ("alpha1", "alpha2", "alpha3")
 class Parameters(RequestModel):
     """Sizes of the machine; each has the published value or else an assumed one."""
 
-    alpha2: Bounded | None = Field(None, description="Needle's angle; published 8 degrees.")
-    d1: Bounded | None = Field(None, description="Assumed 136.")
-    D: Bounded | None = Field(None, description="Sum of d2 and d4, only the sum matters; assumed 20.")
-    d5: Bounded | None = Field(None, description="Published 54.")
-    d6: Bounded | None = Field(None, description="Published 142.")
-    d9: Bounded | None = Field(None, description="Hook's bearing; assumed 12.")
-    d10: Bounded | None = Field(None, description="Hook's bearing; assumed 24.5.")
+    alpha2: Bounded | None = Field(
+        None, description="Angle between the bill's axis k0 and k1 in the plane i1 o1 k1; published 8 degrees."
+    )
+    d1: Bounded | None = Field(
+        None, description="Along k1, from o1 to where the disc's axis crosses the plane i1 o1 k1; assumed 136."
+    )
+    D: Bounded | None = Field(None, description="d2 + d4 along the disc's axis, only the sum matters; assumed 20.")
+    d5: Bounded | None = Field(None, description="Between o1 and o2 along i1; published 54.")
+    d6: Bounded | None = Field(None, description="From o1 to the plane i0 o0 k0; published 142.")
+    d9: Bounded | None = Field(None, description="Hinge of the jaw: from o4 to o5 along i4; assumed 12.")
+    d10: Bounded | None = Field(None, description="Hinge of the jaw: from o4 to o5 along k4; assumed 24.5.")
 
 
 class Senses(RequestModel):
@@ -81,7 +85,7 @@ class LawModel(RequestModel):
     kind: Literal["linear", "pchip"] = Field("linear", description="How a table runs between its rows.")
     outside: Literal["hold", "error"] | None = Field(
         None,
-        description="What a table says outside its rows: it holds its end angles (default of alpha4, a hook that "
+        description="What a table says outside its rows: it holds its end angles (default of alpha4, a jaw that "
         "swings and rests) or nothing (default of beta, a disc that keeps turning).",
     )
     dwell: Dwell | None = None
@@ -90,29 +94,37 @@ class LawModel(RequestModel):
 class Laws(RequestModel):
     """Laws of the bodies that follow the bill; both are assumed, the source gives none."""
 
-    beta: LawModel | None = Field(None, description="Disc; assumed lead 23.5 degrees, ratio 0.5.")
-    alpha4: LawModel | None = Field(None, description="Hook; assumed 22.5 degrees to 0 between 270 and 337 degrees.")
+    beta: LawModel | None = Field(None, description="Rope-holding disc; assumed lead 23.5 degrees, ratio 0.5.")
+    alpha4: LawModel | None = Field(
+        None, description="Jaw, between i4 and i5; assumed 22.5 degrees to 0 between 270 and 337 degrees."
+    )
 
 
 class Points(RequestModel):
-    """Points, each in its body's frame: S0 on the disc (u3); S8, S10 on the hook (u5); the rest on the bill (u4)."""
+    """Points, each in its body's frame: S0 on the disc (u3); S8, S10 on the jaw (u5); the rest on the bill (u4)."""
 
-    S0: Point3 | None = Field(None, description="Rope on the disc, at disc angle zero, u3.")
-    S1: Point3 | None = Field(None, description="Rope's end at the bill, u4.")
-    S3: Point3 | None = Field(None, description="First end of the edge that the rope must cross, u4; published.")
-    S4: Point3 | None = Field(None, description="Second end of that edge, u4; published.")
+    S0: Point3 | None = Field(None, description="Rope in the notch of the disc, at disc angle zero, u3.")
+    S1: Point3 | None = Field(None, description="Where the needle lays the rope on the bill, u4.")
+    S3: Point3 | None = Field(
+        None, description="First end of the generator of the bill's side on which the rope must wrap, u4; published."
+    )
+    S4: Point3 | None = Field(None, description="Second end of that generator, u4; published.")
     S5: Point3 | None = Field(None, description="Third vertex of the wrap's triangle, u4.")
     S7: Point3 | None = Field(None, description="Rope's end for the bite, u4.")
-    S8: Point3 | None = Field(None, description="Hook's tip, first end of the edge that the rope must cross, u5.")
+    S8: Point3 | None = Field(None, description="First end of the edge that the rope must cross to be bitten, u5.")
     S9: Point3 | None = Field(None, description="Second end of that edge, u4.")
-    S10: Point3 | None = Field(None, description="Hook's point that passes the disc, u5.")
+    S10: Point3 | None = Field(None, description="Point whose clearance from the disc is checked, u5.")
 
 
 class Grid(RequestModel):
     """Values of each parameter that are combined with one another; the later parameters vary faster."""
 
-    alpha1: GridValues | None = Field(None, description="Disc's spatial angle; 0, 10, 20 degrees.")
-    alpha3: GridValues | None = Field(None, description="Bill's spatial angle; 20, 25, 30 degrees.")
+    alpha1: GridValues | None = Field(
+        None, description="Angle between the disc's axis j2 and j1 in the plane j1 o1 k1; 0, 10, 20 degrees."
+    )
+    alpha3: GridValues | None = Field(
+        None, description="Angle between the bill's axis k0 and k1 in the plane j1 o1 k1; 20, 25, 30 degrees."
+    )
     alpha2: GridValues | None = None
     d1: GridValues | None = None
     D: GridValues | None = None
@@ -130,7 +142,7 @@ class Windows(RequestModel):
 
 
 class ClearanceOptions(RequestModel):
-    """How the hook's way past the disc is judged."""
+    """How the way of the jaw's point past the disc is judged."""
 
     at: Bounded | None = Field(None, description="Bill's angle of `value`; 270 degrees.")
     over: Range | None = Field(
@@ -139,7 +151,7 @@ class ClearanceOptions(RequestModel):
     )
     disc_radius: BoundedPositive | None = Field(None, description="Radius of the disc; the whole plane if not given.")
     hook: Literal["locked", "moving"] = Field(
-        "locked", description="Locked: the hook keeps its angle at `at` over the range. Moving: it follows its law."
+        "locked", description="Locked: the jaw keeps its angle at `at` over the range. Moving: it follows its law."
     )
 
 
@@ -190,7 +202,7 @@ class EntryReply(ReplyModel):
 
 
 class ClearanceReply(ReplyModel):
-    """How the hook passes the disc; positive is interference."""
+    """How the jaw's point S10 passes the disc; positive is interference."""
 
     holds: bool
     value: float = Field(description="At the angle `at`.")
@@ -269,17 +281,21 @@ class LimitReply(Provenance):
 
 
 class NeedleRequest(RequestModel):
-    """The needle and the frame; every default is published."""
+    """The needle and the jaw's cam; every default is published."""
 
-    S1x: Bounded = 22.0
-    S1y: Bounded = 39.0
-    r0: BoundedPositive = Field(16.0, description="Radius of the main shaft.")
-    D0: BoundedPositive = Field(20.0, description="Diameter of the needle.")
-    d6: Bounded = 142.0
-    r1: Annotated[Number, Field(ge=0, le=MAX_LENGTH)] = Field(30.0, description="Radius of the rope on the disc.")
-    beta0: Bounded | None = Field(None, description="Starting angle of the disc; 15 degrees.")
-    alpha2: Bounded | None = Field(None, description="Needle's angle; 8 degrees.")
-    d5: Bounded = Field(54.0, description="Length for which an angle is sought.")
+    S1x: Bounded = Field(22.0, description="Where the needle lays the rope: from the bill's axis along i4.")
+    S1y: Bounded = Field(39.0, description="Where the needle lays the rope: from o4 along k4.")
+    r0: BoundedPositive = Field(16.0, description="Largest radius of the jaw's cam.")
+    D0: BoundedPositive = Field(20.0, description="Thickness of the needle.")
+    d6: Bounded = Field(142.0, description="From o1 to the plane i0 o0 k0.")
+    r1: Annotated[Number, Field(ge=0, le=MAX_LENGTH)] = Field(
+        30.0, description="Radius of the holding point S0 about the disc's axis."
+    )
+    beta0: Bounded | None = Field(None, description="Initial phase of the disc; 15 degrees.")
+    alpha2: Bounded | None = Field(
+        None, description="Angle between the bill's axis k0 and k1 in the plane i1 o1 k1; 8 degrees."
+    )
+    d5: Bounded = Field(54.0, description="Distance of o1 and o2 along i1 for which an angle is sought.")
     angle_unit: AngleUnit = "deg"
 
 
@@ -287,7 +303,9 @@ class NeedleReply(ReplyModel):
     """Equations 4 and 5 at the angle asked for, and their inverses."""
 
     status: Literal["free", "blocked"]
-    clearance: float = Field(description="L of eq 4 at alpha2; the needle is free where it is positive.")
+    clearance: float = Field(
+        description="L of eq 4 at alpha2, the least distance between the needle and the jaw's cam: must be above 0."
+    )
     alpha2_range: list[float] | None = Field(description="Angles between which the clearance is positive.")
     alpha2_whole_degrees: int | None = Field(description="Smallest whole degree in that range.")
     clearance_max: float

@@ -4,7 +4,18 @@ const ICONS = { Play: "M6 3.5v13l11-6.5z", Pause: "M5.5 3.5h3v13h-3zM11.5 3.5h3v
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const STEPS = 1000;
 
+const REST = 100; // milliseconds between two marks in the curves
+
 let serial = 0;
+
+/** `mark` with the latest value at most every `REST` milliseconds: curves are slower to draw than a mechanism. */
+export function seldom(mark) {
+  let due = null, latest;
+  return (value) => {
+    latest = value;
+    due ??= setTimeout(() => { due = null; mark(latest); }, REST);
+  };
+}
 
 /**
  * Adds a slider with Play to `host`. `show(value)` places what moves and returns the value in words; `name` is what

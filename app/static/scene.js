@@ -12,7 +12,7 @@ import { $, say, startScenes, startTheme } from "./shell.js";
 /**
  * What a machine's module exports: `show(answer, hosts)`, which draws an answer {query, request, reply, ask} into the
  * elements of `hosts` (picture, facts, curves, tables) and may return the player of its drawing; and, if its drawing
- * needs more than was asked for, `request(query, request)`, what is sent instead.
+ * needs more than was asked for, `request(query, request)`, what is sent instead, and `numbers(reply)`, the reply without it.
  */
 const MACHINES = { lift, chain, knotter };
 const HOSTS = ["picture", "facts", "curves", "tables"];
@@ -133,7 +133,7 @@ async function start() {
     else answer();
   });
   $("link").addEventListener("click", () => copyLink().catch((error) => say(error.message, true)));
-  $("all-fold").addEventListener("toggle", () => { if ($("all-fold").open && !$("all").childElementCount) everything($("all"), answered.reply); });
+  $("all-fold").addEventListener("toggle", () => { if ($("all-fold").open && !$("all").childElementCount) everything($("all"), machine.numbers?.(answered.reply) ?? answered.reply); });
   addEventListener("hashchange", () => { if (location.hash !== `#${own}`) openLink().catch((error) => say(error.message, true)); });
   chooseQuery(scene.queries[0].path);
   const opened = await openLink().catch((error) => { say(error.message, true); return false; });

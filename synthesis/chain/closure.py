@@ -15,6 +15,7 @@ import numpy as np
 from synthesis.chain.errors import ChordError, ChordFault, NotClosing
 from synthesis.chain.track import Motion, Place, Track
 from synthesis.one_variable import Floats, closer_looks, rising_root, secant
+from synthesis.work import Work
 
 PHASE_CELLS = 192
 """Cells a period is searched in for the extremes of a function of the phase; more for tracks of many segments."""
@@ -126,13 +127,15 @@ class Chain:
         return lowest(self.overrun, 0.0, self.period, self.cells)
 
 
-def closing_links(track: Track, pitch: float) -> int:
-    """The smallest number of links that is not stretched at any phase.
+def closing_links(track: Track, pitch: float, work: Work | None = None) -> int:
+    """The smallest number of links that is not stretched at any phase; ``work`` is asked before each number.
 
     Law: with one link fewer, some phase misses more than the tolerance.
     """
+    work = work or Work()
 
     def least(links: int) -> float:
+        work.go_on()
         return Chain(track, pitch, links).least_overrun().value + STRETCH_TOLERANCE * pitch
 
     # A link takes at least its pitch of the track, so this many suffice; and on an arc at most pi/2 pitches.
@@ -151,7 +154,13 @@ def closing_links(track: Track, pitch: float) -> int:
 
 
 def critical_parameter(
-    family: Callable[[float], Track], pitch: float, links: int, longest: float, shortest: float, where: str
+    family: Callable[[float], Track],
+    pitch: float,
+    links: int,
+    longest: float,
+    shortest: float,
+    where: str,
+    work: Work | None = None,
 ) -> float:
     """The parameter of a family of tracks for which the chain just closes: its least overrun is 0.
 
@@ -165,22 +174,26 @@ def critical_parameter(
         Parameters of the longest and of the shortest track.
     where : str
         The family, as `NotClosing` names it.
+    work : Work, optional
+        Asked before each parameter.
 
     Raises
     ------
     NotClosing
         The number of links is outside those of the family.
     """
+    work = work or Work()
 
     def least(parameter: float) -> float:
+        work.go_on()
         return Chain(family(parameter), pitch, links).least_overrun().value
 
     at_longest, at_shortest = least(longest), least(shortest)
     if at_shortest < 0:
-        raise NotClosing(links, closing_links(family(shortest), pitch), -at_shortest, where)
+        raise NotClosing(links, closing_links(family(shortest), pitch, work), -at_shortest, where)
     if at_longest > 0:
         most = Chain(family(longest), pitch, links)
-        nearest = closing_links(most.track, pitch)
+        nearest = closing_links(most.track, pitch, work)
         # With `nearest` links the longest track is slack, unless it happens to fit: one fewer closes on another.
         fits = abs(Chain(most.track, pitch, nearest).least_overrun().value) <= STRETCH_TOLERANCE * pitch
         raise NotClosing(links, nearest if fits else nearest - 1, -at_longest, where)

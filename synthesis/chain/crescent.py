@@ -17,6 +17,7 @@ from synthesis.chain.errors import check_link_fits
 from synthesis.chain.slot import Slot, find_slot
 from synthesis.chain.track import Segment, Track, arc, line
 from synthesis.errors import FieldError
+from synthesis.work import Work
 
 FLATTEST = 1e-6
 """Half the lower arc's sweep, radians, of the flattest crescent that is searched: almost a straight lower run."""
@@ -130,7 +131,9 @@ def given_crescent(wheel_radius: float, upper_radius: float, lower_radius: float
     return Crescent(wheel_radius, upper_radius, lower_radius, eccentricity, alpha, eps)
 
 
-def critical_crescent(pitch: float, links: int, upper_radius: float, wheel_radius: float) -> Crescent:
+def critical_crescent(
+    pitch: float, links: int, upper_radius: float, wheel_radius: float, work: Work | None = None
+) -> Crescent:
     """The level crescent on which the chain just closes: at one phase it fits exactly, at no phase it is stretched.
 
     Its lower radius is the largest that any phase asks for (the paper's theta1m).
@@ -145,7 +148,9 @@ def critical_crescent(pitch: float, links: int, upper_radius: float, wheel_radiu
         return level_crescent(wheel_radius, upper_radius, alpha)
 
     where = "on any lower radius"
-    return family(critical_parameter(lambda alpha: family(alpha).track, pitch, links, np.pi / 2, FLATTEST, where))
+    return family(
+        critical_parameter(lambda alpha: family(alpha).track, pitch, links, np.pi / 2, FLATTEST, where, work)
+    )
 
 
 def stadium(radius: float, straight: float) -> Track:
@@ -164,7 +169,7 @@ def stadium(radius: float, straight: float) -> Track:
     )
 
 
-def critical_stadium(pitch: float, links: int, radius: float) -> Track:
+def critical_stadium(pitch: float, links: int, radius: float, work: Work | None = None) -> Track:
     """The stadium of a given radius on which the chain just closes.
 
     Raises
@@ -174,7 +179,9 @@ def critical_stadium(pitch: float, links: int, radius: float) -> Track:
     """
     check_link_fits("/stadium/radius", pitch, radius)
     where = "on any straight of this stadium"
-    straight = critical_parameter(lambda x: stadium(radius, x), pitch, links, links * pitch, 1e-6 * pitch, where)
+    straight = critical_parameter(
+        lambda x: stadium(radius, x), pitch, links, links * pitch, 1e-6 * pitch, where, work
+    )
     return stadium(radius, straight)
 
 
@@ -186,6 +193,7 @@ def crescent_slot(
     lower_radius: float | None = None,
     eccentricity: float | None = None,
     start: float | None = None,
+    work: Work | None = None,
 ) -> tuple[Crescent, Slot]:
     """The crescent and its slot, under the middle of the upper arc.
 
@@ -198,6 +206,8 @@ def crescent_slot(
         centre. None: both follow from the critical closure.
     start : float, optional
         P1's angle on the left wheel at which the window starts; default: where the chain is least slack.
+    work : Work, optional
+        Asked between the steps.
 
     Raises
     ------
@@ -222,7 +232,7 @@ def crescent_slot(
         lower_radius = float(wheel_radius + np.hypot(c, eccentricity)) if lower_radius is None else lower_radius
         crescent = given_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
     elif lower_radius is None:
-        crescent = critical_crescent(pitch, links, upper_radius, wheel_radius)
+        crescent = critical_crescent(pitch, links, upper_radius, wheel_radius, work)
     else:
         a = lower_radius - wheel_radius
         if not a > c:
@@ -236,7 +246,8 @@ def crescent_slot(
     track = crescent.track
     middle = float(track.joints[UPPER_ARC] + 0.5 * track.length[UPPER_ARC])
     phase = None if start is None else start * wheel_radius
-    return crescent, find_slot(Chain(track, pitch, links), middle, start=phase, place_field="/upper_radius")
+    chain = Chain(track, pitch, links)
+    return crescent, find_slot(chain, middle, start=phase, place_field="/upper_radius", work=work)
 
 
 def tightest_room(track: Track, pitch: float, driver: int) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -99,14 +99,31 @@ def fit_slot(slot: Slot, kind: FitKind, order: int, phases: Floats | None = None
     return {"chebyshev": _chebyshev, "spline": _spline, "fourier": _fourier}[kind](slot, order)
 
 
-def fit_error(slot: Slot, fit: Fit, phases: Floats) -> FitError:
-    """Errors of a fit at phases of shape (n,)."""
-    found = fit.evaluate(phases)
-    normal = np.abs(dot(found - slot.path(phases), slot.normals(phases))).max()
+class Exact(NamedTuple):
+    """The slot itself at phases of shape (n,), which the errors of its representations are measured against."""
+
+    phases: Floats
+    points: Points
+    normals: Points
+    first: Points
+    last: Points
+    """The free pin's neighbours."""
+
+
+def exact_slot(slot: Slot, phases: Floats) -> Exact:
+    """The slot at phases of shape (n,)."""
     first, last = slot.held(phases)
+    return Exact(phases, slot.hung(first, last), slot.normals(phases), first, last)
+
+
+def fit_error(slot: Slot, fit: Fit, exact: Exact) -> FitError:
+    """Errors of a fit against the slot itself."""
+    found = fit.evaluate(exact.phases)
+    normal = np.abs(dot(found - exact.points, exact.normals)).max()
     if fit.slide is not None:
-        found = fit.slide(found, first)
-    return FitError(float(normal), float(np.abs(np.abs([found - first, found - last]) - slot.chain.pitch).max()))
+        found = fit.slide(found, exact.first)
+    chords = np.abs([found - exact.first, found - exact.last])
+    return FitError(float(normal), float(np.abs(chords - slot.chain.pitch).max()))
 
 
 def _chebyshev(slot: Slot, degree: int) -> Fit:

@@ -11,7 +11,10 @@ from synthesis.chain.errors import ChordError, ChordFault
 from synthesis.chain.slot import SINGULAR, Slot, polished
 from synthesis.chain.track import cross
 from synthesis.one_variable import Floats
+from synthesis.work import Work
 
+PINS_AT_ONCE = 200_000
+"""Pins that are placed at once: bounds the memory, and the time until a client that has left is noticed."""
 TIGHTEST = 4
 """Pieces of a slot that are searched closely for its smallest curvature radius."""
 
@@ -39,15 +42,17 @@ class Report(NamedTuple):
     """Without a slot: by how much each link of a pin held half-way on the bare track is too short."""
 
 
-def report(slot: Slot, phases: Floats) -> Report:
-    """Extremes of a slot over its window; the chords are checked at ``phases``, shape (n,)."""
-    track, cells = slot.chain.track, slot.chain.cells
+def report(slot: Slot, phases: Floats, work: Work | None = None) -> Report:
+    """Extremes of a slot over its window; the chords are checked at ``phases``, shape (n,); ``work`` is asked in between."""
+    track, cells, work = slot.chain.track, slot.chain.cells, work or Work()
+    work.go_on()
     most = highest(slot.slack, slot.start, slot.end, cells)
     slack_max = Extreme(polished(slot, most.phase, -1), most.value)
     grid = np.concatenate([np.linspace(a, b, 33) for a, b in _smooth_pieces(slot)])
     points, velocity, _ = slot.motion(grid)
     known = velocity[np.isfinite(velocity)]
     speed = np.abs(known)
+    work.go_on()
     _, direction = slot.frame
     replaced = {segment for segment, _ in slot.base}
     others = [track.distance(index, points).min() for index in range(track.count) if index not in replaced]
@@ -60,7 +65,7 @@ def report(slot: Slot, phases: Floats) -> Report:
         single_valued=bool(np.all((known / direction).real < 0)),
         condition=_condition(slot, np.concatenate([[slot.start], grid, [slot.end]])),
         clearance=float(min(others, default=np.inf)),
-        chord_error=chord_error(slot, phases),
+        chord_error=chord_error(slot, phases, work),
         free_speed=(float(speed.min()), float(speed.max())),
         held_chord_error=_held_chord_error(slot, slack_max.phase, cells),
     )
@@ -87,10 +92,14 @@ def smallest_radius(slot: Slot) -> float:
     return min(lowest(radius, start, end, 32, 3).value for start, end in (pieces[index] for index in tightest))
 
 
-def chord_error(slot: Slot, phases: Floats) -> float:
+def chord_error(slot: Slot, phases: Floats, work: Work | None = None) -> float:
     """Largest difference between any of the chain's chords and the pitch, at phases of shape (n,)."""
-    pins = slot.pins(phases)
-    return float(np.abs(np.abs(pins - np.roll(pins, -1, axis=1)) - slot.chain.pitch).max())
+    worst, few, work = 0.0, max(1, PINS_AT_ONCE // slot.chain.links), work or Work()
+    for first in range(0, len(phases), few):
+        work.go_on()
+        pins = slot.pins(phases[first : first + few])
+        worst = max(worst, float(np.abs(np.abs(pins - np.roll(pins, -1, axis=1)) - slot.chain.pitch).max()))
+    return worst
 
 
 def _condition(slot: Slot, phases: Floats) -> float:

@@ -18,6 +18,7 @@ from synthesis.chain.errors import ChordError, ChordFault, NotClosing
 from synthesis.chain.track import Motion, Place, Points, cross, dot
 from synthesis.errors import FieldError
 from synthesis.one_variable import Floats, rising_root
+from synthesis.work import Work
 
 MIDDLE = 1e-6
 """Distance from the wanted middle of the slot, in pitches, within which a pin counts as not past it."""
@@ -85,18 +86,28 @@ class Slot:
         """Points of the slot, shape (n,)."""
         return self.hung(*self.held(phase))
 
-    def pins(self, phase: Floats) -> Points:
-        """All pins, shape (n, links), each stepped from the one before it."""
+    def places(self, phase: Floats) -> Place:
+        """Places of all pins, shape (n, links), each stepped from the one before; of the free pin the start of its base."""
         track, links, k = self.chain.track, self.chain.links, self.free - 1
-        points = np.empty((len(phase), links), dtype=complex)
+        places = Place(*np.zeros((3, len(phase), links)))
+        places.segment[:, k] = self.base[0][0]
         first, _ = self.chain.drive(phase)
-        points[:, 0] = track.points(first)
-        for pins, direction in ((range(1, k), 1), (range(links - 1, k, -1), -1)):
+        for pins, direction in ((range(k), 1), (range(links, k, -1), -1)):
             place = first
             for pin in pins:
-                place = track.step(place, self.chain.pitch, direction)
-                points[:, pin] = track.points(place)
-        points[:, k] = self.hung(points[:, k - 1], points[:, (k + 1) % links])
+                place = track.step(place, self.chain.pitch, direction) if pin not in (0, links) else first
+                for column, found in zip(places, place):
+                    column[:, pin % links] = found
+        return Place(places.segment.astype(np.intp), places.along, places.lap.astype(np.int64))
+
+    def pins(self, phase: Floats) -> Points:
+        """All pins, shape (n, links)."""
+        return self.points_at(self.places(phase))
+
+    def points_at(self, places: Place) -> Points:
+        """The points of all pins from their `places`: the free pin hangs between its neighbours."""
+        points, k = self.chain.track.points(places), self.free - 1
+        points[:, k] = self.hung(points[:, k - 1], points[:, (k + 1) % self.chain.links])
         return points
 
     def hung(self, before: Points, after: Points) -> Points:
@@ -280,16 +291,16 @@ def find_slot(
     side: int = 1,
     start: float | None = None,
     place_field: str = "/free_segment",
+    work: Work | None = None,
 ) -> Slot:
     """The slot nearest to a place of the track.
 
-    The window starts where the slack is least: on a chain that closes critically both ends then lie on the bare
-    track. The free pin is the last one that has not passed ``middle`` at that phase.
+    The window starts where the slack is least: on a chain that closes critically both ends then lie on the bare track.
+    The free pin is the last one that has not passed ``middle`` at that phase. ``work`` is asked between the steps.
 
     Parameters
     ----------
     chain : Chain
-        Chain and track.
     middle : float
         Arc length of the place, from the driver's start.
     side : {1, -1}, optional
@@ -308,17 +319,21 @@ def find_slot(
     ChordError
         A link does not fit on the track, or the chain does not run smoothly.
     """
-    track, pitch, links = chain.track, chain.pitch, chain.links
+    track, pitch, links, work = chain.track, chain.pitch, chain.links, work or Work()
+    work.go_on()
     least = chain.least_overrun()
+    work.go_on()
     allowed = STRETCH_TOLERANCE * pitch
     too_many = links > 1 and Chain(track, pitch, links - 1).least_overrun().value >= -allowed
     if least.value < -allowed or too_many:
-        raise NotClosing(links, closing_links(track, pitch), -least.value, "on this track")
+        raise NotClosing(links, closing_links(track, pitch, work), -least.value, "on this track")
     chosen = least.phase if start is None else float(start % chain.period)
+    work.go_on()
     slot = _slot_at(chain, chosen, middle, side, place_field)
     _check_running(slot)
     if start is not None:
         return slot
+    work.go_on()
     # A crescent may be critical at two states, each the other's mirror image: then the first is taken.
     found = lowest(slot.slack, 0.0, chain.period, chain.cells, tie=TIE * pitch)
     phase = polished(slot, found.phase, 1) % chain.period

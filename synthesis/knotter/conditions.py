@@ -18,6 +18,7 @@ from synthesis.errors import FieldError
 from synthesis.knotter import events
 from synthesis.knotter.mechanism import Integers, Mechanism, as_array
 from synthesis.one_variable import Flags, Floats
+from synthesis.work import Work
 
 MAX_PIECES = 500_000
 """Most pieces (grid items x pieces of the driver's range) that one condition may look at."""
@@ -35,8 +36,8 @@ class Condition(Protocol):
     def check(self, mechanism: Mechanism) -> None:
         """Raise `FieldError` for what has no answer at any parameters."""
 
-    def evaluate(self, mechanism: Mechanism, items: int) -> Result:
-        """The verdict for each item."""
+    def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> Result:
+        """The verdict for each item; ``work`` is asked before each few of them."""
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,11 @@ class Clearance:
             mechanism = mechanism.locked(self.locked, self.at)
         mechanism.require_laws(self.frames(mechanism), min(self.at, self.over[0]), max(self.at, self.over[1]))
 
-    def evaluate(self, mechanism: Mechanism, items: int) -> Reach:
+    def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> Reach:
         """The verdict for each item."""
         if self.locked is not None:
             mechanism = mechanism.locked(self.locked, self.at)
-        return in_chunks(self._evaluate, mechanism, items, self.frames(mechanism), self.over, self.name)
+        return in_chunks(self._evaluate, mechanism, items, self.frames(mechanism), self.over, self.name, work)
 
     def depth(self, mechanism: Mechanism, driver: Floats | float) -> Any:
         """How far the point is past the plane or inside the solid; negative outside."""
@@ -180,7 +181,7 @@ class Scalar:
     def check(self, mechanism: Mechanism) -> None:
         """A number needs no law and no point."""
 
-    def evaluate(self, mechanism: Mechanism, items: int) -> Result:
+    def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> Result:
         """The verdict for each item."""
         value = np.broadcast_to(self.function(mechanism.parameters), (items,)).astype(float)
         return Result(value > 0, value)
@@ -196,11 +197,12 @@ def in_chunks(
     frames: set[str],
     over: tuple[float, float],
     name: str,
+    work: Work | None = None,
 ) -> Evaluated:
     """A result over all items from results over a few items at a time.
 
     ``evaluate(mechanism, items, ends)`` is given the ends of the pieces of the range ``over`` in which nothing turns far
-    between the frames; ``name`` is the condition's, for the refusal.
+    between the frames; ``name`` is the condition's, for the refusal. ``work`` is asked before each few items.
     """
     ends = events.piece_ends(*over, mechanism.breakpoints(frames), partial(mechanism.turning_rate, frames))
     count = len(ends) - 1
@@ -214,6 +216,9 @@ def in_chunks(
         )
     step = max(1, CHUNK_PIECES // count)
     parts = (np.arange(start, min(start + step, items)) for start in range(0, items, step))
-    results = [evaluate(mechanism.item(part), len(part), ends) for part in parts]
+    results, work = [], work or Work()
+    for part in parts:
+        work.go_on()
+        results.append(evaluate(mechanism.item(part), len(part), ends))
     every = (np.concatenate([getattr(result, field.name) for result in results]) for field in fields(results[0]))
     return type(results[0])(*every)

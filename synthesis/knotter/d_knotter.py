@@ -1,11 +1,13 @@
-"""The D-knotter's rope disc, bill and hook: which spatial angles let the knot be tied.
+"""The D-knotter's rope-holding disc, bill and jaw: which spatial angles let the knot be tied.
 
 The machine is data: chains of named turns, points, and three conditions for the general study of
 `synthesis.knotter.study`. Equation numbers are those of Zhang, Feng, Dong, Zhang and Han, "Analysis of spatial angle
 parameters of rope-holding disc and bill hook of D-knotter", Transactions of the Chinese Society for Agricultural
 Machinery 49(8), 2018. Lengths in mm (or any one unit), angles in radians.
 
-Frames: ``u3`` turns with the disc, ``seat`` is the disc's bearing, ``u4`` turns with the bill, ``u5`` with the hook.
+Frames: ``u3`` turns with the disc, ``seat`` is the disc's bearing (sigma2), ``shaft`` the machine's (sigma1), ``bearing``
+the bill's (sigma0), ``u4`` turns with the bill, ``u5`` with the jaw, which is
+hinged on the bill and opened by a cam (the source also calls it the hook).
 The driver is the bill's angle alpha.
 """
 
@@ -26,7 +28,7 @@ Point = tuple[float, float, float]
 PUBLISHED_LENGTHS: Mapping[str, float] = MappingProxyType(
     {"S1x": 22.0, "S1y": 39.0, "r0": 16.0, "D0": 20.0, "d6": 142.0, "r1": 30.0, "d5": 54.0}
 )
-"""Printed lengths in mm; the disc's starting angle beta0 is 15 degrees, the needle's angle alpha2 8 degrees."""
+"""Printed lengths in mm; the disc's starting angle beta0 is 15 degrees, alpha2 between the bill's axis k0 and k1 8 degrees."""
 BETA0, ALPHA2 = float(np.radians(15.0)), float(np.radians(8.0))
 
 ASSUMED_PARAMETERS: Mapping[str, float] = MappingProxyType({"d1": 136.0, "D": 20.0, "d9": 12.0, "d10": 24.5})
@@ -60,7 +62,7 @@ CLEARANCE_OVER = (float(np.radians(240.0)), float(np.radians(300.0)))
 
 
 def reference_laws() -> dict[str, Law]:
-    """The assumed laws: the disc turns half as fast as the bill, the hook closes within 67 degrees after 270."""
+    """The assumed laws: the disc turns half as fast as the bill, the jaw closes within 67 degrees after 270."""
     return {
         "beta": Linear(float(np.radians(23.5)), 0.5),
         "alpha4": Table((CLEARANCE_AT, float(np.radians(337.0))), (float(np.radians(22.5)), 0.0)),
@@ -82,7 +84,7 @@ def mechanism(
     senses : mapping
         ``alpha`` and ``beta``, each 1 or -1.
     laws : mapping
-        ``beta`` (disc) and ``alpha4`` (hook) over the bill's angle.
+        ``beta`` (disc) and ``alpha4`` (jaw) over the bill's angle.
     points : mapping
         Coordinates, each in its frame of `POINT_FRAMES`.
 
@@ -94,19 +96,9 @@ def mechanism(
     sense = {**SENSES, **(senses or {})}
     chains = (
         Chain("u3", "seat", (Turn("j", "beta", sense["beta"]),)),
-        Chain(
-            "seat",
-            "u4",
-            (
-                Shift(j="-D"),
-                Turn("i", "alpha1", -sense["alpha"]),
-                Shift(i="d5", k="-d1"),
-                Turn("i", "alpha3", -sense["alpha"]),
-                Turn("j", "alpha2"),
-                Shift(k="d6"),
-                Turn("k", DRIVER),
-            ),
-        ),
+        Chain("seat", "shaft", (Shift(j="-D"), Turn("i", "alpha1", -sense["alpha"]), Shift(i="d5", k="-d1"))),
+        Chain("shaft", "bearing", (Turn("i", "alpha3", -sense["alpha"]), Turn("j", "alpha2"), Shift(k="d6"))),
+        Chain("bearing", "u4", (Turn("k", DRIVER),)),
         Chain("u5", "u4", (Turn("j", "alpha4"), Shift(i="-d9", k="-d10"))),  # eqs 22-24
     )
     place = {**POINTS, **(points or {})}
@@ -132,7 +124,7 @@ def wrap(window: tuple[float, float] = WRAP_WINDOW) -> SegmentHitsTriangle:
 
 
 def bite(window: tuple[float, float] = BITE_WINDOW) -> SegmentHitsTriangle:
-    """The hook catches the rope S0-S7: it first enters O5 S8 S9 through S8S9 (eqs 26-30)."""
+    """The jaw catches the rope S0-S7: it first enters O5 S8 S9 through S8S9 (eqs 26-30)."""
     return SegmentHitsTriangle("bite", ("S0", "S7"), ("O5", "S8", "S9"), "u5", window, enter=1)
 
 
@@ -140,10 +132,10 @@ def clearance(
     at: float = CLEARANCE_AT,
     over: tuple[float, float] = CLEARANCE_OVER,
     radius: float = np.inf,
-    hook_locked: bool = True,
+    jaw_locked: bool = True,
 ) -> Clearance:
-    """The hook's tip S10 passes the disc on its free side (eq 18), over a range and not at one angle only."""
-    return Clearance("clearance", "S10", "seat", 1, -1, at, over, radius, "alpha4" if hook_locked else None)
+    """The jaw's point S10 passes the disc on its free side (eq 18), over a range and not at one angle only."""
+    return Clearance("clearance", "S10", "seat", 1, -1, at, over, radius, "alpha4" if jaw_locked else None)
 
 
 def conditions() -> list[Condition]:

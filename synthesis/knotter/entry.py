@@ -28,6 +28,7 @@ from synthesis.knotter.segment_triangle import (
     subtract,
 )
 from synthesis.one_variable import Flags, Floats, golden_section
+from synthesis.work import Work
 
 NARROW = 1e-5
 """Windows narrower than this (rad) are confirmed in extended precision."""
@@ -150,9 +151,9 @@ class SegmentHitsTriangle:
         """The segment's ends and the triangle's vertices in `frame`."""
         return tuple(mechanism.position(name, self.frame, driver) for name in (*self.segment, *self.triangle))
 
-    def evaluate(self, mechanism: Mechanism, items: int) -> Entry:
+    def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> Entry:
         """The verdict for each item."""
-        return in_chunks(self._evaluate, mechanism, items, self.frames(mechanism), self.window, self.name)
+        return in_chunks(self._evaluate, mechanism, items, self.frames(mechanism), self.window, self.name, work)
 
     def _evaluate(self, mechanism: Mechanism, items: int, ends: Floats) -> Entry:
         def function(driver: Floats, item: Integers) -> Floats:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, Literal
 
 import numpy as np
@@ -33,10 +33,13 @@ def as_array(parts: Iterable[Any], shape: tuple[int, ...]) -> Floats:
 
 @dataclass(frozen=True)
 class Linear:
-    """The law ``lead + ratio * driver`` (radians; ratio is a pure number), defined everywhere."""
+    """The law ``lead + ratio * driver`` (radians; ratio is a pure number), defined everywhere.
 
-    lead: float
-    ratio: float = 0.0
+    Both may be arrays of shape (items,): laws of many mechanisms.
+    """
+
+    lead: float | Floats
+    ratio: float | Floats = 0.0
     breakpoints: tuple[float, ...] = field(default=(), init=False)
 
     def value(self, driver: Floats | float) -> Floats | float:
@@ -45,7 +48,7 @@ class Linear:
 
     def rate_bound(self, first: float, last: float) -> float:
         """The largest ``|d angle / d driver|`` between two driver angles."""
-        return abs(self.ratio)
+        return float(np.max(np.abs(self.ratio)))
 
     def undefined(self, first: float, last: float) -> str | None:
         """Why the law says nothing about a range of the driver; None where it does."""
@@ -175,7 +178,7 @@ class Mechanism:
     Parameters
     ----------
     parameters : mapping of str to float or ndarray, shape (items,)
-        Lengths and angles by name. Arrays make one mechanism stand for many.
+        Lengths and angles by name. Arrays, here and in laws and points, make one mechanism stand for many.
     laws : mapping of str to Law
         Angles that follow the driver.
     chains : tuple of Chain
@@ -192,7 +195,7 @@ class Mechanism:
     parameters: Mapping[str, float | Floats]
     laws: Mapping[str, Law]
     chains: tuple[Chain, ...]
-    points: Mapping[str, tuple[str, tuple[float, float, float]]]
+    points: Mapping[str, tuple[str, Vector]]
 
     def with_parameters(self, **values: float | Floats) -> Mechanism:
         """The same mechanism with other values of some parameters."""
@@ -200,16 +203,21 @@ class Mechanism:
 
     def locked(self, law: str, at: float) -> Mechanism:
         """The same mechanism with one law held at its value at driver angle ``at``."""
-        return replace(self, laws={**self.laws, law: Linear(float(self.laws[law].value(np.float64(at))))})
+        return replace(self, laws={**self.laws, law: Linear(self.laws[law].value(np.float64(at)))})
 
     def item(self, index: Integers) -> Mechanism:
         """The mechanisms of some items, their parameters shaped as ``index``."""
+
+        def of(value: Any) -> Any:
+            return value[index] if isinstance(value, np.ndarray) and value.ndim else value
+
+        laws = {
+            name: Linear(of(law.lead), of(law.ratio)) if isinstance(law, Linear) else law
+            for name, law in self.laws.items()
+        }
+        points = {name: (frame, tuple(map(of, xyz))) for name, (frame, xyz) in self.points.items()}
         return replace(
-            self,
-            parameters={
-                name: value[index] if isinstance(value, np.ndarray) and value.ndim else value
-                for name, value in self.parameters.items()
-            },
+            self, parameters={name: of(value) for name, value in self.parameters.items()}, laws=laws, points=points
         )
 
     def position(self, point: str, frame: str, driver: Floats | float) -> Vector:
@@ -261,12 +269,13 @@ class Mechanism:
         Coordinates lose digits to the sizes that are added up, and to angles of many turns.
         """
         shifts = [step for chain in self.chains for step in chain.steps if isinstance(step, Shift)]
-        reach: Any = max((float(np.linalg.norm(xyz)) for _, xyz in self.points.values()), default=0.0)
+        sizes = [np.sqrt(sum(np.square(at) for at in xyz)) for _, xyz in self.points.values()]
+        reach: Any = reduce(np.maximum, sizes, 0.0)
         reach += sum(abs(self._length(by)) for step in shifts for by in (step.i, step.j, step.k))
-        turned = 1.0 + max(abs(first), abs(last))
+        turned: Any = 1.0 + max(abs(first), abs(last))
         for name in self.laws_between(frames):
             law = self.laws[name]
-            turned += abs(float(law.value(np.float64(first)))) + law.rate_bound(first, last) * (last - first)
+            turned = turned + np.abs(law.value(np.float64(first))) + law.rate_bound(first, last) * (last - first)
         bound: Floats | float = 16 * EPSILON * turned * reach
         return bound
 

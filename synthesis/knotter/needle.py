@@ -1,4 +1,4 @@
-"""The needle that lays the rope past the bill: its clearance (eq 4) and the length d5 (eq 5) over its angle alpha2.
+"""The needle that lays the rope on the bill: its distance from the jaw's cam (eq 4) and the length d5 (eq 5) over alpha2.
 
 Equation numbers are those of `synthesis.knotter.d_knotter`.
 """
@@ -18,18 +18,18 @@ from synthesis.one_variable import Flags, Floats, bisect
 
 @dataclass(frozen=True)
 class Needle:
-    """The needle, its angle alpha2 limited by the frame.
+    """The needle beside the jaw's cam, over the angle alpha2 of the bill's axis.
 
     Parameters
     ----------
     S1x, S1y : float
-        The rope's end at the bill.
+        Where the needle lays the rope, from the bill's axis along i4 and from o4 along k4.
     r0, D0 : float
-        Radius of the main shaft and diameter of the needle, positive.
+        Largest radius of the jaw's cam and thickness of the needle, positive.
     d6, r1 : float
-        Distance of the bill's bore and radius of the rope point on the disc.
+        From o1 to the plane i0 o0 k0, and radius of the holding point S0 about the disc's axis.
     beta0 : float
-        Starting angle of the disc, rad.
+        Initial phase of the disc, rad.
 
     Notes
     -----
@@ -46,7 +46,7 @@ class Needle:
     beta0: float = BETA0
 
     def clearance(self, alpha2: Floats | float) -> Any:
-        """``L(alpha2)`` of eq 4; the needle is free where it is positive."""
+        """``L(alpha2)`` of eq 4, the least distance of needle and cam; the needle is free where it is positive."""
         return self.S1x * np.cos(alpha2) + self.S1y * np.sin(alpha2) - self.r0 / np.cos(alpha2) - self.D0 / 2
 
     def best(self) -> float:

@@ -41,7 +41,7 @@ def study(
     conditions: Sequence[Condition],
     work: Work | None = None,
 ) -> StudyResult:
-    """Every condition for every combination of the grid's parameters; ``work`` is asked before each condition.
+    """Every condition for every combination of the grid's parameters; ``work`` is asked before each few items of each condition.
 
     Raises
     ------
@@ -65,8 +65,7 @@ def study(
         condition.check(mechanism)
     work, results = work or Work(), {}
     for condition in conditions:
-        work.go_on()
-        results[condition.name] = condition.evaluate(mechanism, items)
+        results[condition.name] = condition.evaluate(mechanism, items, work)
     return StudyResult(
         flat,
         results,
@@ -95,7 +94,12 @@ class Limit:
 
 
 def solve(
-    mechanism: Mechanism, condition: Condition, parameter: str, between: tuple[float, float], samples: int = 257
+    mechanism: Mechanism,
+    condition: Condition,
+    parameter: str,
+    between: tuple[float, float],
+    samples: int = 257,
+    work: Work | None = None,
 ) -> tuple[list[Limit], bool]:
     """Every limit of a condition in one parameter that ``samples`` evenly spaced values tell apart, increasing.
 
@@ -105,12 +109,12 @@ def solve(
     -----
     Where the condition holds between two samples only, neither sees it: the verdict at a sample is exact, the search
     over the parameter is as fine as its samples. Each change is then cut into 16 until next to nothing is left.
-    Law: the condition holds at ``value`` and fails at the next samples beyond it.
+    Law: the condition holds at ``value`` and fails at the next samples beyond it. ``work`` is asked at each evaluation.
     """
     condition.check(mechanism)
 
     def verdict(values: Floats) -> Flags:
-        return condition.evaluate(mechanism.with_parameters(**{parameter: values}), len(values)).holds
+        return condition.evaluate(mechanism.with_parameters(**{parameter: values}), len(values), work).holds
 
     values = np.linspace(*between, samples)
     holds = verdict(values)

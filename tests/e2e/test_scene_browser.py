@@ -13,6 +13,7 @@ import pytest
 from app.page import scene_pages
 from app.scenes import SCENES
 from tests.e2e.test_page_browser import (  # noqa: F401
+    ActionChains,
     By,
     Select,
     address,
@@ -207,3 +208,91 @@ def test_it_looks_like_this(at, tmp_path, name) -> None:
     assert page.save_screenshot(str(file)) and file.stat().st_size > 20_000
     if os.environ.get("LINKAGE_ATLAS_SCREENSHOTS"):
         shutil.copy(file, ROOT / "docs/img" / file.name)
+
+
+MOVING = {"chain": ".stage .link.thin", "knotter": ".stage .rope"}
+"""What moves in each drawing."""
+
+
+@pytest.mark.parametrize("scene", MOVING)
+def test_chain_and_knotter_run_smoothly_and_stop(at, scene) -> None:
+    page = at(scene)
+    button, part = (
+        page.find_element(By.CSS_SELECTOR, ".player button"),
+        page.find_element(By.CSS_SELECTOR, MOVING[scene]),
+    )
+    button.click()
+    frames = page.execute_async_script(
+        """const [name, done] = arguments, path = document.querySelector(name);
+        let frames = 0;
+        const watch = new MutationObserver((rows) => { frames += rows.length ? 1 : 0; });
+        watch.observe(path, { attributes: true, attributeFilter: ["d"] });
+        setTimeout(() => { watch.disconnect(); done(frames); }, 1000)""",
+        MOVING[scene],
+    )
+    assert frames >= FRAMES
+    button.click()
+    stood = part.get_attribute("d")
+    time.sleep(0.2)
+    assert part.get_attribute("d") == stood and button.get_attribute("aria-label") == "Play"
+
+
+def slide(page, value: float) -> None:
+    page.execute_script(
+        "const s = document.querySelector('.player input'); s.value = arguments[0]; s.dispatchEvent(new Event('input'))",
+        value,
+    )
+
+
+def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> None:
+    page = at("chain")
+    stages = page.find_elements(By.CSS_SELECTOR, "#picture .stage")
+    assert len(stages) == 2
+    assert len(stages[0].find_elements(By.CSS_SELECTOR, "circle.pin")) == 15
+    assert len(stages[0].find_elements(By.CSS_SELECTOR, "circle.wheel")) == 2
+    labels = [one.text for one in stages[0].find_elements(By.CSS_SELECTOR, ".symbol")]
+    assert {"slot", "P1", "P14", "R0", "R1", "R2", "O1", "O2"} <= set(labels)
+    lowest = {}
+    for theta in (29.6, 74.6):
+        slide(page, theta)
+        place = stages[1].find_element(By.CSS_SELECTOR, "circle.point")
+        lowest[theta] = float(place.get_attribute("cy"))
+        link = stages[0].find_element(By.CSS_SELECTOR, ".link.thin").get_attribute("d")
+        assert link.count("L") == 15
+    assert lowest[74.6] > lowest[29.6] + 20  # the free pin hangs deepest in the middle of the window
+    # a roller adds the groove's walls
+    Select(find(page, "example")).select_by_value("roller")
+    wait(page, "document.querySelectorAll('#picture .wall').length === 4")
+    assert "52.09" in find(page, "facts").text
+    assert "t^0" in find(page, "tables").text
+
+
+def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
+    page = at("knotter")
+    verdict = page.find_element(By.CSS_SELECTOR, ".verdicts-list").text
+    assert "wraps over S3S4 at 90.1396°" in verdict and "bites the rope over S8S9 at 311.963°" in verdict
+    drawing = page.find_element(By.CSS_SELECTOR, "#picture .stage")
+    assert len(drawing.find_elements(By.CSS_SELECTOR, "circle.enter:not(.wrong)")) == 2
+    # at the wrap's entry the mark lies on the rope: the drawing opens there
+    rope = drawing.find_element(By.CSS_SELECTOR, ".rope").get_attribute("d")
+    ends = [tuple(map(float, part.split())) for part in rope.lstrip("M").split("L")]
+    mark = drawing.find_element(By.CSS_SELECTOR, "circle.enter")
+    x, y = (float(mark.get_attribute(name)) for name in ("cx", "cy"))
+    (x0, y0), (x1, y1) = ends
+    off = abs((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / ((x1 - x0) ** 2 + (y1 - y0) ** 2) ** 0.5
+    assert off < 0.5
+    before = drawing.find_element(By.CSS_SELECTOR, ".body").get_attribute("d")
+    ActionChains(page).move_to_element(drawing).click_and_hold().move_by_offset(90, 20).release().perform()
+    turned = drawing.find_element(By.CSS_SELECTOR, ".body").get_attribute("d")
+    assert turned != before
+    view = Select(page.find_element(By.CSS_SELECTOR, ".view-choice select"))
+    assert view.first_selected_option.text == "as turned"
+    shapes = set()
+    for k in range(4):
+        view.select_by_index(k)
+        shapes.add(drawing.find_element(By.CSS_SELECTOR, ".body").get_attribute("d"))
+    assert len(shapes) == 4 and before in shapes
+    Select(find(page, "example")).select_by_value("fails_to_wrap")
+    wait(page, "document.querySelector('.verdicts-list li.no')")
+    assert "through S5S3" in page.find_element(By.CSS_SELECTOR, ".verdicts-list").text
+    assert page.find_elements(By.CSS_SELECTOR, "circle.enter.wrong")

@@ -291,3 +291,84 @@ def test_tracks_that_are_none(body, pointer, client) -> None:
     response = client.post("/v1/chain/track", json={"pitch": 50, **body})
     assert response.status_code == 422, response.text
     assert response.json()["errors"][0]["pointer"].startswith(pointer), response.text
+
+
+# Stretch, pins, powers, tolerances
+
+
+def test_stretched_is_computed_and_can_be_true(client) -> None:
+    closed = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": None}).json()
+    assert closed["checks"]["stretched"] is False and closed["checks"]["missing_length"] < 1e-9
+    # the critical layout with its lower radius rounded down: it lacks 1e-5, far below what is refused
+    given = {name: closed["geometry"][name] for name in ("wheel_radius", "eccentricity")}
+    short = {**PUBLISHED, **given, "lower_radius": closed["geometry"]["lower_radius"] - 1e-6, "fit": None}
+    checks = client.post("/v1/chain/slot", json=short).json()["checks"]
+    assert checks["stretched"] is True and checks["missing_length"] == pytest.approx(1.05e-5, rel=0.05)
+
+
+def test_all_pins_over_http_and_as_a_table(client) -> None:
+    body = {**PUBLISHED, "samples": 181, "fit": None, "include": ["pins"]}
+    reply = client.post("/v1/chain/slot", json=body).json()
+    pins = reply["pins"]
+    assert pins["segments"] == ["left_wheel", "lower_arc", "right_wheel", "upper_arc"]
+    for row in pins["xy"]:
+        chords = [math.dist(a, b) for a, b in zip(row, [*row[1:], row[0]])]
+        assert chords == pytest.approx([131] * 16, rel=1e-9)
+    assert [row[0] for row in pins["theta"]] == pytest.approx(reply["slot"]["theta1"], abs=1e-9)
+    assert max(math.dist(row[13], at) for row, at in zip(pins["xy"], reply["slot"]["xy"])) < 1e-10
+    assert len(reply["slot"]["slack"]) == 181 and max(reply["slot"]["slack"]) == pytest.approx(3.3316, abs=1e-3)
+    head, *rows = client.post("/v1/chain/slot.csv", json=body).text.strip().splitlines()
+    names = head.split(",")
+    assert {"slack", "P16_x", "P16_y", "theta16_deg", "link16_deg"} <= set(names) and len(rows) == 181
+    last = dict(zip(names, map(float, rows[-1].split(","))))
+    assert last["theta15_deg"] == pins["theta"][-1][14] and last["P3_x"] == pins["xy"][-1][2][0]
+    radians = client.post("/v1/chain/slot", json={**body, "samples": 5, "angle_unit": "rad"}).json()["pins"]
+    assert radians["theta"][0] == pytest.approx([math.radians(angle) for angle in pins["theta"][0]])
+
+
+def test_pins_of_any_track_and_their_limit(client) -> None:
+    body = {
+        "pitch": 50,
+        "links": 16,
+        "stadium": {"radius": 60},
+        "samples": 11,
+        "include": ["pins", "outline"],
+        "fit": None,
+    }
+    reply = client.post("/v1/chain/track", json=body).json()
+    assert reply["pins"]["theta"] is None and len(reply["pins"]["xy"][0]) == 16 and reply["outline"]["left"] is None
+    many = {**PUBLISHED, "samples": 10_001, "links": 30, "upper_radius": 500, "include": ["pins"]}
+    refused = client.post("/v1/chain/slot", json=many)
+    assert refused.status_code == 422 and refused.json()["errors"][0]["pointer"] in ("#/samples", "#/links")
+
+
+def test_powers_of_the_fit_for_a_control(client) -> None:
+    fit = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"order": 8}, "power_decimals": 6}).json()["fit"]
+    power = fit["power"]
+    assert power["decimals"] == 6 and len(power["pieces"]) == 5 and power["max_normal"] < 2e-5
+    assert power["pieces"][0]["theta1"] == fit["pieces"][0]["theta1"]
+    ends = [[sum(piece["x"]), sum(piece["y"])] for piece in power["pieces"]]
+    starts = [[piece["x"][0], piece["y"][0]] for piece in power["pieces"]]
+    for end, start in zip(ends, starts[1:]):
+        assert end == pytest.approx(start, abs=3e-5)
+    assert starts[0] == pytest.approx([65.5, -169.569214], abs=2e-5)
+    lost = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"order": 64}}).json()["fit"]["power"]
+    assert lost["pieces"] is None and lost["max_normal"] > 1
+    assert (
+        client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"kind": "fourier"}}).json()["fit"]["power"] is None
+    )
+
+
+def test_tolerances_over_http(client) -> None:
+    reply = client.post("/v1/chain/tolerance", json={"pitch_errors": [-0.1, 0.1]}).json()
+    short, long = reply["wear"]
+    assert short["stretched"] and short["beyond_slot"] is None and not long["stretched"] and long["beyond_slot"] > 2
+    assert abs(reply["pitch_error_min"]) < 1e-9 and reply["status"] == "stretched"
+    kept = client.post("/v1/chain/tolerance", json={"lower_radius": 381.7}).json()
+    assert kept["status"] == "kept" and kept["pitch_error_min"] < 0 < kept["tolerance"]["slack_min"]
+    for body, pointer in (
+        ({"pitch_errors": [7]}, "#/pitch_errors"),
+        ({"tolerances": {"pitch": 7}}, "#/tolerances/pitch"),
+    ):
+        refused = client.post("/v1/chain/tolerance", json=body)
+        assert refused.status_code == 422 and refused.json()["errors"][0]["pointer"] == pointer

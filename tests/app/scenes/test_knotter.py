@@ -14,7 +14,8 @@ from app import cli
 from app.scenes import knotter_models as models
 from synthesis.knotter.conditions import MAX_PIECES
 
-FIGURES = json.loads((Path(__file__).parents[2] / "reference" / "knotter.json").read_text())
+ROOT = Path(__file__).parents[3]
+FIGURES = json.loads((ROOT / "tests" / "reference" / "knotter.json").read_text())
 POINTS = ("S0", "S1", "S3", "S4", "S5", "S7", "S8", "S9", "S10")
 
 
@@ -326,3 +327,128 @@ def test_command_line_prints_a_table_and_names_a_bad_field(tmp_path, capsys) -> 
     request.write_text(json.dumps({"points": {"S4": [0, 16, -12]}}))
     assert cli.main(["knotter", "scan", str(request)]) == 2
     assert "points: S3 and S4 coincide" in capsys.readouterr().err
+
+
+# The parts by their names
+
+
+def test_descriptions_name_the_parts_as_the_source_does() -> None:
+    every = json.dumps([model.model_json_schema() for model in (models.ScanRequest, models.NeedleRequest)])
+    source = "".join(path.read_text() for path in (ROOT / "synthesis" / "knotter").glob("*.py"))
+    text = every + source + (ROOT / "docs" / "knotter.md").read_text()
+    for wrong in ("main shaft", "iameter of the needle", "eedle's angle", "patial angle of", "'s spatial angle"):
+        assert wrong not in text, wrong
+    said = {name: field.description for name, field in models.NeedleRequest.model_fields.items()}
+    assert "cam" in said["r0"] and "hickness" in said["D0"]
+    for text in (said["alpha2"], models.Parameters.model_fields["alpha2"].description):
+        assert "k0 and k1 in the plane i1 o1 k1" in text
+    grid = {name: field.description for name, field in models.Grid.model_fields.items()}
+    assert "j2 and j1 in the plane j1 o1 k1" in grid["alpha1"]
+    assert "k0 and k1 in the plane j1 o1 k1" in grid["alpha3"]
+
+
+# Curves, fit, tolerances
+
+
+def post(client, path, **body):
+    reply = client.post(f"/v1/knotter/{path}", json=body)
+    assert reply.status_code == 200, reply.text
+    return reply.json()
+
+
+def test_curves_of_one_pair_hold_its_verdict_and_paths(client, reference) -> None:
+    found = post(client, "curves", alpha1=10, alpha3=25)
+    pair = next(pair for pair in reference["pairs"] if (pair["alpha1"], pair["alpha3"]) == (10, 25))
+    assert {name: found[name] for name in ("wrap", "clearance", "bite")} == {
+        name: pair[name] for name in ("wrap", "clearance", "bite")
+    }
+    assert found["status"] == "ties" and found["frame"] == "shaft" and len(found["alpha"]) == 181 and finite(found)
+    assert set(found["paths"]) == {*POINTS, "O5"} and all(len(path) == 181 for path in found["paths"].values())
+    # E1 lies on the rope between S0 and S1, in the frame of the paths too
+    for k in range(181):
+        if found["E1"]["on_rope"][k]:
+            s0, s1, at = (found["paths"]["S0"][k], found["paths"]["S1"][k], found["E1"]["path"][k])
+            assert math.dist(s0, at) + math.dist(at, s1) == pytest.approx(math.dist(s0, s1), abs=1e-9)
+            assert abs(found["E1"]["point"][k][0]) < 1e-12
+    first = found["E1"]["inside"].index(True)
+    assert found["alpha"][first - 1] < found["wrap"]["angle"] < found["alpha"][first]
+    assert found["step_before"]["alpha"] == 90 and found["step_before"]["point"][1] == pytest.approx(10.98, abs=0.01)
+    radians = post(client, "curves", alpha1=math.radians(10), alpha3=math.radians(25), angle_unit="rad", samples=3)
+    assert radians["wrap"]["point"] == found["wrap"]["point"] and radians["beta"][0] == pytest.approx(
+        math.radians(23.5)
+    )
+    rows = list(csv.DictReader(client.post("/v1/knotter/curves.csv", json={"samples": 5}).text.splitlines()))
+    assert len(rows) == 5 and {"alpha", "E1.j", "E2.k", "S10.i", "E1.on_rope"} <= set(rows[0])
+    for body, pointer in (({"over": [90, 0]}, "#/over"), ({"step": 1e-6}, "#/step"), ({"frame": "u9"}, "#/frame")):
+        refused = client.post("/v1/knotter/curves", json=body)
+        assert refused.status_code == 422 and refused.json()["errors"][0]["pointer"] == pointer
+
+
+def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> None:
+    found = post(client, "fit", seed=1)
+    assert found["status"] == "reproduced" and len(found["entries"]) == 16 and found["margin"] > 0
+    assert all(entry["margin"] > 0 for entry in found["entries"])
+    assert found["free"] == 8 - found["rank"] and len(found["directions"]) == 8
+    for name, (low, high) in found["alone"].items():
+        assert low <= found["values"][name] <= high
+    # the found values, sent to the ordinary scan, give the same pattern
+    values = found["values"]
+    body = {
+        "parameters": {"d1": values["d1"], "D": values["D"]},
+        "laws": {"beta": {"lead": values["beta.lead"], "ratio": values["beta.ratio"]}},
+        "points": {
+            "S1": [22, values["S1.j"], -39],
+            "S5": [0, 0, values["S5.k"]],
+            "S10": [values["S10.i"], 0, values["S10.k"]],
+        },
+        "clearance": {"over": [270, 270]},
+    }
+    pairs = {(pair["alpha1"], pair["alpha3"]): pair for pair in scan(client, **body)["pairs"]}
+    for entry in found["entries"]:
+        verdict = pairs[entry["alpha1"], entry["alpha3"]][entry["condition"]]
+        assert verdict["holds"] == entry["wanted"]
+
+
+def test_fit_judges_the_defaults_and_says_how_far_they_may_move(client) -> None:
+    from app.scenes.knotter_fit import FIT
+
+    found = post(client, "fit", **FIT.examples["defaults"])
+    assert found["status"] == "reproduced" and found["start_margin"] == found["margin"] == pytest.approx(
+        0.138, abs=1e-3
+    )
+    assert found["values"] == pytest.approx({"d1": 136, "D": 20, "beta.lead": 23.5, "beta.ratio": 0.5, "S1.j": 14, "S5.k": 0,
+                                             "S10.i": 59, "S10.k": 31.5})  # fmt: skip
+    assert found["alone"]["S5.k"] == pytest.approx([0, 12])
+
+
+@pytest.mark.parametrize(
+    ("body", "pointer"),
+    [
+        ({"unknowns": [{"name": "d99", "low": 0, "high": 1}]}, "#/unknowns/0/name"),
+        ({"unknowns": [{"name": "d1", "low": 2, "high": 1}]}, "#/unknowns/0/high"),
+        ({"unknowns": [{"name": "d1", "low": 0, "high": 200, "start": 300}]}, "#/unknowns/0/start"),
+        ({"unknowns": [{"name": "d1", "low": 0, "high": 200, "start": 100}, {"name": "D", "low": 0, "high": 9}]}, "#/unknowns"),
+        ({"unknowns": [{"name": "d1", "low": 0, "high": 200}] * 2}, "#/unknowns/1/name"),
+        ({"unknowns": []}, "#/draws"),
+        ({"draws": 0}, "#/draws"),
+        ({"unknowns": [{"name": "beta.lead", "low": 0, "high": 9}], "laws": {"beta": {"table": [[0, 0], [360, 180]]}}},
+         "#/unknowns/0/name"),
+        ({"pattern": []}, "#/pattern"),
+    ],
+)  # fmt: skip
+def test_fits_without_meaning_are_refused_at_their_field(client, body, pointer) -> None:
+    refused = client.post("/v1/knotter/fit", json=body)
+    assert refused.status_code == 422 and refused.json()["errors"][0]["pointer"] == pointer, refused.text
+
+
+def test_tolerances_of_the_chosen_pair(client) -> None:
+    found = post(client, "tolerance", samples=100)
+    assert found["status"] == "ties" and found["share"] == 1 and finite(found)
+    assert found["clearance"]["sensitivity"]["D"] == pytest.approx(-1, abs=1e-3)
+    assert min(found[name]["factor"] for name in ("wrap", "clearance", "bite")) > 1
+    assert post(client, "tolerance", samples=100, lengths=0.5, angles=0.5)["status"] == "may fail"
+    assert post(client, "tolerance", samples=0, alpha1=0, alpha3=20)["status"] == "fails"
+    radians = post(client, "tolerance", samples=0, angle_unit="rad", angles=math.radians(0.1))
+    assert radians["clearance"]["sensitivity"]["alpha3"] == pytest.approx(
+        math.degrees(found["clearance"]["sensitivity"]["alpha3"])
+    )

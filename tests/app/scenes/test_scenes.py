@@ -8,6 +8,7 @@ import pytest
 
 from app import cli
 from app.scenes import scene_queries
+from synthesis.work import Cancelled, Work
 
 EXAMPLES = [(query, name) for query in scene_queries() for name in query.examples]
 
@@ -35,3 +36,34 @@ def test_malformed_requests_are_the_clients_fault(query, body, client) -> None:
     assert 400 <= reply.status_code < 500, reply.text
     assert reply.headers["content-type"] == "application/problem+json"
     assert reply.json()["errors"][0]["pointer"].startswith("#")
+
+
+class Leaving:
+    """Resources of a client that leaves when its work is asked for the n-th time."""
+
+    max_budget_ms = 30_000.0
+
+    def __init__(self, after: int) -> None:
+        self.left = after
+
+    def gone(self) -> bool:
+        self.left -= 1
+        return self.left < 0
+
+    def work(self, budget=None):
+        return Work(budget, self.gone)
+
+
+STEPPED = [query for query in scene_queries() if query.path.split("/")[2] in ("chain", "knotter")]
+AT_ONCE = {"/v1/knotter/needle"}
+"""Closed forms: there is nothing to cut short."""
+
+
+@pytest.mark.parametrize("after", [0, 2])
+@pytest.mark.parametrize("query", STEPPED, ids=lambda query: query.command)
+def test_a_client_that_leaves_ends_the_work(query, after) -> None:
+    request = query.request.model_validate(next(iter(query.examples.values())))
+    answers = [query.answer, *(export.render for export in query.exports.values())]
+    for answer in answers if query.path not in AT_ONCE else ():
+        with pytest.raises(Cancelled):
+            answer(request, Leaving(after))

@@ -113,7 +113,7 @@ def test_rope_that_never_enters_or_is_inside_from_the_start(name: str, cases) ->
 @pytest.mark.parametrize("seed", range(12))
 def test_worst_clearance_is_no_better_than_a_fine_scan(seed: int, radius: float, locked: bool) -> None:
     twin = Twin(seed)
-    condition = d_knotter.clearance(radius=radius, hook_locked=locked)
+    condition = d_knotter.clearance(radius=radius, jaw_locked=locked)
     found = condition.evaluate(made(twin), 1)
     alpha = np.linspace(*condition.over, 40_001)
 

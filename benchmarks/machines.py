@@ -1,0 +1,193 @@
+"""Chain and knotter as built: pins, groove, powers, wear, tolerances, and the fit of the unknown inputs.
+
+Nothing here is a time: the figures are the same everywhere but for rounding. ``python -m benchmarks.machines`` fills
+docs/chain.md and docs/knotter.md in half a minute.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.resources import ServiceResources
+from app.scenes.chain_tolerance import ChainToleranceRequest, answer_tolerance
+from app.scenes.knotter_curves import CurvesRequest, answer_curves
+from app.scenes.knotter_fit import FIT, PatternFitRequest, answer_fit
+from app.scenes.knotter_tolerance import KnotterToleranceRequest
+from app.scenes.knotter_tolerance import answer_tolerance as answer_knotter_tolerance
+from app.settings import Settings
+from benchmarks.report import lines, run
+from synthesis.chain import crescent as chain
+from synthesis.chain.angles import pins_at
+from synthesis.chain.fit import exact_slot, fit_error, fit_slot
+from synthesis.chain.groove import groove, slot_run
+from synthesis.chain.power import power_basis, power_error
+
+PRINTED = json.loads((Path(__file__).parents[1] / "tests" / "reference" / "knotter.json").read_text())
+DEGREES = (4, 6, 8, 12, 16, 24)
+ROLLER = 20.0
+SEEDS = range(4)
+
+
+def measure_chain() -> dict[str, Any]:
+    """The published crescent."""
+    _, slot = chain.crescent_slot(131.0, 16, 181.78)
+    phases = np.linspace(slot.start, slot.end, 9001)
+    pins = pins_at(slot, phases).points
+    exact = exact_slot(slot, phases)
+    points = np.concatenate([bend.at(np.linspace(0, 1, 9)) for bend in slot_run(slot)])
+    path = slot.path(np.linspace(slot.start, slot.end, 20_001))
+    start, along = path[:-1], np.diff(path)
+    share = np.clip(((points[:, None] - start) / along).real, 0, 1)
+    rows = []
+    for degree in DEGREES:
+        fit = fit_slot(slot, "chebyshev", degree)
+        powers = {f"decimals_{n}": power_error(slot, power_basis(slot, fit, n), exact) for n in (4, 6, None)}
+        rows.append({"degree": degree, "normal": fit_error(slot, fit, exact).normal, **powers})
+    resources = ServiceResources(Settings())
+    return {
+        "chord": float(np.abs(np.abs(np.roll(pins, -1, axis=1) - pins) / 131 - 1).max()),
+        "arcs": len(groove(slot, ROLLER).walls["left"]),
+        "arcs_error": float(np.abs(points[:, None] - start - share * along).min(axis=1).max()),
+        "powers": rows,
+        "tolerance": answer_tolerance(ChainToleranceRequest(), resources).model_dump(),
+    }
+
+
+def measure_knotter() -> dict[str, Any]:
+    """The pair that the source chose, its table 1, and the inputs that its pattern leaves open."""
+    resources = ServiceResources(Settings())
+    law = PRINTED["REF_PRINT"]["laws"]["beta"]
+    printed = {key: PRINTED["REF_PRINT"][key] for key in ("parameters", "points")} | {"laws": {"beta": law}}
+    before = []
+    for key, point in PRINTED["paper"]["E1_before_hit"].items():
+        pair = dict(zip(("alpha1", "alpha3"), map(float, key.split(","))))
+        ours, fitted = (
+            answer_curves(CurvesRequest.model_validate({**pair, **more}), resources).step_before.point
+            for more in ({"step": 2}, {**printed, "step": PRINTED["REF_PRINT"]["scan_step"]})
+        )
+        before.append({"pair": key, "printed": point, "defaults": ours[1:], "fitted": fitted[1:]})
+    fits = [answer_fit(PatternFitRequest(seed=seed), resources).model_dump() for seed in SEEDS]
+    return {
+        "before": before,
+        "defaults": answer_fit(PatternFitRequest.model_validate(FIT.examples["defaults"]), resources).model_dump(),
+        "fits": [{name: fit[name] for name in ("values", "margin", "draws_kept", "status", "free")} for fit in fits],
+        "tolerance": answer_knotter_tolerance(KnotterToleranceRequest(), resources).model_dump(),
+    }
+
+
+def place(point: list[float], digits: int = 3) -> str:
+    """A point of two coordinates in words."""
+    return f"({point[0]:.{digits}f}, {point[1]:.{digits}f})"
+
+
+def chain_blocks(found: dict[str, Any]) -> dict[str, str]:
+    """The blocks of docs/chain.md."""
+    made, spread = found["tolerance"], found["tolerance"]["tolerance"]
+    wear = [
+        [
+            f"{row['pitch_error']:+.3f}",
+            f"{row['slack_min'] + 0.0:.3f}".replace("-0.000", "0.000"),
+            f"{row['slack_max']:.3f}",
+            "yes" if row["stretched"] else "no",
+            *("-" if row[name] is None else f"{row[name]:.3f}" for name in ("depth_max", "beyond_slot")),
+        ]
+        for row in made["wear"]
+    ]
+    powers = [
+        [
+            str(row["degree"]),
+            *(f"{row[name]:.1e}" for name in ("normal", "decimals_None", "decimals_6", "decimals_4")),
+        ]
+        for row in found["powers"]
+    ]
+    per = ", ".join(
+        f"{value:+.1f} per mm of the {name.replace('_', ' ')}" for name, value in spread["sensitivity"].items()
+    )
+    return {
+        "chord": f"{found['chord']:.0e}",
+        "arcs": f"{found['arcs']}",
+        "arcs_error": f"{found['arcs_error']:.0e}",
+        "wear": lines(["pitch error", "least slack", "largest slack", "stretched", "depth", "past the slot"], wear),
+        "corners": f"{spread['corners']} corners the least slack is {spread['slack_min']:.3f} (nominal 0), the largest "
+        f"{spread['slack_max']:.3f}",
+        "sensitivity": per,
+        "powers": lines(["degree", "fit", "by powers", "6 decimals", "4 decimals"], powers),
+    }
+
+
+def knotter_blocks(found: dict[str, Any]) -> dict[str, str]:
+    """The blocks of docs/knotter.md."""
+    before = [
+        [f"({row['pair'].replace(',', ', ')})", *(place(row[name]) for name in ("printed", "defaults", "fitted"))]
+        for row in found["before"]
+    ]
+    start, alone = found["defaults"], found["defaults"]["alone"]
+    fits = [
+        [
+            name,
+            f"{value:.4g}",
+            f"{alone[name][0]:.4g} to {alone[name][1]:.4g}",
+            *(f"{fit['values'][name]:.4g}" for fit in found["fits"]),
+        ]
+        for name, value in start["values"].items()
+    ]
+    fits.append(
+        ["smallest margin, mm", f"{start['margin']:.2f}", "", *(f"{fit['margin']:.2f}" for fit in found["fits"])]
+    )
+    spread = found["tolerance"]
+    rows = []
+    for name in ("wrap", "clearance", "bite"):
+        one = spread[name]
+        most = ", ".join(f"{key} {value:+.2g}" for key, value in list(one["sensitivity"].items())[:3])
+        factor = "-" if one["factor"] is None else f"{one['factor']:.1f}"
+        rows.append(
+            [
+                name,
+                *(f"{one[key]:.2f}" for key in ("margin", "corner", "least")),
+                f"{100 * one['share']:.1f}",
+                factor,
+                most,
+            ]
+        )
+    head = [
+        "condition",
+        "margin",
+        "worse corner",
+        "least sample",
+        "samples that hold, %",
+        "fails at times the tolerances",
+        "most, per mm or degree",
+    ]
+    kept = sum(fit["draws_kept"] for fit in found["fits"])
+    held = sum(fit["status"] == "reproduced" for fit in found["fits"])
+    return {
+        "before": lines(
+            ["pair", "printed", "defaults, step 2° (fitted)", "fitted to these points, step 5°"], before, 4
+        ),
+        "fit": lines(["unknown", "default", "kept alone over", *(f"seed {seed}" for seed in SEEDS)], fits),
+        "fits_held": f"{held} of {len(found['fits'])} seeds give all 16 verdicts; {kept} of their draws do so as they are",
+        "tolerance": lines(head, rows),
+    }
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The tables and figures of both documents."""
+    made = {f"chain_{name}": text for name, text in chain_blocks(results["chain"]).items()}
+    return made | {f"knotter_{name}": text for name, text in knotter_blocks(results["knotter"]).items()}
+
+
+def measure() -> Iterator[dict[str, Any]]:
+    """Both machines."""
+    found = {"chain": measure_chain(), "knotter": measure_knotter()}
+    assert all(map(math.isfinite, (found["chain"]["chord"], found["chain"]["arcs_error"])))
+    yield found
+
+
+if __name__ == "__main__":
+    run(measure)

@@ -1,0 +1,253 @@
+"""Unknown dimensions that reproduce a wanted pattern of verdicts, and how far from unique they are.
+
+Every entry of the pattern has a margin that is positive where its verdict is the wanted one. The search makes the smallest of
+them as large as it can: seeded draws over the ranges, then linear programs on the margins' slopes from the best draws.
+A pattern of yes and no bounds values and never fixes them; how far it bounds them is part of the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from synthesis.knotter.conditions import Condition
+from synthesis.knotter.dimensions import varied
+from synthesis.knotter.mechanism import Mechanism
+from synthesis.one_variable import Flags, Floats
+from synthesis.work import Work
+
+ITERATIONS, FIRST_REACH, LAST_REACH = 30, 0.15, 1e-3
+"""Linear programs of one descent; how far the first may go and when the last has come too close, in shares of the ranges."""
+STEP = 4e-3
+"""Step of the differences, in shares of the ranges: a set that does not keep the pattern so far around it is worth less."""
+PLACES, HALVINGS = 24, 18
+"""Places looked at along a direction for the first broken verdict, and halvings of the gap before it."""
+LONGER = 1e3
+"""Share by which the budget grows for what is bounded by itself: it ends the improvement and not the evaluation that runs."""
+RANK = 1e-6
+"""Singular values below this share of the largest count as zero."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Verdicts wanted of one condition.
+
+    Parameters
+    ----------
+    condition : Condition
+    items : mapping of str to ndarray, shape (entries,)
+        The dimensions in which the entries differ.
+    holds : ndarray of bool, shape (entries,)
+    """
+
+    condition: Condition
+    items: Mapping[str, Floats]
+    holds: Flags
+
+
+class Pattern:
+    """The margins of all wanted verdicts as functions of unknown dimensions, given as shares of their ranges.
+
+    Law: an entry is positive where its verdict is the wanted one.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, wanted: Sequence[Wanted], ranges: Mapping[str, tuple[float, float]]
+    ) -> None:
+        self.mechanism, self.wanted, self.names = mechanism, tuple(wanted), tuple(ranges)
+        self.low, self.high = np.array(list(ranges.values())).T
+
+    def values(self, share: Floats) -> Floats:
+        """Dimensions from shares."""
+        return self.low + share * (self.high - self.low)
+
+    def shares(self, values: Floats) -> Floats:
+        """Shares from dimensions."""
+        return (values - self.low) / (self.high - self.low)
+
+    def margins(self, shares: Floats, work: Work) -> Floats:
+        """Margins, shape (candidates, entries), of candidates of shape (candidates, unknowns)."""
+        values, count, found = self.values(shares), len(shares), []
+        for part in self.wanted:
+            entries = len(part.holds)
+            items = {name: np.repeat(values[:, k], entries) for k, name in enumerate(self.names)}
+            items |= {name: np.tile(column, count) for name, column in part.items.items()}
+            result = part.condition.evaluate(varied(self.mechanism, items), count * entries, work)
+            sign = np.where(part.holds, 1.0, -1.0)
+            found.append(result.margin.reshape(count, entries) * sign)
+        return np.concatenate(found, axis=1)
+
+    def found(self, share: Floats, work: Work) -> Found:
+        """Margins and their derivatives at a set of shape (unknowns,).
+
+        A margin jumps where another window of the rope becomes the first: there the side without the jump counts.
+        """
+        steps, count = STEP * np.eye(len(share)), len(share)
+        at = self.margins(np.concatenate([share[None], share + steps, share - steps]), work)
+        forward, backward = (at[1 : count + 1] - at[0]) / STEP, (at[0] - at[count + 1 :]) / STEP
+        size = np.maximum(np.abs(forward), np.abs(backward))
+        smaller = np.where(np.abs(forward) < np.abs(backward), forward, backward)
+        slopes = np.where(np.abs(forward - backward) <= 0.5 * size, 0.5 * (forward + backward), smaller).T
+        return Found(share, at[0], slopes, float(at.min()))
+
+
+@dataclass(frozen=True)
+class Found:
+    """One set of dimensions.
+
+    Attributes
+    ----------
+    share : ndarray, shape (unknowns,)
+        As shares of the ranges.
+    margins : ndarray, shape (entries,)
+    slopes : ndarray, shape (entries, unknowns)
+        Derivatives of the margins by the shares.
+    around : float
+        The smallest margin of this set and of those one `STEP` away along each unknown.
+    """
+
+    share: Floats
+    margins: Floats
+    slopes: Floats
+    around: float
+
+    @property
+    def worst(self) -> float:
+        """The smallest margin; positive where the whole pattern comes out."""
+        return float(self.margins.min())
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction of the unknowns through a set that reproduces the pattern.
+
+    Attributes
+    ----------
+    vector : ndarray, shape (unknowns,)
+        Of unit length, in shares of the ranges.
+    strength : float
+        How fast the margins change along it (root of the sum of squares), per share.
+    back, forth : float
+        How far the pattern is kept, in shares; to the end of a range at most.
+    """
+
+    vector: Floats
+    strength: float
+    back: float
+    forth: float
+
+
+def search(
+    pattern: Pattern, draws: int, descents: int, seed: int, start: Floats | None = None, work: Work | None = None
+) -> tuple[list[Found], int]:
+    """Sets of dimensions with their smallest margin as large as it was found, best first, and how many draws kept the pattern.
+
+    Parameters
+    ----------
+    draws, descents : int
+        Draws over the ranges, and how many of the best are improved; with 0 descents a start stays as it is.
+    seed : int
+    start : ndarray, shape (unknowns,), optional
+        Shares of one more start, improved as well.
+    work : Work, optional
+        Its end ends the improvement; the best so far is the answer.
+    """
+    work = work or Work()
+    running = work.extended(LONGER)
+    random = np.random.default_rng(seed)
+    unknowns = len(pattern.names)
+    # one draw in each of `draws` equal parts of every range
+    shares = (
+        random.permuted(np.tile(np.arange(draws), (unknowns, 1)), axis=1).T + random.random((draws, unknowns))
+    ) / draws
+    kept = 0
+    starts = [] if start is None else [start]
+    if draws and descents:
+        worst = pattern.margins(shares, running).min(axis=1)
+        kept = int(np.count_nonzero(worst > 0))
+        starts += list(shares[np.argsort(-worst, kind="stable")[:descents]])
+    found = [_improved(pattern, share, work) if descents else pattern.found(share, running) for share in starts]
+    return sorted(found, key=lambda one: (one.worst <= 0, -one.around)), kept
+
+
+def _improved(pattern: Pattern, share: Floats, work: Work) -> Found:
+    """The smallest margin around a set made larger by linear programs within a reach that shrinks where they promise too much."""
+    from scipy.optimize import linprog
+
+    running = work.extended(LONGER)
+    best = pattern.found(share, running)
+    reach, count = FIRST_REACH, len(share)
+    for _ in range(ITERATIONS):
+        if reach < LAST_REACH or work.expired():
+            break
+        # the largest t with margin + slope . step >= t for every entry
+        rows = np.column_stack([-best.slopes, np.ones(len(best.margins))])
+        low, high = np.maximum(-reach, -best.share), np.minimum(reach, 1 - best.share)
+        bounds = [*zip(low, high), (None, None)]
+        solved = linprog(np.append(np.zeros(count), -1.0), A_ub=rows, b_ub=best.margins, bounds=bounds)
+        if not solved.success:
+            break
+        trial = pattern.found(np.clip(best.share + solved.x[:count], 0.0, 1.0), running)
+        gain, promised = trial.around - best.around, -solved.fun - best.worst
+        if gain > 0.1 * promised > 0:
+            best = trial
+            reach = min(2 * reach, 0.5) if gain > 0.7 * promised else reach
+        else:
+            reach *= 0.4
+    return best
+
+
+def extents(pattern: Pattern, share: Floats, vectors: Floats, work: Work) -> Floats:
+    """How far the pattern is kept from a set along vectors, shape (n, unknowns), in their own length; to the ranges at most."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(vectors > 0, (1 - share) / vectors, np.where(vectors < 0, -share / vectors, np.inf)).min(
+            axis=1
+        )
+
+    def keeps(lengths: Floats) -> Flags:
+        return np.asarray(pattern.margins(share + lengths[:, None] * vectors, work).min(axis=1) > 0)
+
+    along = np.linspace(0, 1, PLACES + 1)[1:]
+    places = share + (room[:, None] * along)[..., None] * vectors[:, None]
+    margins = pattern.margins(np.clip(places, 0, 1).reshape(-1, len(share)), work).min(axis=1)
+    broken = margins.reshape(len(vectors), PLACES) <= 0
+    first = np.argmax(broken, axis=1)
+    whole = ~broken.any(axis=1)
+    inner = room * np.where(whole, 1.0, along[first] - along[0])
+    outer = room * np.where(whole, 1.0, along[first])
+    for _ in range(HALVINGS):
+        middle = 0.5 * (inner + outer)
+        good = keeps(middle)
+        inner, outer = np.where(good & ~whole, middle, inner), np.where(good | whole, outer, middle)
+    return inner
+
+
+def directions(pattern: Pattern, found: Found, work: Work | None = None) -> list[Direction]:
+    """Orthogonal directions of the unknowns, those that change the margins least first, each with how far it keeps the pattern.
+
+    They are the right singular vectors of the margins' slopes: along one of strength 0 no margin changes to first order.
+    """
+    work, share = work or Work(), found.share
+    _, strengths, vectors = np.linalg.svd(found.slopes)
+    strengths = np.append(strengths, np.zeros(len(share) - len(strengths)))
+    forth = extents(pattern, share, vectors, work)
+    back = extents(pattern, share, -vectors, work)
+    rows = zip(vectors, strengths, back, forth)
+    return [Direction(v, float(s), float(b), float(f)) for v, s, b, f in rows][::-1]
+
+
+def rank(found: Sequence[Direction]) -> int:
+    """How many directions change the margins to first order."""
+    strengths = np.array([direction.strength for direction in found])
+    return int(np.count_nonzero(strengths > RANK * strengths.max()))
+
+
+def single_ranges(pattern: Pattern, share: Floats, work: Work | None = None) -> list[tuple[float, float]]:
+    """The range of each unknown within which the pattern is kept while the others stay."""
+    axes, work = np.eye(len(share)), work or Work()
+    below, above = extents(pattern, share, -axes, work), extents(pattern, share, axes, work)
+    size = pattern.high - pattern.low
+    low, high = pattern.values(share) - below * size, pattern.values(share) + above * size
+    return [(float(a), float(b)) for a, b in zip(low, high)]
