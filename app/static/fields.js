@@ -73,6 +73,12 @@ export function wrong(value, entry, { range: [low, high], needed, whole }) {
   return high >= 1e50 ? `${text(value)} is less than ${text(low)}` : `${text(value)} is not from ${text(low)} to ${text(high)}`;
 }
 
+/** Calls `read` when the entry of a field is another one, typed or cleared. */
+function onEntry(field, read) {
+  let before = null;
+  for (const name of ["input", "change"]) field.addEventListener(name, () => { if (name === "input" || field.value !== before) { before = field.value; read(); } });
+}
+
 export class Fields {
   /** `edit(change, kind)` changes the motion; `settle()` ends a step of its history; `motion()` is the present one. */
   constructor({ edit, settle, motion }) {
@@ -121,7 +127,7 @@ export class Fields {
   #bindNumber(id, spec) {
     const field = $(id);
     field.inputMode = "decimal";
-    field.addEventListener("input", () => {
+    onEntry(field, () => {
       const value = typed(field.value), fault = wrong(value, field.value, spec);
       const used = spec.get(this.motion());
       this.#blame(id, fault && `${spec.name}: ${fault}${used === null ? "" : `; ${text(used)} is still in use`}.`);
@@ -133,7 +139,7 @@ export class Fields {
   /** The four fields of the pivot box are one entry: it is used once all four are there. */
   #bindBox(id) {
     $(id).inputMode = "decimal";
-    $(id).addEventListener("input", () => this.#readBox(id));
+    onEntry($(id), () => this.#readBox(id));
     $(id).addEventListener("blur", () => { this.settle(); this.show(); });
   }
 
@@ -156,7 +162,7 @@ export class Fields {
 
   #bindStock() {
     const field = $("stock");
-    field.addEventListener("input", () => {
+    onEntry(field, () => {
       const lengths = field.value.split(/[\s;]+/).filter(Boolean).map((one) => [one, typed(one)]);
       const bad = lengths.find(([, length]) => !(length > 0 && Number.isFinite(length)));
       this.#blame("stock", bad ? `Stock lengths: “${bad[0].slice(0, 20)}” is not a length.` : null);

@@ -45,7 +45,8 @@ export async function solve(request, show, signal, same) {
   let found = [];
   for (const [k, budget] of STAGES.entries()) {
     const reply = await (await ask("/v1/synthesize", { ...request, budget_ms: budget }, signal)).json();
-    const last = k === STAGES.length - 1 || reply.report.stopped_by !== "budget";
+    // within limits a search of little time may end early and say that it converged: it is asked again unless it had time left
+    const last = k === STAGES.length - 1 || (reply.report.stopped_by !== "budget" && (reply.report.stopped_by === "tolerance" || reply.report.elapsed_ms.total < budget));
     if (k) reply.solutions = together(found, reply, request.top ?? 10, same);
     // what an earlier stage found is no longer not found
     if (reply.solutions.length && !["reached", "closest"].includes(reply.status)) reply.status = "closest";
