@@ -40,12 +40,12 @@ export class Player {
   constructor(board) {
     Object.assign(this, { board, shown: null, frame: null, charts: [], marks: [], stops: [] });
     $("slider").addEventListener("input", () => { this.#pause(); this.#showTravel(); });
-    $("range").addEventListener("change", () => { this.#setRange(); this.#drawCurves(); });
+    $("range").addEventListener("change", () => { this.#setRange(); this.drawCurves(); });
     $("play").addEventListener("click", () => (this.frame === null ? this.#play() : this.#pause()));
     $("before").addEventListener("click", () => this.#step(-1));
     $("after").addEventListener("click", () => this.#step(1));
     new ResizeObserver(() => this.#drawMarks()).observe($("slider"));
-    redrawOn($("curves"), () => this.#drawCurves());
+    redrawOn($("curves"), () => this.drawCurves());
   }
 
   /** Shows a solution of a motion; a run that is playing goes on. The view stays unless `fit` says otherwise. */
@@ -56,7 +56,7 @@ export class Player {
     this.board.showLinkage(this.shown);
     if (fit) this.board.fit();
     this.#setRange();
-    if (curves) this.#drawCurves();
+    if (curves) this.drawCurves();
   }
 
   /** Where the slider stands, in degrees of crank from the first sample, with sign. */
@@ -174,7 +174,8 @@ export class Player {
     setButton("Play", PLAY);
   }
 
-  #drawCurves() {
+  /** Draws the curves of the shown solution anew. */
+  drawCurves() {
     if (!this.shown || $("curves-card").hidden) return;
     const { linkage, motion, places, turns: miss, worst, solution, pass: { sense } } = this.shown, [low, high] = this.#range;
     const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS);

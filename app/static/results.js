@@ -16,6 +16,7 @@ const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "player"]
 const LINKS = ["crank", "coupler", "rocker", "ground"];
 const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json" };
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
+const REST_MS = 120; // without a further drag, after which the curves are drawn anew
 const NEAR = 2.5; // other solutions are fitted into the view where they lie within so many sizes of the selected one
 
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
@@ -162,6 +163,8 @@ export class Results {
     this.solution = solution;
     this.player.show(solution, motion, false, false);
     this.player.goto(travel);
+    clearTimeout(this.later);
+    this.later = setTimeout(() => this.player.drawCurves(), REST_MS);
     this.#showNumbers();
     this.#list();
     this.board.tell(closes ? [errorText(solution.errors.position_max, 1e-300, ` ${motion.unit}`), errorText(solution.errors.rotation_max, 1e-300, "°")].filter(Boolean).join(", ") : "does not close at every pose");
