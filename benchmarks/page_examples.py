@@ -1,7 +1,7 @@
 """Makes the page's examples, app/static/examples.json: eight machines and four motions to compare with, a word on each.
 
-``python -m benchmarks.page_examples --solve`` also searches and stores what it finds: the page shows that at once, with its errors.
-Without ``--solve`` what is stored stays where the request is the same.
+``python -m benchmarks.page_examples --solve`` also searches and stores what it finds, with its errors: the page
+shows that at once. Without ``--solve`` what is stored stays where the request is the same.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ STORED = 3
 DIGITS = 10
 """Of the numbers that are stored."""
 SHOWN = (
-    "rank source type links branch start_angle body_offset mount errors crank_angle verdict excursion family transmission_angle_min "
-    "transmission_angle_min_turn determination"
+    "rank source type links branch start_angle body_offset mount errors crank_angle verdict excursion family "
+    "transmission_angle_min transmission_angle_min_turn determination"
 ).split()
 """Fields of a solution that the page shows."""
 PRACTICAL = {"preset": "practical", "family": "any"}
@@ -102,6 +102,7 @@ def pick() -> dict[str, Any]:
 
 
 # -- motions with crank angles, to compare with -------------------------------------------------------------------------
+
 
 def worked() -> dict[str, Any]:
     """The published worked example: 16 poses over 70° of crank, met to within rounding by a crank-rocker of 19, 72, 144, 165."""
@@ -187,7 +188,11 @@ def text(found: dict[str, Any]) -> str:
 def stored_replies() -> dict[str, Any]:
     """Those in the file, of requests that are still the same."""
     requests = {one["name"]: one["request"] for one in examples()}
-    return {one["name"]: one.get("reply") for one in json.loads(FILE.read_text()) if requests.get(one["name"]) == one["request"]}
+    return {
+        one["name"]: one.get("reply")
+        for one in json.loads(FILE.read_text())
+        if requests.get(one["name"]) == one["request"]
+    }
 
 
 def main() -> None:
@@ -204,7 +209,9 @@ def main() -> None:
             reply = answer({"top": 8, **one["request"], "budget_ms": BUDGET_MS}, resources, times)
             found[one["name"]] = stored(reply)
             report = reply["report"]
-            print(f"{one['name']}: {reply['status']} by {report['stopped_by']}, {report['elapsed_ms']['total']:.0f} ms")
+            print(
+                f"{one['name']}: {reply['status']} by {report['stopped_by']}, {report['elapsed_ms']['total']:.0f} ms"
+            )
             for solution in reply["solutions"][:STORED]:
                 lengths = " ".join(f"{value:.4g}" for value in solution["links"].values())
                 errors, angle = solution["errors"], solution["transmission_angle_min"]

@@ -1,7 +1,7 @@
 // The form's fields for one motion: what is typed stays as it was typed, and what cannot be used is said beside it.
 
 import { text } from "./drawing.js";
-import { PRESET, setTiming, scaleTravels, wantsAngles } from "./motion.js";
+import { PRESET, clone, setTiming, scaleTravels, wantsAngles } from "./motion.js";
 import { $ } from "./shell.js";
 
 const NOTES = {
@@ -126,10 +126,12 @@ export class Fields {
 
   #bindNumber(id, spec) {
     const field = $(id);
+    let before = null; // the motion before this entry, which holds until the entry is good: of 95 the 9 does not count
     field.inputMode = "decimal";
+    field.addEventListener("focus", () => { before = clone(this.motion()); });
     onEntry(field, () => {
-      const value = typed(field.value), fault = wrong(value, field.value, spec);
-      const used = spec.get(this.motion());
+      const value = typed(field.value), fault = wrong(value, field.value, spec), used = before ? spec.get(before) : null;
+      if (fault && before && used !== spec.get(this.motion())) this.edit((m) => { Object.assign(m, clone(before)); }, id);
       this.#blame(id, fault && `${spec.name}: ${fault}${used === null ? "" : `; ${text(used)} is still in use`}.`);
       if (!fault) this.edit((m) => { spec.put(m, value); }, id);
     });

@@ -152,7 +152,8 @@ function showCanvas() {
   if (matchMedia("(max-width: 900px)").matches && (bottom < 120 || top > innerHeight - 120)) $("canvas").scrollIntoView({ block: "start" });
 }
 
-async function startSearch(changed = (request) => request) {
+/** Searches for the motion; `near` a solution only for linkages whose pivots lie near its own. */
+async function startSearch(near = null) {
   const motion = structuredClone(editor.motion), wrong = editor.fault ?? fault(motion);
   if (wrong) {
     const [sentence, id] = wrong;
@@ -167,8 +168,13 @@ async function startSearch(changed = (request) => request) {
   const endProgress = startProgress(begin);
   let further = false;
   try {
-    await solve(changed(request), (reply, last) => {
+    await solve(near ? nearby(request, near) : request, (reply, last) => {
       if (running !== control) return;
+      // what is shown stays until there is something in its place
+      if (!reply.solutions.length && (near || !last)) {
+        say(last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…", last);
+        return;
+      }
       answer = { request, reply, motion, seconds: (performance.now() - begin) / 1000 };
       editor.board.stale = false;
       results.show(answer, further);
@@ -179,12 +185,12 @@ async function startSearch(changed = (request) => request) {
       if (!further) performance.measure("first result", { start: begin, end: performance.now() });
       further ||= reply.solutions.length > 0;
       if (last) return;
-      say(reply.solutions.length ? `After ${Math.round(performance.now() - begin)} ms: ${howNear(answer)}. Still searching…` : "Nothing within the limits yet. Still searching…");
+      say(`After ${Math.round(performance.now() - begin)} ms: ${howNear(answer)}. Still searching…`);
     }, control.signal, alike);
-    if (running === control && answer) {
+    if (running === control && answer && further) {
       if (linkedCard && answer.reply.solutions.length) results.choose(linkedCard);
       sayAnswer();
-    }
+    } else if (running === control && answer && !near) sayAnswer();
   } catch (error) {
     if (error.name !== "AbortError") say(error.message, true);
   } finally {
@@ -202,7 +208,7 @@ async function startSearch(changed = (request) => request) {
 function bindButtons() {
   $("form").addEventListener("submit", (event) => { event.preventDefault(); startSearch(); });
   document.addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); startSearch(); } });
-  document.addEventListener("searchnear", () => { const { solution } = results; startSearch((request) => nearby(request, solution)); });
+  document.addEventListener("searchnear", () => { const { solution } = results; startSearch(solution); });
   $("stop").addEventListener("click", () => { stopSearch(); $("solve").focus(); say(answer?.reply.solutions.length ? "Stopped; these are the best found so far." : "Stopped."); });
   $("request").addEventListener("toggle", showRequest);
   $("request-copy").addEventListener("click", async () => {

@@ -2,6 +2,7 @@
 
 /** Budgets of the search in milliseconds, one after the other: a first answer soon, then better ones. */
 export const STAGES = [120, 1000, 5000];
+const LONGER = 20000; // of a last stage, where nothing was found by then
 
 /** An error reply (problem+json) of the service; the message names at most three wrong fields. */
 class Problem extends Error {
@@ -43,11 +44,13 @@ export function together(earlier, reply, top, same) {
 /** Repeats the search with the next budget as long as the budget ended it; `show(reply, last)` gets each answer. */
 export async function solve(request, show, signal, same) {
   let found = [];
-  for (const [k, budget] of STAGES.entries()) {
+  const budgets = [...STAGES, LONGER];
+  for (const [k, budget] of budgets.entries()) {
     const reply = await (await ask("/v1/synthesize", { ...request, budget_ms: budget }, signal)).json();
-    // within limits a search of little time may end early and say that it converged: it is asked again unless it had time left
-    const last = k === STAGES.length - 1 || (reply.report.stopped_by !== "budget" && (reply.report.stopped_by === "tolerance" || reply.report.elapsed_ms.total < budget));
     if (k) reply.solutions = together(found, reply, request.top ?? 10, same);
+    // a search within limits that has run into its budget may say that it converged: it is asked again
+    const { stopped_by, elapsed_ms } = reply.report, ended = stopped_by === "tolerance" || (stopped_by === "converged" && elapsed_ms.total < budget);
+    const last = ended || k === budgets.length - 1 || (k === STAGES.length - 1 && reply.solutions.length > 0);
     // what an earlier stage found is no longer not found
     if (reply.solutions.length && !["reached", "closest"].includes(reply.status)) reply.status = "closest";
     found = reply.solutions;

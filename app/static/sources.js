@@ -80,7 +80,7 @@ export class Sources {
     this.use(motion, how);
   }
 
-  /** The motion whose limits go on with new rows: the present one, but not an example that is as it came. */
+  /** The motion whose limits hold for new rows too, the present one, but not an example that is as it came. */
   #settings() {
     const now = this.current(), asIs = this.shown && JSON.stringify(toRequest(now)) === JSON.stringify(toRequest(fromRequest(this.shown.request)));
     return asIs ? { ...emptyMotion(), unit: now.unit } : now;
