@@ -1,6 +1,6 @@
 // The canvas of the motion editor: what pointer and keys do on it, and the layers that are drawn.
 
-import { LinkageShape, View, make } from "./drawing.js";
+import { LinkageShape, View, make, put } from "./drawing.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { PATH_POINTS, Pen } from "./pen.js";
 import { Poses } from "./poses.js";
@@ -74,9 +74,12 @@ export class Board {
     this.corners = [];
     this.svg.dataset.mode = mode;
     this.help.textContent = HELP[mode];
-    for (const dot of Object.values(this.shape.joints)) {
-      if (mode === "hand") dot.setAttribute("tabindex", "0");
-      else dot.removeAttribute("tabindex");
+    // joints that can be moved are there for screen readers and the tab key too
+    const { group, joints } = this.shape, movable = mode === "hand";
+    put(group, { "aria-hidden": String(!movable) });
+    for (const [name, dot] of Object.entries(joints)) {
+      if (movable) put(dot, { tabindex: 0, role: "button", "aria-label": `Joint ${name.toUpperCase()}, moved by the arrow keys` });
+      else for (const attribute of ["tabindex", "role", "aria-label"]) dot.removeAttribute(attribute);
     }
     if (this.motion) this.draw();
   }

@@ -62,7 +62,7 @@ def address():
         server = uvicorn.Server(uvicorn.Config(create_app(), log_level="error"))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
         thread.start()
-        for _ in range(300):
+        for _ in range(1200):
             if server.started:
                 break
             time.sleep(0.05)
