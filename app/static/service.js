@@ -51,6 +51,8 @@ export async function solve(request, show, signal, same) {
     // a search within limits that has run into its budget may say that it converged: it is asked again
     const { stopped_by, elapsed_ms } = reply.report, ended = stopped_by === "tolerance" || (stopped_by === "converged" && elapsed_ms.total < budget);
     const last = ended || k === budgets.length - 1 || (k === STAGES.length - 1 && reply.solutions.length > 0);
+    // nothing is proved by a search that its budget may have ended
+    if (reply.status === "infeasible" && elapsed_ms.total >= budget) reply.status = "unknown";
     // what an earlier stage found is no longer not found
     if (reply.solutions.length && !["reached", "closest"].includes(reply.status)) reply.status = "closest";
     found = reply.solutions;
