@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-import time
 from pathlib import Path
 
 import ezdxf
@@ -205,7 +204,6 @@ def test_the_tutorial(taken, downloads) -> None:  # noqa: F811
     """The clicks of docs/tutorial.md, with the rows that it shows."""
     tutorial = (ROOT / "docs/tutorial.md").read_text()
     rows = re.search(r"((?:    [^\n]+\n){9})", tutorial).group(1)
-    begin = time.monotonic()
     find(taken, "paste").click()
     taken.execute_script(
         "const t = document.getElementById('paste-text'); t.value = arguments[0]",
@@ -237,7 +235,6 @@ def test_the_tutorial(taken, downloads) -> None:  # noqa: F811
     assert re.findall(rb"/Count (\d+)", base64.b64decode(sheet)) == [b"1"]
     printed = taken.execute_script("return document.getElementById('sheet').textContent")
     assert "worst place" in printed and "pivot box-100, -250, 400, 150" in printed
-    assert time.monotonic() - begin < 60
 
 
 # -- what is typed -------------------------------------------------------------------------------------------------------
