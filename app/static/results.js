@@ -105,7 +105,7 @@ export async function copy(content, done) {
 
 export class Results {
   constructor(board) {
-    Object.assign(this, { answer: null, solution: null, board, player: new Player(board), base: null });
+    Object.assign(this, { answer: null, solution: null, board, player: new Player(board), picked: false });
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
     $("sort").addEventListener("change", () => this.#list());
@@ -114,9 +114,10 @@ export class Results {
     redrawOn($("solutions"), () => this.answer && this.#list());
   }
 
-  /** Shows an answer {request, reply, motion}, or with null none; a further answer to the same request keeps the selection. */
+  /** Shows an answer {request, reply, motion}, or with null none; a further answer to the same request keeps the card that was picked. */
   show(answer, further = false) {
-    const before = further ? this.solution : null;
+    if (!further) this.picked = false;
+    const before = this.picked ? this.solution : null;
     this.answer = answer;
     const solutions = answer?.reply.solutions ?? [];
     for (const id of CARDS) $(id).hidden = !solutions.length;
@@ -145,6 +146,7 @@ export class Results {
       found = { ...assessed({ ...wanted, verdict: null, rank: null, determination: { ill_posed: false, at_limits: [] } }, motion).solution, source: "link" };
       reply.solutions.push(found);
     }
+    this.picked = true;
     this.#select(found);
     this.#list();
   }
@@ -160,7 +162,7 @@ export class Results {
     const old = reply.solutions.findIndex((one) => one.source === "hand");
     if (old >= 0) reply.solutions[old] = solution;
     else reply.solutions.push(solution);
-    this.solution = solution;
+    Object.assign(this, { solution, picked: true });
     this.player.show(solution, motion, false, false);
     this.player.goto(travel);
     clearTimeout(this.later);
@@ -181,7 +183,7 @@ export class Results {
   #list() {
     const { motion, reply, size } = this.answer, active = $("solutions").contains(document.activeElement);
     const shown = sorted(reply.solutions, $("sort").value);
-    $("solutions").replaceChildren(...shown.map((solution) => card(solution, motion, size, () => this.#select(solution))));
+    $("solutions").replaceChildren(...shown.map((solution) => card(solution, motion, size, () => { this.picked = true; this.#select(solution); })));
     this.cards = shown;
     this.#press();
     if (active) $("solutions").querySelector("[aria-pressed=true]")?.focus({ preventScroll: true });
