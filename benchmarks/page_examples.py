@@ -1,6 +1,7 @@
-"""Makes the page's examples, app/static/examples.json: six motions that machines need, with a word on each.
+"""Makes the page's examples, app/static/examples.json: eight machines and four motions to compare with, a word on each.
 
-Run ``python -m benchmarks.page_examples``; with ``--solve`` it also prints what the search finds.
+``python -m benchmarks.page_examples --solve`` also searches and stores what it finds, with its errors: the page
+shows that at once. Without ``--solve`` what is stored stays where the request is the same.
 """
 
 from __future__ import annotations
@@ -15,12 +16,92 @@ from benchmarks.product import answer, prepared_service
 from benchmarks.report import ROOT, Times
 
 FILE = ROOT / "app/static/examples.json"
+BUDGET_MS = 8000
+"""Of the search for each example."""
+STORED = 3
+"""Linkages of each example that are stored."""
+DIGITS = 10
+"""Of the numbers that are stored."""
+SHOWN = (
+    "rank source type links branch start_angle body_offset mount errors crank_angle verdict excursion family "
+    "transmission_angle_min transmission_angle_min_turn determination"
+).split()
+"""Fields of a solution that the page shows."""
+PRACTICAL = {"preset": "practical", "family": "any"}
 
 
-def motion(place: np.ndarray, angle: np.ndarray, **more: Any) -> dict[str, Any]:
+def motion(place: Any, angle: Any = None, **more: Any) -> dict[str, Any]:
     """A request for positions in the complex plane and angles in degrees, rounded to three digits."""
-    position, rotation = ((np.round(values, 3) + 0.0).tolist() for values in (np.c_[place.real, place.imag], angle))
-    return {"rotation": rotation, "position": position, **more}
+    place = np.asarray(place, dtype=complex)
+    request = {"position": (np.round(np.c_[place.real, place.imag], 3) + 0.0).tolist()}
+    if angle is not None:
+        request = {"rotation": (np.round(angle, 3) + 0.0).tolist()} | request
+    return {**request, **more}
+
+
+def free(place: Any, angle: Any = None, limits: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+    """A motion with free crank angles within practical limits, and such of its own; answers are to be different mechanisms."""
+    return motion(place, angle, timing="free", **more, limits={**PRACTICAL, **(limits or {})}, diverse=True, top=8)
+
+
+# -- machines ---------------------------------------------------------------------------------------------------------
+
+
+def casement() -> dict[str, Any]:
+    """A sash opens by 85° and moves aside on the way. Both pivots lie in the frame's box, links are 60 to 500 mm."""
+    place = [300, 296 - 43j, 287 - 87j, 271 - 133j, 247 - 178j, 212 - 222j, 165 - 263j, 104 - 297j]
+    angle = [0, -8.3, -17.8, -28.4, -40.3, -53.5, -68.2, -85]
+    return free(place, angle, {"pivot_box": [-100, -250, 400, 150], "link_min": 60, "link_max": 500})
+
+
+def wiper() -> dict[str, Any]:
+    """The blade of a bus's wiper sweeps 76° of the windscreen and leans by no more than 14° at either end."""
+    turn = np.deg2rad(np.linspace(128, 52, 9))
+    box = {"pivot_box": [-200, -160, 200, 60], "link_max": 800}
+    return free(700 * np.exp(1j * turn), np.linspace(14, -14, 9), box)
+
+
+def bucket() -> dict[str, Any]:
+    """A loader's bucket is lifted level at first, then tipped by 58° over the edge of the truck."""
+    u = np.linspace(0, 1, 8)
+    box = {"pivot_box": [-500, -500, 700, 900]}
+    return free(900 * u - 150 * u**2 + 1j * (300 * u + 380 * u**2), 10 - 58 * u**2, box)
+
+
+def hood() -> dict[str, Any]:
+    """A car's hood opens by 58°, while its rear edge rises by 90 mm to clear the windscreen; pivots lie behind it."""
+    u = np.linspace(0, 1, 7)
+    place = -40 * u + 90j * u + 450 * np.exp(1j * np.deg2rad(180 - 58 * u))
+    return free(place, -58 * u, {"pivot_box": [-250, -350, 250, 60]})
+
+
+def film() -> dict[str, Any]:
+    """A claw pulls 35 mm film down by 19 mm, a straight stroke, and goes back around: a closed path without angles."""
+    down = 1j * np.linspace(9.5, -9.5, 9)
+    back = np.deg2rad(np.linspace(-90, 90, 9))[1:-1]
+    return free([*down, *(8 * np.cos(back) + 9.5j * np.sin(back))], limits={"family": "crank_rocker"}, closed=True)
+
+
+def leg() -> dict[str, Any]:
+    """The foot of a walking machine: 120 mm level on the ground, then back through the air; the crank turns on."""
+    lift = np.deg2rad(np.linspace(180, 0, 8))[1:-1]
+    foot = [*np.linspace(60, -60, 9), *(60 * np.cos(lift) + 32j * np.sin(lift))]
+    return free(foot, limits={"family": "crank_rocker"}, closed=True)
+
+
+def flap() -> dict[str, Any]:
+    """A wing's flap runs back by 260 mm before it turns down by 38°; both pivots lie below the wing."""
+    u = np.linspace(0, 1, 7)
+    return free(260 * u - 1j * (30 * u + 80 * u**2), -38 * u**1.6, {"pivot_box": [-250, -400, 450, -20]})
+
+
+def pick() -> dict[str, Any]:
+    """A gripper lifts a part off a belt, turns it by 90° and sets it down 390 mm further on."""
+    place = [0, 30 + 80j, 150 + 160j, 300 + 150j, 380 + 60j, 390]
+    return free(place, [0, 8, 35, 65, 85, 90], {"pivot_box": [-100, -400, 500, 400]})
+
+
+# -- motions with crank angles, to compare with -------------------------------------------------------------------------
 
 
 def worked() -> dict[str, Any]:
@@ -33,14 +114,6 @@ def straight_line() -> dict[str, Any]:
     u = np.linspace(0, 1, 13)
     limits = {"transmission_angle_min": 30, "pivot_box": [-250, -500, 250, -20], "link_min": 20}
     return motion(-60 + 120 * u + 0j, 0 * u, crank_span=-45, limits=limits)
-
-
-def tipping_bucket() -> dict[str, Any]:
-    """A loader's bucket is lifted level at first, then tipped by 58° over the edge of the truck."""
-    u = np.linspace(0, 1, 11)
-    place = 900 * u - 150 * u**2 + 1j * (300 * u + 380 * u**2)
-    limits = {"family": "any", "transmission_angle_min": 25, "link_min": 150}
-    return motion(place, 10 - 58 * u**2, crank_span=-85, limits=limits)
 
 
 def landing_gear() -> dict[str, Any]:
@@ -60,55 +133,94 @@ def carton_folder() -> dict[str, Any]:
     return motion(80 * np.exp(1j * turn), np.rad2deg(turn), crank_angle=(-t).tolist(), limits=limits)
 
 
-def casement() -> dict[str, Any]:
-    """A sash opens by 85° and moves aside on the way. Only its eight poses count: the search finds crank angles for them."""
-    place = [300, 296 - 43j, 287 - 87j, 271 - 133j, 247 - 178j, 212 - 222j, 165 - 263j, 104 - 297j]
-    angle = [0, -8.3, -17.8, -28.4, -40.3, -53.5, -68.2, -85]
-    limits = {"family": "any", "transmission_angle_min": 35}
-    return motion(np.array(place), np.array(angle), timing="free", limits=limits)
-
-
-EXAMPLES = {
+MACHINES = {
+    "casement": ("Casement window", casement),
+    "wiper": ("Windscreen wiper", wiper),
+    "bucket": ("Tipping bucket", bucket),
+    "hood": ("Hood hinge", hood),
+    "film": ("Film advance", film),
+    "leg": ("Walking leg", leg),
+    "flap": ("Wing flap", flap),
+    "pick": ("Pick and place", pick),
+}
+OTHERS = {
     "worked": ("Worked example", worked),
     "line": ("Straight line, constant angle", straight_line),
-    "bucket": ("Tipping bucket", tipping_bucket),
     "gear": ("Landing gear", landing_gear),
     "carton": ("Carton folder", carton_folder),
-    "casement": ("Casement window, crank angles free", casement),
 }
 """Title and request of each; the request's docstring is the word that the page shows."""
 
 
 def examples() -> list[dict[str, Any]]:
-    """Name, title, word and request of each."""
+    """Name, title, word and request of each, and whether it is one of the machines."""
     return [
-        {"name": name, "title": title, "word": request.__doc__, "request": request()}
-        for name, (title, request) in EXAMPLES.items()
+        {"name": name, "title": title, "word": request.__doc__, "machine": name in MACHINES, "request": request()}
+        for name, (title, request) in (MACHINES | OTHERS).items()
     ]
 
 
-def text() -> str:
-    """The file's content."""
-    return "[\n" + ",\n".join(json.dumps(one, ensure_ascii=False) for one in examples()) + "\n]\n"
+def rounded(value: Any) -> Any:
+    """A part of a reply with numbers of `DIGITS` digits."""
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, dict):
+        return {name: rounded(part) for name, part in value.items()}
+    return [rounded(part) for part in value] if isinstance(value, list) else value
+
+
+def stored(reply: dict[str, Any]) -> dict[str, Any]:
+    """The parts of a reply that the page shows."""
+    solutions = [{name: one.get(name) for name in SHOWN} for one in reply["solutions"][:STORED]]
+    for one in solutions:
+        one["determination"] = {name: one["determination"][name] for name in ("ill_posed", "at_limits")}
+    report = reply["report"] | {"elapsed_ms": {"total": round(reply["report"]["elapsed_ms"]["total"])}}
+    report["trace"] = [[round(ms), objective] for ms, objective in report["trace"]]
+    return rounded({"status": reply["status"], "solutions": solutions, "report": report})
+
+
+def text(found: dict[str, Any]) -> str:
+    """The file's content, with replies by the example's name."""
+    rows = [one | {"reply": found.get(one["name"])} for one in examples()]
+    return "[\n" + ",\n".join(json.dumps(one, ensure_ascii=False) for one in rows) + "\n]\n"
+
+
+def stored_replies() -> dict[str, Any]:
+    """Those in the file, of requests that are still the same."""
+    requests = {one["name"]: one["request"] for one in examples()}
+    return {
+        one["name"]: one.get("reply")
+        for one in json.loads(FILE.read_text())
+        if requests.get(one["name"]) == one["request"]
+    }
 
 
 def main() -> None:
-    """Write the file; print solutions if asked."""
+    """Write the file; with ``--solve`` search, store the replies and print what is found."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--solve", action="store_true")
-    FILE.write_text(text())
-    if parser.parse_args().solve:
+    parser.add_argument("--solve", nargs="*", metavar="NAME", help="search these, or all")
+    names = parser.parse_args().solve
+    found = stored_replies()
+    if names is not None:
         resources, times = prepared_service(), Times()
         for one in examples():
-            for budget in (120, 10000):
-                reply = answer({**one["request"], "top": 8, "budget_ms": budget}, resources, times)
-                stopped, milliseconds = reply["report"]["stopped_by"], 1000 * times.wall[-1]
-                print(f"{one['name']}: {reply['status']} by {stopped}, {milliseconds:.0f} ms")
-                for found in reply["solutions"][:4]:
-                    lengths = " ".join(f"{value:.4g}" for value in found["links"].values())
-                    errors = " {rotation_rms:.3g} position {position_rms:.3g}".format_map(found["errors"])
-                    angle = found["transmission_angle_min"]
-                    print(f"  {found['family']:14} {lengths:32} rotation{errors} transmission {angle:.0f}")
+            if names and one["name"] not in names:
+                continue
+            reply = answer({"top": 8, **one["request"], "budget_ms": BUDGET_MS}, resources, times)
+            found[one["name"]] = stored(reply)
+            report = reply["report"]
+            print(
+                f"{one['name']}: {reply['status']} by {report['stopped_by']}, {report['elapsed_ms']['total']:.0f} ms"
+            )
+            for solution in reply["solutions"][:STORED]:
+                lengths = " ".join(f"{value:.4g}" for value in solution["links"].values())
+                errors, angle = solution["errors"], solution["transmission_angle_min"]
+                rotation = "" if errors["rotation_max"] is None else f" rotation {errors['rotation_max']:.3g}"
+                print(
+                    f"  {solution['family']:14} {lengths:32}{rotation} position {errors['position_max']:.3g} transmission "
+                    f"{angle:.0f} {'; '.join(solution['verdict']['reasons'])}"
+                )
+    FILE.write_text(text(found))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,11 @@ class Sheet:
         """A circle on the page; the radius in the page's unit."""
         x, y = self.at(point).split(",")
         return f'<circle {attributes}{" " if attributes else ""}cx="{x}" cy="{y}" r="{radius:.6g}"/>'
+
+    def label(self, point: complex, words: str, attributes: str = "") -> str:
+        """Words beside a point, a little above it to the right."""
+        x, y = self.at(point).split(",")
+        return f'<text {attributes}{" " if attributes else ""}x="{x}" y="{y}" dx="12" dy="-10">{escape(words)}</text>'
 
     def text(self, title: str, parts: Sequence[str]) -> str:
         """The file."""

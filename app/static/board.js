@@ -1,46 +1,47 @@
-// The canvas of the motion editor: draggable poses, the pivot box, and the selected linkage drawn over them.
+// The canvas of the motion editor: what pointer and keys do on it, and the layers that are drawn.
 
-import { LinkageShape, View, make, pathData, put, roundStep, text } from "./drawing.js";
+import { LinkageShape, View, make, put } from "./drawing.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { PATH_POINTS, Pen } from "./pen.js";
+import { Poses } from "./poses.js";
+import { drawBody, drawBox, drawCurves, drawGhosts, drawGrid, drawOverlay, drawWay } from "./scenery.js";
 
-const ARM = 30; // pixels from the selected pose to the handle that turns it
-const EMPTY = { move: "No poses yet: draw a path or add poses", add: "Click the place of the first pose", path: "Draw a path here", box: "Drag a box for both fixed pivots" };
+const LAYERS = ["grid", "box", "way", "overlay", "ghosts", "curves", "targets", "linkage", "body", "poses", "pen"];
+const CLICK = 4; // pixels: a press that moves less is a click
+const EMPTY = { move: "No poses yet: draw a path or add poses", add: "Click the place of the first pose", path: "Draw a path here", box: "Drag a box for both fixed pivots", hand: "", outline: "Click the corners of the body" };
 const HELP = {
-  move: "Drag a pose, or the end of its arm to turn it. Keys: arrows move, [ and ] turn, Page Up and Down select, Enter adds one, Delete removes.",
-  add: "Click the place of the next pose. Keys: Add a pose below, then arrows move it, and Enter adds the next.",
-  path: `Drag along the way that a point of the body shall take: it becomes ${PATH_POINTS} points of a new motion. Or click point after point. Keys: New path and Add a point below, then arrows move it, and Enter adds the next.`,
-  box: "Drag a box that must contain both fixed pivots; drag its corners to change it.",
+  move: "Drag a pose, or the end of its arm to turn it; drag the ground to move the view. Keys: arrows move, [ and ] turn, Page Up and Down select, Enter adds one, Delete removes.",
+  add: "Click the place of the next pose; drag one to move it. Keys: Add a pose, then arrows move it, and Enter adds the next.",
+  path: `Drag along the way that a point of the body shall take: it becomes ${PATH_POINTS} points of a new motion. Or click point after point. Keys: Path, then Add a point, arrows and Enter.`,
+  box: "Drag a box that must contain both fixed pivots; drag its corners to change it, or type it under Limits.",
+  hand: "Drag a joint of the selected linkage and see its error change. Keys: Tab selects a joint, arrows move it.",
+  outline: "Click the corners of the body at its selected pose; Enter, or a click on the first corner, closes the outline.",
 };
+const SMALL = 1e-9;
 
 /**
  * Changes the motion only through `actions`: `edit(change, kind)`, `settle()` at the end of a drag, `choose(k)`, `add(at)`,
- * `remove(k)`, `draw(places, closed)` for a path drawn by hand, which begins a new motion. `stale` says that the linkage belongs to an earlier motion; it is drawn dimmed.
+ * `remove(k)`, `draw(places, closed)` for a path drawn by hand, which begins a new motion, `hand(joint, place)` for a joint of the
+ * linkage. `stale` says that the linkage belongs to an earlier motion; it is drawn dimmed.
  */
 export class Board {
   constructor(svg, help, actions) {
-    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, stale: false });
-    for (const layer of ["grid", "box", "way", "curves", "targets", "linkage", "poses", "pen"]) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
+    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, stale: false, others: [], corners: [], redrawn: [] });
+    Object.assign(this, { motion: null, linkage: null, joints: null, ghosts: false, snap: false });
+    for (const layer of LAYERS) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
     this.shape = new LinkageShape(this.linkageLayer);
     this.shape.show(null);
-    this.poses = [];
-    this.motion = null;
-    this.linkage = null;
+    this.poses = new Poses(this.posesLayer, (k) => { if (this.chosen !== k) actions.choose(k); });
+    for (const [name, dot] of Object.entries(this.shape.joints)) dot.addEventListener("keydown", (event) => this.#nudge(name, event));
     this.setMode("move");
-    new ResizeObserver(() => this.resize()).observe(svg);
-    svg.addEventListener("pointerdown", (event) => this.press(event));
-    svg.addEventListener("keydown", (event) => this.key(event));
-    svg.addEventListener("wheel", (event) => {
-      if (!event.ctrlKey && !event.metaKey) return;
-      event.preventDefault();
-      const [px, py] = this.pixel(event);
-      this.view.zoom(Math.exp(-event.deltaY / 300), px, py);
-      this.draw();
-    }, { passive: false });
-    this.resize();
+    new ResizeObserver(() => this.#resize()).observe(svg);
+    svg.addEventListener("pointerdown", (event) => this.#press(event));
+    svg.addEventListener("keydown", (event) => this.#key(event));
+    svg.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
+    this.#resize();
   }
 
-  resize() {
+  #resize() {
     const { clientWidth: width, clientHeight: height } = this.svg;
     if (!width || !height) return;
     const wider = width !== this.view.width;
@@ -51,10 +52,35 @@ export class Board {
     else this.draw();
   }
 
+  /** A wheel with Ctrl zooms; without it the page scrolls, and the canvas says how to zoom. */
+  #wheel(event) {
+    if (!event.ctrlKey && !event.metaKey) { this.tell("Ctrl and the wheel zoom"); return; }
+    event.preventDefault();
+    this.view.zoom(Math.exp(-event.deltaY / 300), ...this.#pixel(event));
+    this.draw();
+  }
+
+  /** Shows a sentence on the canvas for a moment. */
+  tell(sentence) {
+    const note = this.svg.parentNode.querySelector("p");
+    note.textContent = sentence;
+    note.classList.add("shown");
+    clearTimeout(this.told);
+    this.told = setTimeout(() => note.classList.remove("shown"), 1600);
+  }
+
   setMode(mode) {
     this.mode = mode;
+    this.corners = [];
     this.svg.dataset.mode = mode;
     this.help.textContent = HELP[mode];
+    // joints that can be moved are there for screen readers and the tab key too
+    const { group, joints } = this.shape, movable = mode === "hand";
+    put(group, { "aria-hidden": String(!movable) });
+    for (const [name, dot] of Object.entries(joints)) {
+      if (movable) put(dot, { tabindex: 0, role: "button", "aria-label": `Joint ${name.toUpperCase()}, moved by the arrow keys` });
+      else for (const attribute of ["tabindex", "role", "aria-label"]) dot.removeAttribute(attribute);
+    }
     if (this.motion) this.draw();
   }
 
@@ -65,9 +91,15 @@ export class Board {
     this.draw();
   }
 
-  /** Draws the curves and errors of a linkage, {used, turn, errors}; null removes them. */
+  /** Draws path, errors and ghosts of a linkage, {used, turn, errors, at, worst, band}; null removes them. */
   showLinkage(found) {
     this.linkage = found;
+    this.draw();
+  }
+
+  /** Draws other linkages, {used, at}, faintly. */
+  showOthers(others) {
+    this.others = others;
     this.draw();
   }
 
@@ -75,11 +107,13 @@ export class Board {
   showJoints(joints) {
     this.joints = joints;
     this.shape.show(this.linkage ? joints : null, this.view);
+    if (this.motion?.outline || this.bodyLayer.childElementCount) drawBody(this.bodyLayer, this.motion?.outline, this.linkage && joints, this.view);
   }
 
   get hasPlaces() { return this.motion && wantsPlaces(this.motion); }
 
-  fit() {
+  /** Fits the motion, the linkage, and the points `more` into the view. */
+  fit(more = []) {
     const { clientWidth: width, clientHeight: height } = this.svg;
     if (width && height) {
       Object.assign(this.view, { width, height });
@@ -90,9 +124,17 @@ export class Board {
     const box = this.motion?.limits.box;
     if (box && this.hasPlaces) points.push([box[0], box[1]], [box[2], box[3]]);
     if (this.linkage) for (const j of this.linkage.used) if (j) points.push(j.a, j.b, j.c, j.d, j.p);
-    if (this.hasPlaces && points.length && points.every(([x, y]) => x === points[0][0] && y === points[0][1])) points.push([points[0][0] + 50, points[0][1] + 50], [points[0][0] - 50, points[0][1] - 50]);
-    this.view.fit(points, this.view.width < 500 ? 38 : 52);
+    if (this.hasPlaces && points.length && points.every((point) => point && point[0] === points[0][0] && point[1] === points[0][1])) points.push([points[0][0] + 50, points[0][1] + 50], [points[0][0] - 50, points[0][1] - 50]);
+    this.view.fit([...points, ...more], this.view.width < 500 ? 38 : 52);
     this.draw();
+  }
+
+  /** Whether all points lie in the view. */
+  holds(points) {
+    return points.every((point) => {
+      const [x, y] = this.view.at(point);
+      return x >= 0 && y >= 0 && x <= this.view.width && y <= this.view.height;
+    });
   }
 
   zoom(factor) {
@@ -101,230 +143,96 @@ export class Board {
   }
 
   draw() {
-    const { view } = this;
+    const { view, motion, linkage, stale } = this;
     this.svg.dataset.view = `${view.cx} ${view.cy} ${view.scale}`;
-    this.drawGrid();
-    this.drawBox();
-    this.drawWay();
-    this.drawCurves();
-    this.drawPoses();
-    this.shape.show(this.linkage ? this.joints : null, view);
-    this.linkageLayer.classList.toggle("dimmed", this.stale);
-    this.curvesLayer.classList.toggle("dimmed", this.stale);
-  }
-
-  drawGrid() {
-    const { view, gridLayer } = this;
-    gridLayer.replaceChildren();
-    const step = roundStep(56 / view.scale);
-    const [left, high] = view.world(0, 0), [right, low] = view.world(view.width, view.height);
-    let minor = "", axis = "";
-    const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-    const name = (value) => (Math.abs(value) >= 1e6 || (value !== 0 && digits > 5) ? text(value, 4) : value.toFixed(Math.min(digits, 20)));
-    for (let k = Math.ceil(left / step); k <= right / step && gridLayer.childElementCount < 400; k++) {
-      const x = Math.round(view.x(k * step)) + 0.5;
-      if (k === 0) axis += `M${x} 0V${view.height}`;
-      else minor += `M${x} 0V${view.height}`;
-      if (x > 34 && x < view.width - 14) make("text", { class: "tick", x, y: view.height - 6, "text-anchor": "middle", "aria-hidden": "true" }, gridLayer).textContent = name(k * step);
+    this.step = drawGrid(this.gridLayer, view);
+    drawBox(this.boxLayer, motion, view);
+    if (motion) {
+      drawWay(this.wayLayer, motion, view, motion.poses.length || linkage ? null : EMPTY[this.mode]);
+      drawCurves(this.curvesLayer, this.targetsLayer, { linkage, stale, view, unit: motion.unit });
+      if (this.ghosts) drawGhosts(this.ghostsLayer, motion, linkage, view);
+      else this.ghostsLayer.replaceChildren();
+      drawOverlay(this.overlayLayer, this.others, view);
+      this.poses.draw(motion, this.chosen, view);
+      if (this.mode === "outline") this.#drawCorners();
     }
-    for (let k = Math.ceil(low / step); k <= high / step && gridLayer.childElementCount < 800; k++) {
-      const y = Math.round(view.y(k * step)) + 0.5;
-      if (k === 0) axis += `M0 ${y}H${view.width}`;
-      else minor += `M0 ${y}H${view.width}`;
-      if (y > 14 && y < view.height - 22) make("text", { class: "tick", x: 5, y: y - 3, "aria-hidden": "true" }, gridLayer).textContent = name(k * step);
-    }
-    gridLayer.prepend(make("path", { class: "grid", d: minor }), make("path", { class: "axis", d: axis }));
-    this.step = step;
+    this.showJoints(this.joints);
+    for (const layer of [this.linkageLayer, this.curvesLayer, this.bodyLayer]) layer.classList.toggle("dimmed", stale);
+    for (const after of this.redrawn) after(view);
   }
 
-  drawBox() {
-    const box = this.hasPlaces ? this.motion.limits.box : null;
-    this.boxLayer.replaceChildren();
-    if (!box) return;
-    const [x0, y0] = this.view.at([box[0], box[3]]), [x1, y1] = this.view.at([box[2], box[1]]);
-    make("rect", { class: "pivot-box", x: Math.min(x0, x1), y: Math.min(y0, y1), width: Math.abs(x1 - x0), height: Math.abs(y1 - y0) }, this.boxLayer);
-    const label = make("text", { class: "tick", x: Math.min(x0, x1) + 7, y: Math.min(y0, y1) + 16 }, this.boxLayer);
-    label.textContent = "pivots";
-    for (const [x, y, i, j] of [[x0, y0, 0, 3], [x1, y0, 2, 3], [x1, y1, 2, 1], [x0, y1, 0, 1]])
-      make("rect", { class: "box-handle", x: x - 5, y: y - 5, width: 10, height: 10, rx: 2, "data-corner": `${i} ${j}` }, this.boxLayer);
-  }
-
-  /** The way from pose to pose where the crank angles are free, and what to do on an empty canvas. */
-  drawWay() {
-    this.wayLayer.replaceChildren();
-    if (!this.motion) return;
-    const { motion, view } = this, places = this.hasPlaces ? motion.poses.map(placeOf).filter(Boolean) : [];
-    if (!motion.poses.length && !this.linkage) {
-      const size = view.width < 500 ? 15 : 18;
-      make("text", { class: "invite", x: view.width / 2, y: view.height / 2 - size, "font-size": size, "text-anchor": "middle", "aria-hidden": "true" }, this.wayLayer).textContent = EMPTY[this.mode];
-    }
-    if (motion.timing !== "free" || motion.anyOrder || places.length < 2) return;
-    make("path", { class: "way", d: pathData(places, view) }, this.wayLayer);
-    if (motion.closed && places.length > 2) make("path", { class: "way return", d: pathData([places.at(-1), places[0]], view) }, this.wayLayer);
-  }
-
-  drawCurves() {
-    const { view, linkage } = this;
-    this.curvesLayer.replaceChildren();
-    this.targetsLayer.replaceChildren();
-    if (!linkage) return;
-    this.drawBand();
-    const way = (list) => pathData(list.map((j) => j && (j.p ?? j.c)), view);
-    if (linkage.turn) make("path", { class: "curve turn", d: way(linkage.turn) }, this.curvesLayer);
-    make("path", { class: "curve", d: way(linkage.used), "data-curve": "used" }, this.curvesLayer);
-    if (!linkage.errors || this.stale) return;
-    const errors = linkage.errors.filter(Boolean);
-    const longest = Math.max(...errors.map(([from, to]) => Math.hypot(to[0] - from[0], to[1] - from[1])));
-    const pixels = longest * view.scale;
-    if (!(pixels > 1e-7)) return;
-    const factor = pixels >= 3 ? 1 : 10 ** Math.min(9, Math.ceil(Math.log10(12 / pixels)));
-    for (const [from, to] of errors) {
-      const [x, y] = view.at(from);
-      const dx = (to[0] - from[0]) * view.scale * factor, dy = -(to[1] - from[1]) * view.scale * factor;
-      make("path", { class: "miss", d: `M${x} ${y}l${dx} ${dy}` }, this.targetsLayer);
-    }
-    make("text", { class: "miss-note", x: view.width - 10, y: 18, "text-anchor": "end" }, this.targetsLayer).textContent =
-      `errors drawn ${factor === 1 ? "to scale" : `${factor < 1e5 ? factor : factor.toExponential(0)} times larger`}`;
-  }
-
-  /** The band around the path that 95 % of the linkages made keep to; wider than it is where it would not be seen. */
-  drawBand() {
-    const { view, linkage: { band } } = this, along = band?.filter(Boolean) ?? [];
-    const widest = Math.max(0, ...along.map(([, radius]) => radius)) * view.scale;
-    if (along.length < 2 || !(widest > 1e-7)) return;
-    const factor = widest >= 3 ? 1 : roundStep(5 / widest);
-    const edges = [[], []];
-    along.forEach(([place, radius], k) => {
-      const [x, y] = view.at(place), [x0, y0] = view.at(along[Math.max(0, k - 1)][0]), [x1, y1] = view.at(along[Math.min(along.length - 1, k + 1)][0]);
-      const length = Math.hypot(x1 - x0, y1 - y0) || 1, far = radius * view.scale * factor;
-      for (const side of [0, 1]) edges[side].push([x + ((side ? 1 : -1) * far * (y1 - y0)) / length, y - ((side ? 1 : -1) * far * (x1 - x0)) / length]);
-    });
-    const outline = [...edges[0], ...edges[1].reverse()].map(([x, y]) => `${x.toFixed(2)} ${y.toFixed(2)}`);
-    make("path", { class: "band", d: `M${outline.join("L")}Z` }, this.curvesLayer);
-    make("text", { class: "band-note", x: view.width - 10, y: 36, "text-anchor": "end" }, this.targetsLayer).textContent =
-      `95 % of those made are within the band${factor === 1 ? "" : `, drawn ${factor < 1e5 ? factor : factor.toExponential(0)} times wider`}`;
-  }
-
-  drawPoses() {
-    const poses = this.hasPlaces ? this.motion.poses : [];
-    while (this.poses.length > poses.length) this.poses.pop().group.remove();
-    while (this.poses.length < poses.length) this.poses.push(this.makePose(this.poses.length));
-    const placed = poses.map(placeOf).filter(Boolean);
-    let way = 0;
-    for (let k = 1; k < placed.length; k++) way += Math.hypot(placed[k][0] - placed[k - 1][0], placed[k][1] - placed[k - 1][1]) * this.view.scale;
-    const crowded = placed.length > 4 && way / (placed.length - 1) < 16;
-    this.posesLayer.classList.toggle("crowded", crowded);
-    const last = poses.length - 1;
-    poses.forEach((pose, k) => {
-      const parts = this.poses[k], chosen = k === this.chosen, place = placeOf(pose);
-      parts.group.setAttribute("visibility", place ? "inherit" : "hidden");
-      if (!place) return;
-      const turning = wantsAngles(this.motion) && pose.angle !== null;
-      const [x, y] = this.view.at(place);
-      const turn = turning ? (pose.angle * Math.PI) / 180 : -Math.PI / 2;
-      const arm = chosen ? ARM : crowded ? 13 : 18;
-      const ax = arm * Math.cos(turn), ay = -arm * Math.sin(turn);
-      put(parts.group, {
-        transform: `translate(${x} ${y})`, class: chosen ? "pose chosen" : "pose", tabindex: chosen ? 0 : -1,
-        "aria-label": `${wantsAngles(this.motion) ? "Pose" : "Point"} ${k + 1} of ${poses.length}: x ${text(pose.x, 4)}, y ${text(pose.y, 4)}${turning ? `, angle ${text(pose.angle, 4)} degrees` : ""}`,
-      });
-      put(parts.dot, { r: chosen ? 5 : crowded ? 2.6 : 4.5 });
-      put(parts.hit, { r: crowded && !chosen ? 7 : 11 });
-      put(parts.arm, { d: turning ? `M0 0L${ax} ${ay}` : "" });
-      put(parts.turner, { cx: ax, cy: ay, visibility: chosen && turning ? "inherit" : "hidden" });
-      put(parts.turnHit, { cx: ax, cy: ay, visibility: chosen && turning ? "inherit" : "hidden" });
-      const named = chosen || k === 0 || k === last || (this.motion.anyOrder && !crowded);
-      parts.label.textContent = named ? String(k + 1) : "";
-      // on the side of the pose that its arm does not point to
-      put(parts.label, { x: -11 * Math.cos(turn + 0.6), y: 11 * Math.sin(turn + 0.6) + 4 });
-    });
-  }
-
-  makePose(k) {
-    const group = make("g", { class: "pose", role: "button", "data-pose": k }, this.posesLayer);
-    const arm = make("path", { class: "arm" }, group);
-    make("circle", { class: "ring", r: 11 }, group);
-    const dot = make("circle", { class: "dot", r: 4.5 }, group);
-    const hit = make("circle", { class: "hit", r: 11 }, group);
-    const turnHit = make("circle", { class: "hit", r: 12, "data-turner": "" }, group);
-    const turner = make("circle", { class: "turner", r: 5, "data-turner": "" }, group);
-    const label = make("text", { "text-anchor": "middle", "aria-hidden": "true" }, group);
-    group.addEventListener("focus", () => { if (this.chosen !== k) this.actions.choose(k); });
-    return { group, arm, dot, hit, turner, turnHit, label };
-  }
-
-  pixel(event) {
+  #pixel(event) {
     const frame = this.svg.getBoundingClientRect();
     return [event.clientX - frame.left - this.svg.clientLeft, event.clientY - frame.top - this.svg.clientTop];
   }
 
-  /** World coordinates of a pixel, rounded to the power of ten below a pixel's size. */
+  /** World coordinates of a pixel, on a tenth of the grid where it snaps, else rounded to the power of ten below a pixel's size. */
   place(px, py) {
-    const unit = 10 ** Math.floor(Math.log10(1 / this.view.scale));
+    const unit = this.snap ? this.step / 10 : 10 ** Math.floor(Math.log10(1 / this.view.scale));
     return this.view.world(px, py).map((value) => Number((Math.round(value / unit) * unit).toPrecision(12)));
   }
 
-  press(event) {
+  // -- pointer --
+
+  #press(event) {
     if (event.button !== 0) return;
-    const [px, py] = this.pixel(event);
-    const target = event.target;
-    const corner = target.getAttribute("data-corner");
-    const held = target.closest(".pose");
-    if (this.mode === "add" && this.hasPlaces) {
-      event.preventDefault();
-      this.fitted = false;
-      this.actions.add(this.place(px, py));
-      return;
-    }
-    if (this.mode === "path") {
-      this.trace(event, px, py);
-      return;
-    }
-    if (held && this.mode === "move") {
-      const k = Number(held.dataset.pose);
-      const turning = target.hasAttribute("data-turner");
-      this.actions.choose(k);
-      held.focus({ preventScroll: true });
-      const pose = this.motion.poses[k];
-      const from = this.place(px, py), origin = [pose.x, pose.y];
-      this.follow(event, (qx, qy) => this.actions.edit((motion) => {
-        const moved = motion.poses[k];
-        if (!moved) return;
-        if (turning) {
-          const [x, y] = this.view.at([moved.x, moved.y]);
-          const angle = (Math.atan2(y - qy, qx - x) * 180) / Math.PI;
-          // whole turns are kept: of the equal directions the one nearest to the present angle
-          moved.angle = Number((angle + 360 * Math.round((moved.angle - angle) / 360)).toFixed(1));
-        } else {
-          const to = this.place(qx, qy);
-          [moved.x, moved.y] = [0, 1].map((i) => Number((origin[i] + to[i] - from[i]).toPrecision(12)));
-        }
-      }, `drag ${k}`));
-      return;
-    }
-    if (corner && this.hasPlaces) {
-      const [i, j] = corner.split(" ").map(Number);
-      const box = this.motion.limits.box;
-      this.dragBox(event, [box[i === 0 ? 2 : 0], box[j === 1 ? 3 : 1]]);
-      return;
-    }
-    if (this.mode === "box" && this.hasPlaces) {
-      this.dragBox(event, this.place(px, py));
-      return;
-    }
-    if (event.pointerType === "touch") return;
-    const { cx, cy, scale } = this.view;
-    this.follow(event, (qx, qy) => {
+    const [px, py] = this.#pixel(event), { target, pointerType } = event;
+    const held = target.closest(".pose"), joint = target.getAttribute("data-joint"), corner = target.getAttribute("data-corner");
+    if (this.mode === "path") this.#trace(event, px, py);
+    else if (this.mode === "outline") this.#click(event, px, py, () => this.#addCorner(px, py));
+    else if (this.mode === "hand" && joint && this.joints) this.#dragJoint(event, joint, px, py);
+    else if (held && (this.mode === "move" || this.mode === "add")) this.#dragPose(event, held, px, py);
+    else if (corner && this.hasPlaces) {
+      const [i, j] = corner.split(" ").map(Number), { box } = this.motion.limits;
+      this.#dragBox(event, [box[i === 0 ? 2 : 0], box[j === 1 ? 3 : 1]]);
+    } else if (this.mode === "box" && this.hasPlaces) this.#dragBox(event, this.place(px, py));
+    else if (this.mode === "add" && this.hasPlaces) this.#click(event, px, py, () => { this.fitted = false; this.actions.add(this.place(px, py)); });
+    else if (pointerType !== "touch") this.#click(event, px, py, () => {});
+  }
+
+  /** A press that stays is a click; one that moves drags the view, except by a finger, which scrolls the page. */
+  #click(event, px, py, clicked) {
+    const { cx, cy, scale } = this.view, drags = event.pointerType !== "touch";
+    let moved = false;
+    this.#follow(event, (qx, qy) => {
+      moved ||= Math.hypot(qx - px, qy - py) > CLICK;
+      if (!moved || !drags) return;
       Object.assign(this.view, { cx: cx - (qx - px) / scale, cy: cy + (qy - py) / scale });
       this.fitted = false;
       this.draw();
-    });
+    }, (cancelled) => { if (!moved && !cancelled) clicked(); });
+  }
+
+  #dragPose(event, held, px, py) {
+    const k = Number(held.dataset.pose), turning = event.target.hasAttribute("data-turner");
+    this.actions.choose(k);
+    held.focus({ preventScroll: true });
+    const pose = this.motion.poses[k], from = this.view.world(px, py), origin = [pose.x, pose.y];
+    this.#follow(event, (qx, qy) => this.actions.edit((motion) => {
+      const moved = motion.poses[k];
+      if (!moved) return;
+      if (turning) {
+        const [x, y] = this.view.at([moved.x, moved.y]);
+        const angle = (Math.atan2(y - qy, qx - x) * 180) / Math.PI;
+        // whole turns are kept: of the equal directions the one nearest to the present angle
+        const near = angle + 360 * Math.round((moved.angle - angle) / 360);
+        moved.angle = this.snap ? Math.round(near) : Number(near.toFixed(1));
+      } else {
+        const to = this.view.world(qx, qy);
+        [moved.x, moved.y] = this.place(...this.view.at([0, 1].map((i) => origin[i] + to[i] - from[i])));
+      }
+    }, `drag ${k}`));
+  }
+
+  #dragJoint(event, joint, px, py) {
+    const start = this.view.at(this.joints[joint]);
+    this.#follow(event, (qx, qy) => this.actions.hand(joint, this.place(start[0] + qx - px, start[1] + qy - py)));
   }
 
   /** A drag draws a path, which begins a new motion; a tap adds a point to the path that there is. */
-  trace(event, px, py) {
+  #trace(event, px, py) {
     const pen = new Pen(this.penLayer, px, py);
-    this.follow(event, (qx, qy) => pen.move(qx, qy), (cancelled) => {
+    this.#follow(event, (qx, qy) => pen.move(qx, qy), (cancelled) => {
       const { points, closed } = pen.end();
       if (cancelled) return;
       this.fitted = false;
@@ -334,19 +242,19 @@ export class Board {
     });
   }
 
-  dragBox(event, [x, y]) {
-    this.follow(event, (qx, qy) => this.actions.edit((motion) => {
+  #dragBox(event, [x, y]) {
+    this.#follow(event, (qx, qy) => this.actions.edit((motion) => {
       const [u, v] = this.place(qx, qy);
       motion.limits.box = [Math.min(x, u), Math.min(y, v), Math.max(x, u), Math.max(y, v)];
     }, "box"));
   }
 
   /** Calls `move(px, py)` while the pointer is held, then `end(cancelled)`. */
-  follow(event, move, end = () => this.actions.settle()) {
+  #follow(event, move, end = () => this.actions.settle()) {
     event.preventDefault();
     const { pointerId } = event;
     this.svg.setPointerCapture(pointerId);
-    const moved = (at) => { if (at.pointerId === pointerId) move(...this.pixel(at)); };
+    const moved = (at) => { if (at.pointerId === pointerId) move(...this.#pixel(at)); };
     const done = (at) => {
       if (at.pointerId !== pointerId) return;
       for (const name of ["pointerup", "pointercancel"]) this.svg.removeEventListener(name, done);
@@ -357,7 +265,41 @@ export class Board {
     for (const name of ["pointerup", "pointercancel"]) this.svg.addEventListener(name, done);
   }
 
-  key(event) {
+  // -- the body's outline, drawn at the selected pose --
+
+  #addCorner(px, py) {
+    const first = this.corners[0] && this.view.at(this.corners[0]);
+    if (first && this.corners.length > 2 && Math.hypot(first[0] - px, first[1] - py) < 10) { this.#closeOutline(); return; }
+    this.corners.push(this.place(px, py));
+    this.#drawCorners();
+  }
+
+  #drawCorners() {
+    this.penLayer.replaceChildren();
+    if (this.corners.length) make("path", { class: "pen", d: `M${this.corners.map((corner) => this.view.at(corner).join(" ")).join("L")}` }, this.penLayer);
+    for (const corner of this.corners) make("circle", { class: "corner", cx: this.view.x(corner[0]), cy: this.view.y(corner[1]), r: 4 }, this.penLayer);
+  }
+
+  #closeOutline() {
+    const pose = this.motion.poses[this.chosen], [x, y] = placeOf(pose) ?? [0, 0], turn = (-(pose.angle ?? 0) * Math.PI) / 180;
+    const cosine = Math.cos(turn), sine = Math.sin(turn);
+    const line = [...this.corners, this.corners[0]].map(([u, v]) => [cosine * (u - x) - sine * (v - y), sine * (u - x) + cosine * (v - y)].map((value) => Number(value.toPrecision(6))));
+    this.corners = [];
+    this.penLayer.replaceChildren();
+    this.actions.edit((motion) => { motion.outline = [line]; });
+  }
+
+  // -- keys --
+
+  #nudge(name, event) {
+    const go = (event.shiftKey ? 1 : 0.1) * this.step, by = { ArrowLeft: [-go, 0], ArrowRight: [go, 0], ArrowDown: [0, -go], ArrowUp: [0, go] }[event.key];
+    if (!by || !this.joints) return;
+    event.preventDefault();
+    this.actions.hand(name, this.joints[name].map((value, i) => value + by[i]));
+  }
+
+  #key(event) {
+    if (this.mode === "outline" && event.key === "Enter" && this.corners.length > 2) { this.#closeOutline(); event.preventDefault(); return; }
     const held = event.target.closest?.(".pose");
     if (!held || event.ctrlKey || event.metaKey || event.altKey) return;
     const k = Number(held.dataset.pose);
@@ -369,21 +311,22 @@ export class Board {
     };
     const move = moves[event.key];
     if (move) {
+      const tidy = (value) => Number((Math.abs(value) < SMALL * go ? 0 : value).toPrecision(12));
       this.actions.edit((motion) => {
         const pose = motion.poses[k];
-        pose.x = Number((pose.x + move[0]).toPrecision(12));
-        pose.y = Number((pose.y + move[1]).toPrecision(12));
+        pose.x = tidy(pose.x + move[0]);
+        pose.y = tidy(pose.y + move[1]);
         if (move[2]) pose.angle = Number(((pose.angle ?? 0) + move[2]).toPrecision(12));
       }, `key ${k} ${event.key}`);
     } else if (event.key === "Delete" || event.key === "Backspace") {
       this.actions.remove(k);
     } else if (event.key === "Enter" || event.key === "Insert") {
       this.actions.add(null);
-      this.poses.at(-1).group.focus({ preventScroll: true });
+      this.poses.focus(-1);
     } else if (event.key === "PageDown" || event.key === "PageUp") {
       const next = Math.max(0, Math.min(this.motion.poses.length - 1, k + (event.key === "PageDown" ? 1 : -1)));
       this.actions.choose(next);
-      this.poses[next].group.focus({ preventScroll: true });
+      this.poses.focus(next);
     } else return;
     event.preventDefault();
   }

@@ -3,14 +3,27 @@
 const SVG = "http://www.w3.org/2000/svg";
 
 export function make(name, attributes = {}, parent = null) {
-  const element = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  parent?.append(element);
-  return element;
+  const made = document.createElementNS(SVG, name);
+  put(made, attributes);
+  parent?.append(made);
+  return made;
 }
 
-export function put(element, attributes) {
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+export function put(made, attributes) {
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+}
+
+/** An HTML element with a class and text. */
+export function element(name, className, content = "") {
+  return Object.assign(document.createElement(name), { className, textContent: content });
+}
+
+/** A sign, which screen readers skip, and what it stands for. */
+export function signed(name, className, sign, words) {
+  const made = element(name, className), symbol = element("span", "sign", sign);
+  symbol.setAttribute("aria-hidden", "true");
+  made.append(symbol, ` ${words}`);
+  return made;
 }
 
 /** The mapping between world coordinates and pixels: centre `cx`, `cy` and `scale` in pixels per unit. */
@@ -76,10 +89,16 @@ export function text(value, digits = 6) {
   return size >= 1e7 || size < 1e-4 ? rounded.toExponential() : String(rounded);
 }
 
-/** The SVG elements of one linkage; `detail` false makes small pins and leaves the body's direction out. */
+const NAMES = { a: "A", b: "B", c: "C", d: "D", p: "P" };
+
+/** A pivot's bearing on hatched ground, in pixels. */
+const bearing = ([x, y]) => `M${x} ${y}l-8 14h16zM${x - 14} ${y + 14}h28${[-12, -6, 0, 6, 12].map((dx) => `M${x + dx} ${y + 14}l-5 6`).join("")}`;
+
+/** The SVG elements of one linkage; `detail` false makes small pins and leaves bearings, names and the body's direction out. */
 export class LinkageShape {
   constructor(parent, detail = true) {
     this.group = make("g", { "aria-hidden": "true", class: detail ? "large" : "small" }, parent);
+    this.bases = make("path", { class: "bearing" }, this.group);
     this.ground = make("path", { class: "ground" }, this.group);
     this.body = make("path", { class: "body" }, this.group);
     this.crank = make("path", { class: "link crank" }, this.group);
@@ -88,6 +107,7 @@ export class LinkageShape {
     const dots = { a: ["fixed", pin + 1.5], b: ["fixed", pin + 1.5], d: ["pin", pin], c: ["pin", pin], p: ["point", pin] };
     this.joints = Object.fromEntries(Object.entries(dots).map(([name, [kind, r]]) => [name, make("circle", { class: kind, r, "data-joint": name }, this.group)]));
     this.carried = make("path", { class: "carried" }, this.group);
+    this.names = Object.fromEntries(Object.entries(NAMES).map(([name, letter]) => [name, Object.assign(make("text", { class: "joint-name" }, this.group), { textContent: letter })]));
     this.detail = detail;
   }
 
@@ -103,8 +123,13 @@ export class LinkageShape {
     for (const [name, place] of Object.entries({ a, b, c, d, p })) {
       const dot = this.joints[name];
       dot.setAttribute("visibility", place ? "inherit" : "hidden");
-      if (place) put(dot, { cx: view.x(place[0]), cy: view.y(place[1]) });
+      this.names[name].setAttribute("visibility", place && this.detail ? "inherit" : "hidden");
+      if (!place) continue;
+      const [x, y] = view.at(place);
+      put(dot, { cx: x, cy: y });
+      put(this.names[name], { x: x + 10, y: y - 8 });
     }
+    if (this.detail) put(this.bases, { d: bearing(view.at(a)) + bearing(view.at(b)) });
     if (p && this.detail) {
       const [x, y] = view.at(p), turn = joints.rotation;
       put(this.carried, { d: `M${x} ${y}L${x + 26 * Math.cos(turn)} ${y - 26 * Math.sin(turn)}` });

@@ -1,51 +1,51 @@
 // The motion editor: canvas, pose table and form fields show one motion and change it, with undo and redo.
 
 import { Board } from "./board.js";
-import { text } from "./drawing.js";
-import { History, emptyMotion, nextPose, scaleTravels, setTiming, travels, wantsAngles, wantsPlaces } from "./motion.js";
+import { Fields, typed } from "./fields.js";
+import { History, emptyMotion, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
 
 const COLUMNS = [["t", "crank angle"], ["x", "x"], ["y", "y"], ["angle", "angle"]];
+const KEYS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], Enter: [1, 0] };
 
-const NOTES = {
-  free: (item) => `Only the ${item}s count: the search finds the crank angle at each of them.`,
-  even: (item) => `The ${item}s are met at even steps of the crank.`,
-  table: (item) => `Each ${item} is met at its crank angle in the table.`,
-};
-
-const modeButtons = () => document.querySelectorAll("[data-mode]:not(svg)");
-
-/** Leaves the element alone while the user types in it. */
-function set(element, value) {
-  if (element !== document.activeElement) element.value = value ?? "";
-}
+const modeButtons = () => [...document.querySelectorAll("[data-mode]:not(svg)")];
 
 export class Editor {
   /**
    * `changed()` is called after every change of the motion, before it is drawn again; `drawn(places, closed)` gets a path drawn
-   * by hand, which begins a new motion.
+   * by hand, which begins a new motion; `hand` moves the joints of the selected linkage.
    */
-  constructor(changed, drawn) {
+  constructor(changed, drawn, hand) {
     this.changed = changed;
     this.chosen = 0;
+    this.cellFaults = new Map();
     this.history = new History(emptyMotion(), () => this.refresh());
+    const edit = (change, kind) => this.history.change((motion) => { change(motion); }, kind), settle = () => this.history.settle();
     this.board = new Board($("canvas"), $("canvas-help"), {
-      edit: (change, kind) => this.history.change((motion) => { change(motion); }, kind),
-      settle: () => this.history.settle(),
+      edit, settle, hand,
       choose: (k) => this.#choose(k),
       add: (at) => this.#add(at),
       remove: (k) => this.#remove(k),
       draw: drawn,
     });
-    this.#bindFields();
+    this.fields = new Fields({ edit, settle, motion: () => this.motion });
     this.#bindButtons();
+    this.#bindModes();
+    $("poses").addEventListener("keydown", (event) => this.#walk(event));
   }
 
   get motion() { return this.history.value; }
 
+  /** The first entry of table or form that cannot be used, as [sentence, id of the element]; null if there is none. */
+  get fault() {
+    for (const sentence of this.cellFaults.values()) return [sentence, "poses"];
+    return this.fields.fault;
+  }
+
   /** Puts another motion in place of this one; undo brings this one back. `fit` false leaves the view as it is. */
   replace(motion, fit = true) {
     this.chosen = 0;
+    this.#forget();
     this.history.change(() => motion);
     if (fit) this.board.fit();
   }
@@ -58,7 +58,10 @@ export class Editor {
 
   setMode(mode) {
     this.board.setMode(mode);
-    for (const button of modeButtons()) button.setAttribute("aria-pressed", String(button.dataset.mode === mode));
+    for (const button of modeButtons()) {
+      button.setAttribute("aria-pressed", String(button.dataset.mode === mode));
+      button.tabIndex = button.dataset.mode === mode ? 0 : -1;
+    }
   }
 
   /** Draws the motion again everywhere. */
@@ -69,54 +72,17 @@ export class Editor {
     this.changed();
     this.board.show(this.motion, this.chosen);
     this.#showTable();
-    this.#showFields();
+    this.fields.show();
   }
 
-  #showFields() {
-    const { motion } = this, { limits, tolerance } = motion, free = motion.timing === "free";
-    set($("timing"), motion.timing);
-    for (const element of document.querySelectorAll("[data-timing]")) element.hidden = free !== (element.dataset.timing === "free");
-    $("timing-note").textContent = NOTES[motion.timing](wantsAngles(motion) ? "pose" : "point");
-    set($("span"), Number(motion.span.toPrecision(12)));
-    set($("direction"), String(motion.direction));
-    $("any-order").checked = motion.anyOrder;
-    $("closed").checked = motion.closed;
-    set($("span-max"), motion.spanMax);
-    set($("tolerance-rotation"), tolerance.rotation);
-    set($("tolerance-position"), tolerance.position);
-    set($("wanted"), motion.wanted);
-    set($("family"), limits.family);
-    set($("transmission"), limits.transmission || "");
-    $("practical").checked = limits.practical;
-    $("transmission").placeholder = limits.practical ? "35" : "0";
-    set($("link-min"), limits.min);
-    set($("link-max"), limits.max);
-    set($("round"), motion.round);
-    set($("stock"), motion.stock?.join(" ") ?? "");
-    set($("speed-of-crank"), motion.analysis.speed);
-    for (const [k, axis] of ["x", "y"].entries()) set($(`force-${axis}`), motion.analysis.force[k]);
-    set($("torque"), motion.analysis.torque);
-    for (const name of ["links", "pivots", "clearance"]) set($(`study-${name}`), motion.study[name]);
-    $("studies-summary").textContent = [motion.analysis.speed === null ? "" : "analysis", Object.values(motion.study).some(Number.isFinite) ? "tolerances" : ""].filter(Boolean).join(", ");
-    set($("top"), motion.top);
-    for (let k = 0; k < 4; k++) set($(`box-${k}`), limits.box?.[k]);
-    const active = [];
-    if (limits.practical) active.push("practical");
-    if (limits.family !== "full_crank") active.push($("family").selectedOptions[0]?.textContent);
-    if (limits.transmission) active.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
-    if (limits.min || limits.max) active.push("link lengths");
-    if (limits.box) active.push("pivot box");
-    if (motion.round) active.push(`rounded to ${text(motion.round)}`);
-    else if (motion.stock?.length) active.push("stock lengths");
-    if (tolerance.rotation || tolerance.position || this.#has("er", "ep")) active.push("tolerances");
-    $("weights").hidden = !this.#has("wr", "wp", "er", "ep");
-    $("limits-summary").textContent = active.join(", ") || "crank turns fully";
-    $("box-clear").hidden = !limits.box;
-    $("add-row").textContent = wantsAngles(motion) ? "Add a pose" : "Add a point";
+  /** Entries that could not be used belong to a motion that is gone. */
+  #forget() {
+    this.cellFaults.clear();
+    $("table-error").textContent = "";
+    this.fields.forget();
   }
 
-  /** Whether some pose has a weight or tolerance of its own. */
-  #has(...names) { return this.motion.poses.some((pose) => names.some((name) => pose[name] !== undefined)); }
+  // -- the table --
 
   #showTable() {
     const { motion } = this, body = $("poses").tBodies[0], angles = travels(motion);
@@ -126,17 +92,27 @@ export class Editor {
     while (body.rows.length < motion.poses.length) body.append(this.#makeRow(body.rows.length));
     motion.poses.forEach((pose, k) => {
       const row = body.rows[k];
-      row.className = k === this.chosen ? "chosen" : "";
       COLUMNS.forEach(([name], column) => {
         const input = row.cells[column + 1].firstChild;
         const value = name === "t" ? angles[k] : pose[name];
         const asked = name === "angle" ? wantsAngles(motion) : wantsPlaces(motion);
-        set(input, value === null ? "" : Number(value.toPrecision(6)));
+        const bad = this.cellFaults.has(`${k} ${name}`);
+        input.classList.toggle("invalid", bad);
+        if (!bad && input !== document.activeElement) input.value = value === null ? "" : Number(value.toPrecision(6));
         input.placeholder = value === null && asked ? "none" : "";
         if (name === "t") input.readOnly = motion.timing !== "table" || k === 0;
         else input.disabled = !asked;
       });
     });
+    this.#markRow();
+  }
+
+  /** Marks the row of the selected pose; only its cells are stops of the tab key, arrows lead to the others. */
+  #markRow() {
+    for (const [k, row] of [...$("poses").tBodies[0].rows].entries()) {
+      row.className = k === this.chosen ? "chosen" : "";
+      for (const cell of row.querySelectorAll("input, button")) cell.tabIndex = k === this.chosen ? 0 : -1;
+    }
   }
 
   #makeRow(k) {
@@ -154,37 +130,47 @@ export class Editor {
   }
 
   #makeCell(k, name, label) {
-    const input = document.createElement("input");
+    const input = document.createElement("input"), key = `${k} ${name}`;
     input.type = "text";
     input.inputMode = "decimal";
     input.setAttribute("aria-label", `Pose ${k + 1}, ${label}`);
     input.addEventListener("focus", () => {
       this.#choose(k);
       // the table shows 6 digits; a number that is being edited has them all
-      input.value = name === "t" ? Number(travels(this.motion)[k].toPrecision(14)) : this.motion.poses[k][name];
+      if (!this.cellFaults.has(key)) input.value = name === "t" ? Number(travels(this.motion)[k].toPrecision(14)) : this.motion.poses[k][name];
     });
     input.addEventListener("input", () => {
+      if (input.readOnly) return;
       // an empty cell is a place or an angle that is not asked for
-      const blank = input.value.trim() === "", value = blank ? null : Number(input.value.replace(",", "."));
-      const good = blank ? name !== "t" : Number.isFinite(value);
+      const value = typed(input.value), good = value === null ? name !== "t" : Number.isFinite(value);
+      if (good) this.cellFaults.delete(key);
+      else this.cellFaults.set(key, `Pose ${k + 1}, ${label}: “${input.value.trim().slice(0, 20)}” is not a number${name === "t" || this.motion.poses[k][name] === null ? "" : `; ${this.motion.poses[k][name]} is still in use`}.`);
       input.classList.toggle("invalid", !good);
-      if (good && !input.readOnly) this.history.change((motion) => {
+      $("table-error").textContent = [...this.cellFaults.values()][0] ?? "";
+      if (good) this.history.change((motion) => {
         motion.poses[k][name] = value;
         if (name === "t" && k === motion.poses.length - 1) motion.span = value;
-      }, `cell ${k} ${name}`);
+      }, `cell ${key}`);
     });
-    input.addEventListener("change", () => { this.history.settle(); input.classList.remove("invalid"); });
+    input.addEventListener("change", () => this.history.settle());
     input.addEventListener("blur", () => this.#showTable());
     return input;
+  }
+
+  /** Arrows up and down, and Enter, lead from cell to cell of a column. */
+  #walk(event) {
+    const step = KEYS[event.key], cell = event.target.closest?.("td");
+    if (!step || !cell || !event.target.matches("input") || event.ctrlKey || event.metaKey) return;
+    event.preventDefault();
+    $("poses").tBodies[0].rows[cell.parentNode.sectionRowIndex + step[0]]?.cells[cell.cellIndex].firstChild.focus();
   }
 
   #choose(k) {
     if (k === this.chosen) return;
     this.chosen = k;
     this.board.show(this.motion, k);
-    const rows = $("poses").tBodies[0].rows;
-    for (const [j, row] of [...rows].entries()) row.className = j === k ? "chosen" : "";
-    const box = document.querySelector(".table"), row = rows[k];
+    this.#markRow();
+    const box = document.querySelector(".table"), row = $("poses").tBodies[0].rows[k];
     if (row && (row.offsetTop < box.scrollTop + 30 || row.offsetTop + row.offsetHeight > box.scrollTop + box.clientHeight)) box.scrollTop = row.offsetTop - 60;
   }
 
@@ -197,6 +183,7 @@ export class Editor {
   }
 
   #remove(k) {
+    this.#forget();
     this.history.change((motion) => {
       motion.poses.splice(k, 1);
       if (motion.timing === "table" && motion.poses.length > 1) {
@@ -207,83 +194,42 @@ export class Editor {
     });
   }
 
-  /** Lets a form field change the motion: `change(motion, value)`, the value of an empty number field is null. */
-  #bind(id, change) {
-    const element = $(id), numeric = element.type === "number";
-    element.addEventListener(element.tagName === "SELECT" || element.type === "checkbox" ? "change" : "input", () => {
-      if (element.type === "checkbox") {
-        this.history.change((motion) => { change(motion, element.checked); }, id);
-        return;
-      }
-      const entered = element.value.trim();
-      if (numeric && entered !== "" && !element.checkValidity()) return;
-      const value = !numeric ? entered : entered === "" ? null : Number(entered);
-      this.history.change((motion) => { change(motion, value); }, id);
-    });
-    element.addEventListener("blur", () => { this.history.settle(); this.#showFields(); });
-  }
+  // -- buttons and keys --
 
-  #bindFields() {
-    this.#bind("span", (motion, value) => {
-      if (!value) return;
-      if (motion.timing === "even") motion.span = value;
-      else scaleTravels(motion, value);
-    });
-    this.#bind("direction", (motion, value) => { motion.direction = Number(value); });
-    this.#bind("timing", setTiming);
-    this.#bind("any-order", (motion, value) => { motion.anyOrder = value; });
-    this.#bind("closed", (motion, value) => { motion.closed = value; });
-    this.#bind("span-max", (motion, value) => { motion.spanMax = value; });
-    this.#bind("tolerance-rotation", (motion, value) => { motion.tolerance.rotation = value; });
-    this.#bind("tolerance-position", (motion, value) => { motion.tolerance.position = value; });
-    $("weights-clear").addEventListener("click", () => this.history.change((motion) => {
-      for (const pose of motion.poses) for (const name of ["wr", "wp", "er", "ep"]) delete pose[name];
-    }));
-    this.#bind("wanted", (motion, value) => { motion.wanted = value; });
-    this.#bind("practical", (motion, value) => { motion.limits.practical = value; });
-    this.#bind("family", (motion, value) => { motion.limits.family = value; });
-    this.#bind("transmission", (motion, value) => { motion.limits.transmission = value ?? 0; });
-    this.#bind("link-min", (motion, value) => { motion.limits.min = value; });
-    this.#bind("link-max", (motion, value) => { motion.limits.max = value; });
-    this.#bind("round", (motion, value) => { motion.round = value; });
-    this.#bind("stock", (motion, value) => {
-      const lengths = value.split(/[\s;]+/).filter(Boolean).map((one) => Number(one.replace(",", ".")));
-      const good = lengths.every((length) => length > 0 && Number.isFinite(length));
-      $("stock").classList.toggle("invalid", !good);
-      if (good) motion.stock = lengths.length ? lengths : null;
-    });
-    this.#bind("speed-of-crank", (motion, value) => { motion.analysis.speed = value; });
-    for (const [k, axis] of ["x", "y"].entries()) this.#bind(`force-${axis}`, (motion, value) => { motion.analysis.force[k] = value; });
-    this.#bind("torque", (motion, value) => { motion.analysis.torque = value; });
-    for (const name of ["links", "pivots", "clearance"]) this.#bind(`study-${name}`, (motion, value) => { motion.study[name] = value; });
-    this.#bind("top", (motion, value) => { if (value) motion.top = value; });
-    for (let k = 0; k < 4; k++) {
-      this.#bind(`box-${k}`, (motion) => {
-        const box = [0, 1, 2, 3].map((j) => ($(`box-${j}`).value === "" ? NaN : Number($(`box-${j}`).value)));
-        if (box.every(Number.isFinite)) motion.limits.box = box;
-        else if (box.every(Number.isNaN)) motion.limits.box = null;
-      });
-    }
-    $("box-clear").addEventListener("click", () => this.history.change((motion) => { motion.limits.box = null; }));
+  #step(back) {
+    this.#forget();
+    // a focused field would keep showing the value that is undone
+    if (document.activeElement?.matches?.("input")) document.activeElement.blur();
+    if (back) this.history.undo();
+    else this.history.redo();
   }
 
   #bindButtons() {
     $("add-row").addEventListener("click", () => this.#add());
-    $("undo").addEventListener("click", () => this.history.undo());
-    $("redo").addEventListener("click", () => this.history.redo());
+    $("undo").addEventListener("click", () => this.#step(true));
+    $("redo").addEventListener("click", () => this.#step(false));
     document.addEventListener("keydown", (event) => {
       if (!(event.ctrlKey || event.metaKey) || event.altKey || event.target.matches?.("textarea")) return;
       const key = event.key.toLowerCase();
       if (key !== "z" && key !== "y") return;
       event.preventDefault();
-      // a focused field would keep showing the value that is undone
-      if (document.activeElement?.matches?.("input")) document.activeElement.blur();
-      if (key === "y" || event.shiftKey) this.history.redo();
-      else this.history.undo();
+      this.#step(key === "z" && !event.shiftKey);
     });
-    for (const button of modeButtons()) button.addEventListener("click", () => this.setMode(button.dataset.mode));
     $("fit").addEventListener("click", () => this.board.fit());
     $("zoom-in").addEventListener("click", () => this.board.zoom(1.3));
     $("zoom-out").addEventListener("click", () => this.board.zoom(1 / 1.3));
+  }
+
+  /** The modes are one stop of the tab key; arrows choose among them. */
+  #bindModes() {
+    const buttons = modeButtons();
+    for (const button of buttons) button.addEventListener("click", () => this.setMode(button.dataset.mode));
+    $("modes").addEventListener("keydown", (event) => {
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!step) return;
+      const next = buttons[(buttons.indexOf(document.activeElement) + step + buttons.length) % buttons.length];
+      this.setMode(next.dataset.mode);
+      next.focus();
+    });
   }
 }

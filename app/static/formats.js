@@ -1,6 +1,8 @@
-// The motion as a request, as CSV and as the part of a link behind #, and back.
+// The motion as a request and as the part of a link behind #, and back.
 
-import { clone, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { PRESET, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+
+const NO_RATIO = 1e6; // a ratio of lengths that limits nothing
 
 /** A number for each pose where at least one has its own, `whole` for the others; otherwise `whole`. */
 function perPose(poses, name, whole) {
@@ -36,10 +38,9 @@ export function toRequest(motion) {
   const tolerances = present(angles ? perPose(poses, "er", tolerance.rotation) : null, places ? perPose(poses, "ep", tolerance.position) : null);
   if (tolerances) request.tolerances = tolerances;
   request.top = motion.top;
-  const asked = { ...limits.extra };
-  if (limits.practical) asked.preset = "practical";
+  if (motion.diverse) request.diverse = true;
+  const asked = { ...limits.extra, ...practical(limits) };
   if (limits.family !== "full_crank") asked.family = limits.family;
-  if (limits.transmission > 0) asked.transmission_angle_min = limits.transmission;
   if (limits.box && places) asked.pivot_box = limits.box;
   if (limits.min) asked.link_min = limits.min;
   if (limits.max) asked.link_max = limits.max;
@@ -51,6 +52,31 @@ export function toRequest(motion) {
   const { extra: how, ...sizes } = motion.study, sized = Object.entries(sizes).filter(([, value]) => value !== null);
   if (sized.length && places) request.tolerance_study = { ...Object.fromEntries(sized), ...how };
   return request;
+}
+
+const REPLACED = [["use", "transmission", "transmission_angle_min", 0], ["turn", "turn", "transmission_angle_min_turn", 0], ["ratio", "ratio", "link_ratio_max", NO_RATIO]];
+
+/** The practical limits of a request: the preset with what replaces its values, or without it those that are kept one by one. */
+function practical(limits) {
+  const { kept } = limits, asked = kept.reach ? { preset: "practical" } : {};
+  for (const [name, own, field, none] of REPLACED) {
+    if (kept[name]) {
+      if (limits[own] !== null || !kept.reach) asked[field] = limits[own] ?? PRESET[name];
+    } else if (kept.reach) asked[field] = none;
+  }
+  return asked;
+}
+
+/** The opposite of `practical`: {kept, transmission, turn, ratio}. */
+function readPractical(limits, unit) {
+  const preset = limits.preset === "practical", read = { kept: { reach: preset } };
+  for (const [name, own, field, none] of REPLACED) {
+    const given = limits[field] === undefined || limits[field] === null ? null : limits[field] * (name === "ratio" ? 1 : unit);
+    const off = given === null ? !preset : given === none;
+    read.kept[name] = !off;
+    read[own] = off ? null : given;
+  }
+  return read;
 }
 
 /** The analysis that a motion asks for; its speed is in the sense of the crank where that is known. */
@@ -88,7 +114,7 @@ function spread(part, poses, names, unit, what) {
 export function fromRequest(body) {
   const {
     rotation, position, crank_span, crank_angle, timing, order, closed, crank_span_max, weights, tolerances,
-    limits = {}, round_to, lengths_from, analysis, tolerance_study, top, angle_unit, ...extra
+    limits = {}, round_to, lengths_from, analysis, tolerance_study, top, diverse, angle_unit, ...extra
   } = body ?? {};
   const unit = angle_unit === "rad" ? 180 / Math.PI : 1, free = timing === "free";
   const count = (rotation ?? position)?.length;
@@ -116,12 +142,13 @@ export function fromRequest(body) {
   fixTravels(motion);
   spread(weights, motion.poses, ["wr", "wp"], 1, "weights");
   motion.tolerance = spread(tolerances, motion.poses, ["er", "ep"], unit, "tolerances");
-  const { family, transmission_angle_min, pivot_box, link_min, link_max, preset, ...more } = limits;
+  const { family, pivot_box, link_min, link_max, preset, transmission_angle_min, transmission_angle_min_turn, link_ratio_max, ...more } = limits;
   motion.limits = {
     family: family ?? "full_crank",
-    transmission: (transmission_angle_min ?? 0) * unit,
-    box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, practical: preset === "practical", extra: more,
+    ...readPractical({ preset, transmission_angle_min, transmission_angle_min_turn, link_ratio_max }, unit),
+    box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, extra: more,
   };
+  motion.diverse = diverse === true;
   motion.round = round_to ?? null;
   motion.stock = isNumbers(lengths_from) ? lengths_from : null;
   if (analysis) {
@@ -134,90 +161,6 @@ export function fromRequest(body) {
   delete extra.budget_ms;
   motion.extra = extra;
   return motion;
-}
-
-const COLUMNS = {
-  crank: "t", crank_angle: "t", theta1: "t", t: "t", x: "x", y: "y", angle: "angle", rotation: "angle", gamma: "angle",
-  weight: "w", weight_rotation: "wr", weight_position: "wp", tolerance_rotation: "er", tolerance_position: "ep",
-};
-
-/** The rows of a text: {names of the columns, rows of cells as text, the line of each row}. */
-function readTable(text) {
-  const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.replace(/^ +| +$/g, ""), k + 1])
-    .filter(([line]) => line.trim() && !line.startsWith("#"));
-  if (!lines.length) throw new Error("There are no rows.");
-  const sample = lines.at(-1)[0];
-  const separator = sample.includes(";") ? /\s*;\s*/ : sample.includes("\t") ? /\s*\t\s*/ : sample.includes(",") ? /\s*,\s*/ : /\s+/;
-  const decimalComma = !sample.includes(",") ? false : sample.includes(";") || sample.includes("\t");
-  const cells = (line) => line.split(separator).map((cell) => cell.replace(/^"(.*)"$/, "$1"));
-  const head = cells(lines[0][0]).map((name) => name.toLowerCase().replace(/[^a-z0-9_].*$/, ""));
-  let names = head.map((name) => COLUMNS[name]);
-  if (head.some((name) => name && Number.isNaN(Number(name.replace(",", "."))) && /^[a-z]/.test(name))) {
-    lines.shift();
-    if (!lines.length) throw new Error("There are no rows.");
-    if (!names.some(Boolean)) throw new Error("The first line names none of the columns crank, x, y, angle.");
-  } else {
-    names = { 4: ["t", "x", "y", "angle"], 3: ["x", "y", "angle"], 2: ["x", "y"] }[head.length];
-    if (!names) throw new Error("Each row must hold crank, x, y, angle; or x, y, angle; or x, y.");
-  }
-  const rows = lines.map(([line]) => cells(line).map((cell) => (decimalComma ? cell.replace(",", ".") : cell)));
-  return { names, rows, at: lines.map(([, line]) => line) };
-}
-
-/**
- * `motion` with the poses of CSV rows. The columns are named in the first line or recognised by their number; without a column
- * of crank angles these are free; an empty cell is a place or angle that is missing. Throws Error with the number of the line.
- */
-export function fromCsv(text, motion = emptyMotion()) {
-  const { names, rows, at } = readTable(text);
-  if (rows.length > 1024) throw new Error(`There are ${rows.length} rows; at most 1024 are allowed.`);
-  const has = (name) => names.includes(name);
-  const place = has("x") && has("y");
-  if (!place && !has("angle")) throw new Error("The rows need x and y, or an angle, or both.");
-  const used = [...names.entries()].filter(([, name]) => name);
-  const mayMiss = (name) => name !== "t";
-  const poses = rows.map((row, k) => {
-    const pose = { t: 0, x: 0, y: 0, angle: 0 };
-    for (const [column, name] of used) {
-      const cell = row[column] ?? "", value = cell ? Number(cell) : NaN;
-      if (!Number.isFinite(value) && (cell || !mayMiss(name))) throw new Error(`Line ${at[k]}: '${cell.slice(0, 20)}' is not a number.`);
-      if (["x", "y", "angle"].includes(name)) pose[name] = cell ? value : null;
-      else if (name === "t") pose.t = value;
-      else if (cell) for (const one of name === "w" ? ["wr", "wp"] : [name]) pose[one] = value;
-    }
-    if (!has("t") && !(place && placeOf(pose)) && !(has("angle") && pose.angle !== null)) throw new Error(`Line ${at[k]} has neither a place nor an angle.`);
-    return pose;
-  });
-  const next = { ...clone(motion), poses };
-  next.wanted = place && has("angle") ? "both" : place ? "position" : "rotation";
-  if (has("t")) {
-    const first = poses[0].t, whole = poses.at(-1).t - first;
-    next.direction = whole < 0 ? -1 : 1;
-    next.span = Math.abs(whole);
-    poses.forEach((pose) => { pose.t = (pose.t - first) * next.direction; });
-    const step = next.span / (poses.length - 1);
-    next.timing = poses.every((pose, k) => Math.abs(pose.t - k * step) <= 1e-9 * next.span) ? "even" : "table";
-  } else {
-    next.timing = place ? "free" : "even";
-    fixTravels(next);
-  }
-  return next;
-}
-
-/** The poses as CSV that `fromCsv` reads; crank angles only where they are given. */
-export function toCsv(motion) {
-  const { poses, direction } = motion, own = (name) => poses.some((pose) => pose[name] !== undefined);
-  const columns = [];
-  if (motion.timing !== "free") {
-    const timed = clone(motion);
-    fixTravels(timed);
-    columns.push(["crank", (_, k) => direction * timed.poses[k].t]);
-  }
-  if (wantsPlaces(motion)) columns.push(["x", (pose) => placeOf(pose)?.[0]], ["y", (pose) => placeOf(pose)?.[1]]);
-  if (wantsAngles(motion)) columns.push(["angle", (pose) => pose.angle]);
-  for (const [name, key] of Object.entries(COLUMNS)) if (key !== "w" && name.includes("_") && key.length === 2 && own(key)) columns.push([name, (pose) => pose[key]]);
-  const lines = poses.map((pose, k) => columns.map(([, value]) => value(pose, k) ?? "").join(","));
-  return [columns.map(([name]) => name).join(","), ...lines, ""].join("\n");
 }
 
 const toBase64 = (bytes) => {

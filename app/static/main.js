@@ -1,36 +1,89 @@
 // The four-bar page: sends the edited motion to the search, and shows the answers and the search's state.
 
 import { Editor } from "./editor.js";
-import { requestText, toRequest } from "./formats.js";
-import { fault } from "./motion.js";
+import { alike, fitOf, limitName, worstRows } from "./fit.js";
+import { fromRequest, requestText, toRequest } from "./formats.js";
+import { Gallery } from "./gallery.js";
+import { nearby } from "./hand.js";
+import { fault, wantsAngles } from "./motion.js";
 import { Results, copy } from "./results.js";
 import { STAGES, solve } from "./service.js";
+import { fillSheet } from "./sheet.js";
 import { $, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
-import { defects } from "./verdict.js";
+import { startStage } from "./extras.js";
+import { explainTerms, startTour } from "./tour.js";
+import { defects, plainNote } from "./verdict.js";
 
-const STATUS = {
-  reached: "Solved: the best linkage makes the motion to within rounding.",
-  closest: "No linkage was found that makes exactly this motion; these come closest.",
-  infeasible: "No linkage was found within these limits.",
-  unknown: "No linkage was found before the search was cut short, which proves nothing. Loosen a limit or try again.",
-};
+const EASED = /^(\w+) excludes .* at (.+) there is one$/;
+const EXCLUDES = /^(\w+) excludes .* without it there are some$/;
 
-let answer = null; // the last answer: {request, reply, motion}
+let answer = null; // the last answer: {request, reply, motion, stored}
 let running = null; // AbortController of the search that runs
+let linkedCard = null; // the card that a link chose, until the search for it has ended
 
-const editor = new Editor(motionChanged, pathDrawn);
+const editor = new Editor(motionChanged, pathDrawn, jointDragged);
 const results = new Results(editor.board);
 const sources = new Sources(() => editor.motion, useMotion);
+const gallery = new Gallery((name) => sources.useExample(name));
 
-function sayStatus({ status, solutions, report }, request) {
-  const wrong = defects(solutions[0]?.verdict);
-  const sentence = status === "reached" && request.tolerances ? "Solved: the best linkage keeps the allowed errors at every sample." : STATUS[status];
-  if (!solutions.length && report.notes.length) {
-    say([sentence, ...report.notes.map((note) => `${note[0].toUpperCase()}${note.slice(1)}.`)].join(" "), true);
-    return;
+function pathDrawn(places, closed) {
+  sources.useDrawn(places, closed);
+}
+
+function jointDragged(joint, place) {
+  results.drag(joint, place);
+}
+
+/** What the best linkage found really does, in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
+function howNear({ reply, motion }) {
+  const best = reply.solutions[0], rows = worstRows(fitOf(best, motion), motion, reply.report.length_scale ?? 1), off = rows.filter(([, , pose]) => pose !== null);
+  if (!off.length) return "met to within rounding";
+  return `off by ${off.map(([, error, pose]) => `${error} (pose ${pose})`).join(" and ")}`;
+}
+
+function sentenceOf({ reply: { status, solutions, report }, request, motion, stored, seconds }) {
+  if (!solutions.length) {
+    const why = report.notes.filter((note) => !note.startsWith("nothing within")).map(plainNote).join(" ");
+    const proved = status === "infeasible" ? "No linkage was found within these limits, and the search ran to its end." : `None found in ${seconds.toFixed(1)} s, when the time was up; that proves nothing.`;
+    return [proved, why || "Loosen a limit, allow any family, or let the pivots lie elsewhere.", ""].join(" ").trim();
   }
-  say(wrong.length ? `${sentence} But none is free of defects: see the verdicts.` : sentence, !solutions.length || wrong.length > 0);
+  const held = solutions[0].determination?.at_limits ?? [], near = howNear({ reply: { solutions, report }, motion });
+  const limited = held.length && status !== "reached" ? `, held by ${held.map(limitName).join(" and ")}` : "";
+  const parts = [`${status === "reached" && request.tolerances ? "Within the allowed errors at every pose" : "Best found"}: ${near}${limited}.`];
+  if (report.stopped_by === "budget" && !stored) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
+  if (stored) parts.push("Searched beforehand.");
+  if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");
+  return parts.join(" ");
+}
+
+/** Offers what the reply says a limit would have to be, as a button. */
+function suggest({ reply: { report, solutions }, request }) {
+  const found = solutions.length ? [] : report.notes.flatMap((note) => {
+    const [, name, value] = EASED.exec(note) ?? [], [, dropped] = EXCLUDES.exec(note) ?? [];
+    if (name && request.limits?.[name] !== undefined) {
+      const numbers = value.startsWith("[") ? JSON.parse(value) : Number.parseFloat(value);
+      return [[`Set ${limitName(name)} to ${value.replace(" degrees", "°")}`, { ...request.limits, [name]: numbers }]];
+    }
+    if (!dropped || request.limits?.[dropped] === undefined) return [];
+    const { [dropped]: _gone, ...others } = request.limits;
+    return [[`Drop the limit: ${limitName(dropped)}`, dropped === "family" ? { ...others, family: "any" } : others]];
+  });
+  $("suggestions").hidden = !found.length;
+  $("suggestions").replaceChildren(...found.map(([words, limits]) => {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: words });
+    button.addEventListener("click", () => {
+      editor.replace({ ...fromRequest({ ...request, limits }), unit: editor.motion.unit, outline: editor.motion.outline }, false);
+      startSearch();
+    });
+    return button;
+  }));
+}
+
+function sayAnswer() {
+  const { reply: { solutions } } = answer;
+  say(sentenceOf(answer), !solutions.length || defects(solutions[0].verdict).length > 0);
+  suggest(answer);
 }
 
 function updateStale() {
@@ -44,22 +97,34 @@ function showRequest() {
 function motionChanged() {
   showRequest();
   updateStale();
+  const angles = wantsAngles(editor.motion);
+  $("new-motion").setAttribute("aria-pressed", String(angles));
+  $("new-path").setAttribute("aria-pressed", String(!angles));
+  if (answer && answer.motion.unit !== editor.motion.unit) {
+    answer.motion.unit = editor.motion.unit;
+    results.show(answer, true);
+  }
   if (running) return;
   if (editor.board.stale) say("The motion has changed since it was solved.");
-  else if (answer) sayStatus(answer.reply, answer.request);
+  else if (answer) sayAnswer();
 }
 
-function useMotion(motion, mode, fit) {
+function useMotion(motion, { mode = null, fit = true, reply = null, card = null }) {
   answer = null;
+  linkedCard = card;
   stopSearch();
   results.show(null);
+  $("suggestions").hidden = true;
   if (mode) editor.setMode(mode);
   editor.replace(motion, fit);
   say("");
-}
-
-function pathDrawn(places, closed) {
-  sources.useDrawn(places, closed);
+  if (!reply) return;
+  answer = { request: toRequest(motion), reply, motion: structuredClone(motion), stored: true };
+  results.show(answer);
+  results.player.run();
+  updateStale();
+  editor.board.draw();
+  sayAnswer();
 }
 
 function stopSearch() {
@@ -67,14 +132,13 @@ function stopSearch() {
   running = null;
   $("stop").hidden = true;
   $("progress").hidden = true;
-  $("solve").disabled = false;
 }
 
 /** Shows the search's progress against the longest time that it may take; returns what ends that. */
 function startProgress(begin) {
   const progress = $("progress"), longest = STAGES.reduce((sum, budget) => sum + budget);
-  $("solve").disabled = true;
   $("stop").hidden = false;
+  $("suggestions").hidden = true;
   progress.hidden = false;
   progress.value = 0;
   say("Searching…");
@@ -82,39 +146,58 @@ function startProgress(begin) {
   return () => clearInterval(timer);
 }
 
-async function startSearch() {
-  const motion = structuredClone(editor.motion);
-  const wrong = fault(motion);
+/** On a narrow screen the canvas is out of sight when Solve is pressed. */
+function showCanvas() {
+  const { top, bottom } = $("canvas").getBoundingClientRect();
+  if (matchMedia("(max-width: 900px)").matches && (bottom < 120 || top > innerHeight - 120)) $("canvas").scrollIntoView({ block: "start" });
+}
+
+/** Searches for the motion; `near` a solution only for linkages whose pivots lie near its own. */
+async function startSearch(near = null) {
+  const motion = structuredClone(editor.motion), wrong = editor.fault ?? fault(motion);
   if (wrong) {
     const [sentence, id] = wrong;
     say(sentence, true);
+    $(id)?.closest("details")?.setAttribute("open", "");
     $(id)?.focus?.();
     return;
   }
   stopSearch();
-  const request = toRequest(motion);
-  const control = new AbortController();
+  const request = toRequest(motion), control = new AbortController(), begin = performance.now();
   running = control;
-  const begin = performance.now();
   const endProgress = startProgress(begin);
   let further = false;
   try {
-    await solve(request, (reply, last) => {
+    await solve(near ? nearby(request, near) : request, (reply, last) => {
       if (running !== control) return;
-      answer = { request, reply, motion };
+      // what is shown stays until there is something in its place
+      if (!reply.solutions.length && (near || !last)) {
+        say(last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…", last);
+        return;
+      }
+      answer = { request, reply, motion, seconds: (performance.now() - begin) / 1000 };
       editor.board.stale = false;
       results.show(answer, further);
+      if (reply.solutions.length && !further) {
+        results.player.run();
+        showCanvas();
+      }
       if (!further) performance.measure("first result", { start: begin, end: performance.now() });
-      further = true;
-      if (!last) say(`Best so far after ${Math.round(performance.now() - begin)} ms; still searching…`);
-    }, control.signal);
-    if (running === control && answer) sayStatus(answer.reply, answer.request);
+      further ||= reply.solutions.length > 0;
+      if (last) return;
+      say(`After ${Math.round(performance.now() - begin)} ms: ${howNear(answer)}. Still searching…`);
+    }, control.signal, alike);
+    if (running === control && answer && further) {
+      if (linkedCard && answer.reply.solutions.length) results.choose(linkedCard);
+      sayAnswer();
+    } else if (running === control && answer && !near) sayAnswer();
   } catch (error) {
     if (error.name !== "AbortError") say(error.message, true);
   } finally {
     endProgress();
     if (running === control) {
       running = null; // it has ended, so that there is nothing to abort
+      linkedCard = null;
       stopSearch();
     }
     updateStale();
@@ -124,7 +207,9 @@ async function startSearch() {
 
 function bindButtons() {
   $("form").addEventListener("submit", (event) => { event.preventDefault(); startSearch(); });
-  $("stop").addEventListener("click", () => { stopSearch(); say(answer ? "Stopped; these are the best found so far." : "Stopped."); });
+  document.addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); startSearch(); } });
+  document.addEventListener("searchnear", () => { const { solution } = results; startSearch(solution); });
+  $("stop").addEventListener("click", () => { stopSearch(); $("solve").focus(); say(answer?.reply.solutions.length ? "Stopped; these are the best found so far." : "Stopped."); });
   $("request").addEventListener("toggle", showRequest);
   $("request-copy").addEventListener("click", async () => {
     const content = requestText(toRequest(editor.motion));
@@ -134,22 +219,29 @@ function bindButtons() {
     } catch { say("The browser does not allow copying; select the text instead.", true); }
   });
   $("link").addEventListener("click", async () => {
-    const request = answer && !editor.board.stale ? answer.request : toRequest(editor.motion);
-    await copy(await sources.linkTo(request), "The link is copied; it holds the whole request.");
+    const current = answer && !editor.board.stale, { links, branch, start_angle, body_offset, mount, crank_angle, family } = results.solution;
+    const chosen = current ? { links, branch, start_angle, body_offset, mount, crank_angle, family } : null;
+    await copy(await sources.linkTo(current ? answer.request : toRequest(editor.motion), editor.motion, chosen), "The link is copied; it holds the whole request and the chosen linkage.");
   });
+  addEventListener("beforeprint", () => fillSheet(answer, results.solution));
+  $("print").addEventListener("click", () => { fillSheet(answer, results.solution); print(); });
 }
 
 async function start() {
   startTheme();
   startScenes();
   bindButtons();
+  explainTerms();
+  startTour();
+  startStage(editor.board, (change) => editor.history.change((motion) => { change(motion); }), (mode) => editor.setMode(mode));
   editor.refresh();
   await sources.loadExamples();
+  gallery.show(sources.examples);
   let linked = false, damage = null;
   try { linked = await sources.openLink(); } catch (error) { damage = error.message; }
-  if (!linked && !editor.motion.poses.length) sources.useExample(sources.examples[0]?.name);
+  if (!linked && location.hash !== "#path" && !editor.motion.poses.length) sources.useExample(sources.examples[0]?.name);
   editor.forgetPast();
-  editor.board.fit();
+  if (!answer) editor.board.fit();
   if (damage) say(damage, true);
   document.body.dataset.ready = "true";
   if (linked) startSearch();

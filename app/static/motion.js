@@ -1,21 +1,29 @@
 // The requested motion as plain values: poses, crank angles, limits; its faults; its undo history.
 
-const LIMITS = { family: "full_crank", transmission: 0, box: null, min: null, max: null, practical: true, extra: {} };
+export const clone = (value) => JSON.parse(JSON.stringify(value));
+
+/** The practical limits of the service's preset by their names here; `reach` alone has no field of its own in a request. */
+export const PRESET = { use: 35, turn: 15, ratio: 10, reach: 10 };
+
+/**
+ * `kept` says which of the practical limits hold; `transmission` (in use), `turn` and `ratio` are values that replace theirs, null
+ * where there is none. `extra` holds fields that the form does not show.
+ */
+const LIMITS = { family: "full_crank", kept: { use: true, turn: true, ratio: true, reach: true }, transmission: null, turn: null, ratio: null, box: null, min: null, max: null, extra: {} };
 
 const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is asked several times, and each answer has one
 
 /**
  * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each pose).
  * A pose is {t, x, y, angle}; x and y, or angle, are null where they are missing. Its weights and tolerances, wr, wp, er, ep
- * (rotation and position), are undefined where those of the whole motion hold.
+ * (rotation and position), are undefined where those of the whole motion hold. `unit` of lengths and `outline` of the body,
+ * polylines from the body point at angle 0, are for the page alone.
  */
 export const emptyMotion = (wanted = "both") => ({
   poses: [], wanted, timing: "free", span: 90, direction: 1, anyOrder: false, closed: false, spanMax: null,
-  limits: { ...LIMITS }, tolerance: { rotation: null, position: null }, round: null, stock: null,
-  analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, extra: {},
+  limits: clone(LIMITS), tolerance: { rotation: null, position: null }, round: null, stock: null,
+  analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, diverse: true, unit: "mm", outline: null, extra: {},
 });
-
-export const clone = (value) => JSON.parse(JSON.stringify(value));
 
 /** Whether the motion asks for places, for angles. */
 export const wantsPlaces = (motion) => motion.wanted !== "rotation";
@@ -121,4 +129,22 @@ export class History {
   undo() { this.#step(this.past, this.future); }
 
   redo() { this.#step(this.future, this.past); }
+}
+
+/** Angles without jumps by whole turns: each within half a turn of the one before. */
+export function unwrapped(angles) {
+  let before = null;
+  return angles.map((angle) => {
+    if (angle === null) return null;
+    before = before === null ? angle : Number((angle + 360 * Math.round((before - angle) / 360)).toPrecision(12));
+    return before;
+  });
+}
+
+/** The first two poses, from 1, between which the angle jumps by more than half a turn; null without such a jump. */
+export function jump(motion) {
+  if (!wantsAngles(motion)) return null;
+  const rows = motion.poses.map(({ angle }, k) => [angle, k + 1]).filter(([angle]) => angle !== null);
+  const at = rows.findIndex(([angle], k) => k > 0 && Math.abs(angle - rows[k - 1][0]) > 180);
+  return at < 0 ? null : [rows[at - 1][1], rows[at][1]];
 }

@@ -2,11 +2,11 @@
 
 import { redrawOn, titledChart } from "./charts.js";
 import { make } from "./drawing.js";
-import { Linkage } from "./kinematics.js";
-import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { fitOf } from "./fit.js";
+import { PRESET, placeOf, wantsAngles } from "./motion.js";
 import { $ } from "./shell.js";
 import { analysisCurves, band } from "./studies.js";
-import { angleError, marksWithin, passing } from "./timing.js";
+import { marksWithin } from "./timing.js";
 
 const RAD = Math.PI / 180;
 const CURVE_STEPS = 240;
@@ -25,17 +25,14 @@ function setButton(name, icon) {
 }
 
 /** What canvas and curves need of a solution: joints over the interval and the turn, joints and errors at the samples. */
-function trajectory(solution, motion) {
-  const linkage = new Linkage(solution);
-  const pass = passing(solution, motion, linkage.turnsFully), { sense, low, high } = pass;
+export function trajectory(solution, motion) {
+  const fit = fitOf(solution, motion), { linkage, pass: { sense, low, high } } = fit;
   const steps = Math.min(1440, Math.max(180, Math.ceil(high - low)));
-  const at = pass.angles.map((angle) => linkage.at(angle * RAD));
   return {
-    linkage, motion, pass, at, solution, band: band(solution, linkage),
+    ...fit, motion, solution, band: band(solution, linkage),
     used: linkage.over(sense * low * RAD, sense * high * RAD, steps),
     turn: linkage.turnsFully ? linkage.over(0, sense * 2 * Math.PI, 360) : null,
-    errors: linkage.mount && wantsPlaces(motion)
-      ? motion.poses.map((pose, k) => { const place = placeOf(pose); return place && [place, at[k]?.p ?? place]; }) : null,
+    errors: fit.worst.place === null ? null : motion.poses.map((pose, k) => (fit.places[k] === null ? null : [placeOf(pose), fit.at[k].p])),
   };
 }
 
@@ -43,23 +40,41 @@ export class Player {
   constructor(board) {
     Object.assign(this, { board, shown: null, frame: null, charts: [], marks: [], stops: [] });
     $("slider").addEventListener("input", () => { this.#pause(); this.#showTravel(); });
-    $("range").addEventListener("change", () => { this.#setRange(); this.#drawCurves(); });
+    $("range").addEventListener("change", () => { this.#setRange(); this.drawCurves(); });
     $("play").addEventListener("click", () => (this.frame === null ? this.#play() : this.#pause()));
     $("before").addEventListener("click", () => this.#step(-1));
     $("after").addEventListener("click", () => this.#step(1));
     new ResizeObserver(() => this.#drawMarks()).observe($("slider"));
-    redrawOn($("curves"), () => this.#drawCurves());
+    redrawOn($("curves"), () => this.drawCurves());
   }
 
-  /** Shows a solution of a motion; a run that is playing goes on. */
-  show(solution, motion) {
+  /** Shows a solution of a motion; a run that is playing goes on. The view stays unless `fit` says otherwise. */
+  show(solution, motion, fit = false, curves = true) {
     this.shown = trajectory(solution, motion);
     $("range").querySelector("[value=turn]").disabled = !this.shown.turn;
     if (!this.shown.turn) $("range").value = "used";
     this.board.showLinkage(this.shown);
-    this.board.fit();
+    if (fit) this.board.fit();
     this.#setRange();
-    this.#drawCurves();
+    if (curves) this.drawCurves();
+  }
+
+  /** Where the slider stands, in degrees of crank from the first sample, with sign. */
+  get travel() { return this.shown ? this.shown.pass.sense * Number($("slider").value) : 0; }
+
+  /** Lets the shown linkage run, unless the reader's system asks for little motion. */
+  run() {
+    if (this.frame === null && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.#play();
+  }
+
+  stop() { this.#pause(); }
+
+  /** Moves to a crank angle from the first sample, with sign. */
+  goto(degrees) {
+    const slider = $("slider"), travel = this.shown.pass.sense * degrees;
+    slider.min = Math.min(Number(slider.min), travel);
+    slider.max = Math.max(Number(slider.max), travel);
+    this.#go(travel);
   }
 
   clear() {
@@ -159,9 +174,10 @@ export class Player {
     setButton("Play", PLAY);
   }
 
-  #drawCurves() {
+  /** Draws the curves of the shown solution anew. */
+  drawCurves() {
     if (!this.shown || $("curves-card").hidden) return;
-    const { linkage, motion, at, errors, solution, pass: { sense } } = this.shown, [low, high] = this.#range;
+    const { linkage, motion, places, turns: miss, worst, solution, pass: { sense } } = this.shown, [low, high] = this.#range;
     const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS);
     // travels in the crank's sense: a clockwise crank, too, is plotted from left to right
     const x = [...new Set([...even, ...this.stops.map(({ travel }) => travel)])].sort((a, b) => a - b);
@@ -175,22 +191,21 @@ export class Player {
     const add = (title, series, more) => this.charts.push(titledChart(host, title, { x, series, ...more }));
     const dots = (value, colour) => ({ values: atPoses(value), colour, points: true });
 
-    const miss = at.map((j, k) => (j && wantsAngles(motion) && motion.poses[k].angle !== null ? angleError(motion, motion.poses[k].angle, j.rotation / RAD) : null));
     const rotation = [{ values: over((j) => j.rotation / RAD), colour: "body" }];
     // wanted angles are drawn beside the curve, whole turns away where they do not count
     if (wantsAngles(motion)) rotation.push(dots((k) => { const j = joints[x.indexOf(this.marks[k])]; return miss[k] === null || !j ? null : j.rotation / RAD + miss[k]; }, "pose"));
     add(wantsAngles(motion) ? "Rotation of the body, degrees (dots: wanted)" : "Rotation of the coupler, degrees", rotation, { degreesY: true, height: 160 });
 
     const zero = { values: over(() => 0), colour: "line" };
-    if (errors) add("Position error at the samples", [dots((k) => errors[k] && Math.hypot(errors[k][1][0] - errors[k][0][0], errors[k][1][1] - errors[k][0][1]), "bad"), zero]);
+    if (worst.place !== null) add(`Position error at the samples, ${motion.unit}`, [dots((k) => places[k], "bad"), zero]);
     if (wantsAngles(motion)) add("Rotation error at the samples, degrees", [dots((k) => miss[k], "bad"), zero]);
 
     const transmission = [{ values: over((j) => j.transmission / RAD), colour: "path" }];
-    const least = motion.limits.transmission;
+    const least = motion.limits.kept.use ? motion.limits.transmission ?? PRESET.use : null;
     if (least) transmission.push({ values: x.map(() => least), colour: "box", dash: [6, 4], width: 1.2 });
     add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, transmission, { height: 160, degreesY: true, range: [0, 90], splits: [0, 30, 60, 90] });
     // an analysis is over the used interval: over a whole turn its curves have gaps
-    for (const { title, x: own, values } of analysisCurves(solution, sense)) {
+    for (const { title, x: own, values } of analysisCurves(solution, sense, motion.unit)) {
       const all = [[low, null], ...own.map((travel, k) => [travel, values[k]]), [high, null]].filter(([travel], k, rows) => k === 0 || k === rows.length - 1 ? travel < own[0] || travel > own.at(-1) : true);
       this.charts.push(titledChart(host, title, { x: all.map(([travel]) => travel), series: [{ values: all.map(([, value]) => value), colour: "body" }] }));
     }

@@ -1,75 +1,53 @@
 // The solutions of an answer: the list, the search's error over time, and the numbers and files of the selected one.
 
+import { card, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
-import { text, thumbnail } from "./drawing.js";
-import { Linkage } from "./kinematics.js";
-import { placeOf, wantsPlaces } from "./motion.js";
-import { Player } from "./player.js";
+import { element, signed, text } from "./drawing.js";
+import { alike, errorText, fitOf, limitName } from "./fit.js";
+import { assessed, fromJoints } from "./hand.js";
+import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $ } from "./shell.js";
 import { studyRows } from "./studies.js";
 import { passing } from "./timing.js";
-import { judged, mark, reasons } from "./verdict.js";
+import { judged, mark, plainNote, reasons } from "./verdict.js";
 
-const RAD = Math.PI / 180;
 const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "player"];
-const FAMILIES = {
-  crank_rocker: "crank-rocker", double_crank: "double-crank", rocker_crank: "rocker-crank",
-  double_rocker: "double-rocker", triple_rocker: "triple-rocker", change_point: "change point",
-};
+const LINKS = ["crank", "coupler", "rocker", "ground"];
 const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json" };
-const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "time limit reached" };
-
-/** An error with its unit; "rounding" where it is below 1e-12 of the motion's size. */
-function errorText(value, size, unit = "") {
-  if (value === null) return null;
-  return value < 1e-12 * size ? "rounding" : `${text(value, 3)}${unit}`;
-}
+const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
+const REST_MS = 120; // without a further drag, after which the curves are drawn anew
+const NEAR = 2.5; // other solutions are fitted into the view where they lie within so many sizes of the selected one
 
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
-function numberRows(solution, digits) {
-  const { links, mount, errors, rounded } = solution;
-  const number = (value) => text(value, digits);
-  const rows = [
-    ["Crank", number(links.crank)], ["Coupler", number(links.coupler)], ["Rocker", number(links.rocker)], ["Ground", number(links.ground)],
-    ["Branch", solution.branch > 0 ? "+1" : "−1"], ["Start angle", `${number(solution.start_angle)}°`],
-  ];
+function numberRows(solution, { motion, size }, digits) {
+  const { links, mount, rounded } = solution, { unit } = motion, { places, turns, worst } = fitOf(solution, motion);
+  const number = (value) => text(value, digits), length = (value) => `${number(value)} ${unit}`;
+  const rows = LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), length(links[name])]);
+  rows.push(["Branch", solution.branch > 0 ? "+1" : "−1"], ["Start angle", `${number(solution.start_angle)}°`]);
   if (solution.body_offset !== null) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
   if (mount) {
-    rows.push(
-      ["Pivot A", mount.pivot_a.map(number).join(", ")],
-      ["Pivot B", mount.pivot_b.map(number).join(", ")],
-      ["Ground angle", `${number(mount.ground_angle)}°`],
-      ["Coupler point", `${number(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`],
-    );
+    rows.push(["Pivot A", `${mount.pivot_a.map(number).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(number).join(", ")} ${unit}`], ["Ground angle", `${number(mount.ground_angle)}°`]);
+    rows.push(["Coupler point", `${length(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`]);
   }
-  if (errors.rotation_max !== null) rows.push(["Rotation error, largest", `${text(errors.rotation_max, 4)}°`]);
-  if (errors.position_max !== null) rows.push(["Position error, largest", text(errors.position_max, 4)]);
+  const at = (k, error) => (error === "rounding" ? error : `${error} at pose ${k + 1}`);
+  if (worst.turn !== null) rows.push(["Angle error, largest", at(worst.turn, errorText(Math.abs(turns[worst.turn]), 57, "°"))]);
+  if (worst.place !== null) rows.push(["Position error, largest", at(worst.place, errorText(places[worst.place], size, ` ${unit}`))]);
+  if (solution.errors.rotation_rms !== null) rows.push(["Angle error, rms", errorText(solution.errors.rotation_rms, 57, "°")]);
+  if (solution.errors.position_rms !== null) rows.push(["Position error, rms", errorText(solution.errors.position_rms, size, ` ${unit}`)]);
   if (Number.isFinite(solution.excursion)) rows.push(["Way between samples", `${text(solution.excursion, 3)} × distance`]);
   rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
-  if (solution.transmission_angle_min_turn !== null) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
+  if (Number.isFinite(solution.transmission_angle_min_turn)) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
+  const held = solution.determination?.at_limits ?? [];
+  if (held.length) rows.push(["Held by", held.map(limitName).join(", ")]);
   if (rounded?.closes) {
-    const { position_rms: position, rotation_rms: rotation } = rounded.errors;
+    const { position_max: position, rotation_max: rotation } = rounded.errors;
     rows.push(
-      ["Rounded links", ["crank", "coupler", "rocker", "ground"].map((name) => text(rounded.links[name], 8)).join(", ")],
-      ["Error when rounded", position === null ? `${text(rotation, 3)}°` : text(position, 3)],
+      ["Rounded links", `${LINKS.map((name) => text(rounded.links[name], 8)).join(", ")} ${unit}`],
+      ["Error when rounded", [position === null ? null : `${text(position, 3)} ${unit}`, rotation === null ? null : `${text(rotation, 3)}°`].filter(Boolean).join(", ")],
     );
   } else if (rounded) rows.push(["Rounded links", "none closes within the limits"]);
-  return [...rows, ...studyRows(solution)];
-}
-
-/** An element with a class and text. */
-function element(name, className, content = "") {
-  return Object.assign(document.createElement(name), { className, textContent: content });
-}
-
-/** A sign, which screen readers skip, and what it stands for. */
-function signed(name, className, sign, words) {
-  const made = element(name, className);
-  const symbol = element("span", "sign", sign);
-  symbol.setAttribute("aria-hidden", "true");
-  made.append(symbol, ` ${words}`);
-  return made;
+  return [...rows, ...studyRows(solution, unit)];
 }
 
 /** What was judged of a solution, and all reasons. */
@@ -104,6 +82,15 @@ function crankBlock(solution, motion) {
   return block;
 }
 
+/** What can be done with a linkage that was changed by hand. */
+function handBlock() {
+  const block = element("div", "judged");
+  const button = Object.assign(element("button", "", "Search near here"), { type: "button", id: "search-near" });
+  block.append(element("p", "note", "Changed by hand: its errors are computed in this page. The service judges what it finds itself: let it search with both pivots near where you put them."), button);
+  button.addEventListener("click", () => document.dispatchEvent(new Event("searchnear")));
+  return block;
+}
+
 function note(sentence) {
   $("export-note").textContent = sentence;
 }
@@ -118,90 +105,135 @@ export async function copy(content, done) {
 
 export class Results {
   constructor(board) {
-    Object.assign(this, { answer: null, solution: null, rank: 0, player: new Player(board) });
+    Object.assign(this, { answer: null, solution: null, board, player: new Player(board), picked: false });
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
-    $("print").addEventListener("click", () => print());
+    $("sort").addEventListener("change", () => this.#list());
+    $("overlay").addEventListener("change", () => this.#showOthers());
     redrawOn($("trace"), () => this.#drawTrace());
+    redrawOn($("solutions"), () => this.answer && this.#list());
   }
 
-  /** Shows an answer {request, reply, motion}, or with null none; a further answer to the same request keeps the selection. */
+  /** Shows an answer {request, reply, motion}, or with null none; a further answer to the same request keeps the card that was picked. */
   show(answer, further = false) {
+    if (!further) this.picked = false;
+    const before = this.picked ? this.solution : null;
     this.answer = answer;
-    if (!further) this.rank = 0;
     const solutions = answer?.reply.solutions ?? [];
     for (const id of CARDS) $(id).hidden = !solutions.length;
-    $("solutions").replaceChildren();
     if (!solutions.length) {
       this.solution = null;
+      $("solutions").replaceChildren();
+      this.board.showOthers([]);
       this.player.clear();
       return;
     }
     const { report } = answer.reply;
-    $("solutions").append(...solutions.map((solution, k) => this.#makeItem(solution, k)));
-    $("results-note").textContent = `rms errors of rotation and position · ${Math.round(report.elapsed_ms.total)} ms`;
-    $("trace-note").textContent = [`Search ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map((sentence) => `Note: ${sentence}.`)].join(" ");
-    this.#select(Math.min(this.rank, solutions.length - 1));
+    answer.size = report.length_scale ?? 1;
+    $("results-note").textContent = `largest errors, at pose (no.) · ${answer.stored ? "searched beforehand" : `${Math.round(report.elapsed_ms.total)} ms`}`;
+    $("trace-note").textContent = [`Search ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
+    this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
+    this.#list();
+    this.#select(this.solution, !further);
     this.#drawTrace();
+  }
+
+  /** Selects the solution that is like `wanted`; adds `wanted`, with errors computed here, where there is none. */
+  choose(wanted) {
+    const { motion, reply } = this.answer;
+    let found = reply.solutions.find((one) => alike(one, wanted));
+    if (!found) {
+      found = { ...assessed({ ...wanted, verdict: null, rank: null, determination: { ill_posed: false, at_limits: [] } }, motion).solution, source: "link" };
+      reply.solutions.push(found);
+    }
+    this.picked = true;
+    this.#select(found);
+    this.#list();
+  }
+
+  /** A joint of the selected linkage is dragged to a place: its errors are computed anew. */
+  drag(name, place) {
+    const { motion, reply } = this.answer ?? {};
+    if (!this.solution?.mount || !this.board.joints) return;
+    this.player.stop();
+    const joints = { ...this.board.joints, [name]: place }, made = fromJoints(joints, this.player.travel, this.solution);
+    if (!made) return;
+    const { solution, shift, closes } = assessed(made, motion), travel = this.player.travel - shift;
+    const old = reply.solutions.findIndex((one) => one.source === "hand");
+    if (old >= 0) reply.solutions[old] = solution;
+    else reply.solutions.push(solution);
+    Object.assign(this, { solution, picked: true });
+    this.player.show(solution, motion, false, false);
+    this.player.goto(travel);
+    clearTimeout(this.later);
+    this.later = setTimeout(() => this.player.drawCurves(), REST_MS);
+    this.#showNumbers();
+    this.#list();
+    this.board.tell(closes ? [errorText(solution.errors.position_max, 1e-300, ` ${motion.unit}`), errorText(solution.errors.rotation_max, 1e-300, "°")].filter(Boolean).join(", ") : "does not close at every pose");
   }
 
   /** The numbers to be copied, with all digits. */
   #rows() {
-    const { verdict, crank_angle } = this.solution, rows = numberRows(this.solution, 17);
+    const { verdict, crank_angle } = this.solution, rows = numberRows(this.solution, this.answer, 17);
     if (crank_angle) rows.push(["Crank angles", crank_angle.map((angle) => `${text(angle, 17)}°`).join(", ")]);
     if (verdict) rows.push(["Verdict", mark(verdict).text], ...reasons(verdict).map((one) => ["Reason", one]));
     return rows;
   }
 
-  #makeItem(solution, k) {
-    const { motion, reply } = this.answer, linkage = new Linkage(solution);
-    const targets = wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : [];
-    const { sense, low, high } = passing(solution, motion, linkage.turnsFully);
-    const button = document.createElement("button");
-    button.type = "button";
-    button.append(thumbnail(linkage, [sense * low * RAD, sense * high * RAD], targets));
-    const name = document.createElement("span");
-    name.className = "name";
-    name.textContent = `${solution.rank}. ${FAMILIES[solution.family] ?? solution.family}`;
-    const facts = document.createElement("dl");
-    const rows = [
-      ["rotation", errorText(solution.errors.rotation_rms, 57, "°")],
-      ["position", errorText(solution.errors.position_rms, reply.report.length_scale ?? 1)],
-      ["transmission", `${text(solution.transmission_angle_min, 3)}°`],
-    ];
-    for (const [term, value] of rows) {
-      if (value === null) continue;
-      facts.append(Object.assign(document.createElement("dt"), { textContent: term }), Object.assign(document.createElement("dd"), { textContent: value }));
-    }
-    button.append(name, facts);
-    const verdict = mark(solution.verdict);
-    if (verdict) button.append(signed("span", `verdict ${verdict.kind}`, verdict.sign, verdict.text));
-    button.addEventListener("click", () => this.#select(k));
-    const item = document.createElement("li");
-    item.append(button);
-    return item;
+  #list() {
+    const { motion, reply, size } = this.answer, active = $("solutions").contains(document.activeElement);
+    const shown = sorted(reply.solutions, $("sort").value);
+    $("solutions").replaceChildren(...shown.map((solution) => card(solution, motion, size, () => { this.picked = true; this.#select(solution); })));
+    this.cards = shown;
+    this.#press();
+    if (active) $("solutions").querySelector("[aria-pressed=true]")?.focus({ preventScroll: true });
   }
 
-  #select(k) {
-    this.rank = k;
-    this.solution = this.answer.reply.solutions[k];
-    [...$("solutions").children].forEach((item, j) => item.firstChild.setAttribute("aria-pressed", String(j === k)));
-    this.player.show(this.solution, this.answer.motion);
+  #press() {
+    [...$("solutions").children].forEach((item, k) => item.firstChild.setAttribute("aria-pressed", String(this.cards[k] === this.solution)));
+  }
+
+  #select(solution, first = false) {
+    const { motion, reply } = this.answer;
+    this.solution = solution;
+    this.#press();
+    this.player.show(solution, motion, first);
+    if (first) this.#fitAll(reply.solutions);
+    else if (!this.board.holds(this.player.shown.used.filter(Boolean).flatMap((j) => [j.a, j.b, j.d, j.c]))) this.board.tell("Parts lie outside the view: Fit shows all");
     this.#showNumbers();
+    this.#showOthers();
+  }
+
+  /** Fits all solutions that are not much larger than the selected one, so that the scale can stay while one looks at them. */
+  #fitAll(solutions) {
+    const extent = (points) => Math.max(...[0, 1].map((i) => Math.max(...points.map((p) => p[i])) - Math.min(...points.map((p) => p[i]))));
+    const own = this.player.shown.used.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d]);
+    if (!own.length) return;
+    const more = solutions.slice(0, 12).flatMap((solution) => {
+      const { at } = fitOf(solution, this.answer.motion), points = at.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d]);
+      return points.length && extent([...own, ...points]) <= NEAR * extent(own) ? points : [];
+    });
+    this.board.fit(more);
+  }
+
+  #showOthers() {
+    const { motion, reply } = this.answer ?? {};
+    this.board.showOthers($("overlay").checked && reply ? reply.solutions.filter((one) => one !== this.solution).map((one) => trajectory(one, motion)) : []);
   }
 
   #showNumbers() {
     const table = document.createElement("table");
-    for (const [name, value] of numberRows(this.solution, 8)) {
+    for (const [name, value] of numberRows(this.solution, this.answer, 8)) {
       const row = table.insertRow();
-      row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: name }));
+      row.append(Object.assign(element("th", "", name), { scope: "row" }));
       row.insertCell().textContent = value;
     }
-    const { verdict, crank_angle } = this.solution, { motion } = this.answer;
-    $("numbers").replaceChildren(...(verdict ? [verdictBlock(verdict, motion)] : []), table, ...(crank_angle ? [crankBlock(this.solution, motion)] : []));
-    if (this.solution.determination.ill_posed) {
-      $("numbers").append(Object.assign(document.createElement("p"), { className: "note", textContent: "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths." }));
-    }
+    const { verdict, crank_angle, source } = this.solution, { motion } = this.answer, parts = [table];
+    if (verdict) parts.unshift(verdictBlock(verdict, motion));
+    else if (source === "hand") parts.unshift(handBlock());
+    if (crank_angle) parts.push(crankBlock(this.solution, motion));
+    if (this.solution.determination?.ill_posed) parts.push(element("p", "note", "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths."));
+    $("numbers").replaceChildren(...parts);
     note("");
   }
 
@@ -225,8 +257,8 @@ export class Results {
     try {
       const sizes = ["hole", "width"].map((name) => [name, $(`plate-${name}`).valueAsNumber]).filter(([, value]) => value > 0);
       const plates = sizes.length && format === "plates" ? { plates: Object.fromEntries(sizes) } : {};
-      const reply = await ask("/v1/export", { request, solution, format, length_unit: $("length-unit").value, ...plates });
-      const name = `linkage-${solution.rank}.${ENDINGS[format] ?? format}`;
+      const reply = await ask("/v1/export", { request, solution, format, length_unit: this.answer.motion.unit, ...plates });
+      const name = `linkage-${solution.rank ?? "by-hand"}.${ENDINGS[format] ?? format}`;
       download(await reply.blob(), name);
       note(`Saved ${name}.`);
     } catch (error) { note(error.message); }

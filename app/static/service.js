@@ -2,6 +2,7 @@
 
 /** Budgets of the search in milliseconds, one after the other: a first answer soon, then better ones. */
 export const STAGES = [120, 1000, 5000];
+const LONGER = 20000; // of a last stage, where nothing was found by then
 
 /** An error reply (problem+json) of the service; the message names at most three wrong fields. */
 class Problem extends Error {
@@ -20,17 +21,41 @@ export async function ask(path, body, signal) {
     reply = await fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body), signal });
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Error("The service cannot be reached.", { cause: error });
+    throw new Error("The service cannot be reached. Is it still running? Nothing was lost here: start it and try again.", { cause: error });
   }
   if (reply.ok) return reply;
   throw new Problem(reply.status, await reply.json().catch(() => null));
 }
 
+const faulty = ({ verdict }) => ["order", "branch", "circuit"].some((name) => verdict?.[name] === false);
+const outside = ({ verdict }) => verdict?.within_tolerance === false;
+
+/**
+ * The solutions of a reply, and those of an earlier one to the same request that it does not have again (`same` tells), best first and
+ * at most `top`: a further stage of a search never takes away what was found.
+ */
+export function together(earlier, reply, top, same) {
+  const kept = earlier.filter((one) => !reply.solutions.some((other) => same(one, other)));
+  const key = (one) => [faulty(one), outside(one), one.errors.objective < 1e-10 ? 0 : one.errors.objective];
+  const all = [...reply.solutions, ...kept].map((one) => [key(one), one]).toSorted(([a], [b]) => a[0] - b[0] || a[1] - b[1] || a[2] - b[2]);
+  return all.slice(0, top).map(([, one], k) => ({ ...one, rank: k + 1 }));
+}
+
 /** Repeats the search with the next budget as long as the budget ended it; `show(reply, last)` gets each answer. */
-export async function solve(request, show, signal) {
-  for (const [k, budget] of STAGES.entries()) {
+export async function solve(request, show, signal, same) {
+  let found = [];
+  const budgets = [...STAGES, LONGER];
+  for (const [k, budget] of budgets.entries()) {
     const reply = await (await ask("/v1/synthesize", { ...request, budget_ms: budget }, signal)).json();
-    const last = k === STAGES.length - 1 || reply.report.stopped_by !== "budget";
+    if (k) reply.solutions = together(found, reply, request.top ?? 10, same);
+    // a search within limits that has run into its budget may say that it converged: it is asked again
+    const { stopped_by, elapsed_ms } = reply.report, ended = stopped_by === "tolerance" || (stopped_by === "converged" && elapsed_ms.total < budget);
+    const last = ended || k === budgets.length - 1 || (k === STAGES.length - 1 && reply.solutions.length > 0);
+    // nothing is proved by a search that its budget may have ended
+    if (reply.status === "infeasible" && elapsed_ms.total >= budget) reply.status = "unknown";
+    // what an earlier stage found is no longer not found
+    if (reply.solutions.length && !["reached", "closest"].includes(reply.status)) reply.status = "closest";
+    found = reply.solutions;
     show(reply, last);
     if (last) return;
   }

@@ -1,7 +1,8 @@
 // Where a motion comes from: an example, pasted rows, a file or a link; and the links to a request.
 
-import { fromCsv, fromFragment, fromRequest, toCsv, toFragment } from "./formats.js";
-import { emptyMotion } from "./motion.js";
+import { fromCsv, toCsv } from "./csv.js";
+import { fromFragment, fromRequest, toFragment, toRequest } from "./formats.js";
+import { emptyMotion, jump, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, say } from "./shell.js";
 
@@ -9,14 +10,13 @@ const MAX_FILE_BYTES = 2e6;
 
 export class Sources {
   /**
-   * `current()` is the motion whose settings pasted rows keep; `use(motion, mode, fit)` takes a new one, for a mode of the canvas,
-   * fitted into the view or not.
+   * `current()` is the motion whose settings pasted rows keep; `use(motion, {mode, fit, reply, card})` takes a new one, for a mode of
+   * the canvas, fitted into the view or not, with the stored reply of an example or the chosen card of a link.
    */
   constructor(current, use) {
-    Object.assign(this, { current, use, examples: [], ownFragment: null });
-    $("example").addEventListener("change", () => this.useExample($("example").value));
-    $("clear").addEventListener("click", () => this.#take(emptyMotion(), { mode: "add" }));
-    $("new-path").addEventListener("click", () => this.#take(emptyMotion("position"), { mode: "path" }));
+    Object.assign(this, { current, use, examples: [], shown: null, ownFragment: null });
+    $("new-motion").addEventListener("click", () => this.begin("both"));
+    $("new-path").addEventListener("click", () => this.begin("position"));
     $("save").addEventListener("click", () => download(new Blob([toCsv(this.current())], { type: "text/csv" }), "motion.csv"));
     this.#bindPaste();
     this.#bindFiles();
@@ -26,20 +26,26 @@ export class Sources {
   async loadExamples() {
     try {
       this.examples = await (await fetch("/static/examples.json")).json();
-    } catch { say("The examples cannot be loaded.", true); }
-    for (const { name, title } of this.examples) $("example").append(new Option(title, name));
+    } catch { say("The machines to begin with cannot be loaded.", true); }
+  }
+
+  /** Begins a new motion, or a path, that keeps the unit. */
+  begin(wanted) {
+    this.#take({ ...emptyMotion(wanted), unit: this.current().unit }, { mode: wanted === "both" ? "add" : "path" });
   }
 
   /** Does nothing for a name that no example has. */
   useExample(name) {
     const example = this.examples.find((one) => one.name === name);
-    if (example) this.#take(fromRequest(example.request), { name, note: example.word, mode: "move" });
+    if (!example) return;
+    this.#take(fromRequest(example.request), { note: `${example.title}. ${example.word}`, mode: "move", reply: structuredClone(example.reply) });
+    this.shown = example;
   }
 
   /** Takes a path drawn by hand: places only, free crank angles, the limits of the motion before. */
   useDrawn(places, closed) {
-    const { limits, tolerance, top, round } = this.current();
-    const motion = Object.assign(emptyMotion("position"), { closed, limits, top, round, tolerance: { ...tolerance, rotation: null } });
+    const { limits, tolerance, top, round, unit, diverse } = this.#settings();
+    const motion = Object.assign(emptyMotion("position"), { closed, limits, top, round, unit, diverse, tolerance: { ...tolerance, rotation: null } });
     motion.poses = places.map(([x, y], k) => ({ t: k, x, y, angle: 0 }));
     const note = places.length > 1 ? `Drawn by hand: ${places.length} points${closed ? " of a closed way" : ""}, crank angles free. Move points, or solve.` : "";
     this.#take(structuredClone(motion), { note, fit: false });
@@ -48,31 +54,55 @@ export class Sources {
   /** Takes the motion from the page's address; false if there is none. Throws for a damaged one. */
   async openLink() {
     if (location.hash === this.ownFragment) return false;
-    const request = await fromFragment(location.hash);
-    if (!request) return false;
-    this.#take(fromRequest(request), { note: "From a link" });
+    if (location.hash === "#path") { this.begin("position"); return false; }
+    const linked = await fromFragment(location.hash);
+    if (!linked) return false;
+    const { request = linked, page = {} } = linked, motion = fromRequest(request);
+    if (page.unit) motion.unit = page.unit;
+    if (Array.isArray(page.outline)) motion.outline = page.outline;
+    this.#take(motion, { note: "From a link", card: page.card });
     return true;
   }
 
-  /** The page's address with the request in it, which the address bar shows from now on. */
-  async linkTo(request) {
+  /** The page's address with the request and what else the page shows in it, which the address bar shows from now on. */
+  async linkTo(request, { unit, outline }, card) {
     const url = new URL(location.href);
-    url.hash = await toFragment(request);
+    url.hash = await toFragment({ request, page: { unit, ...(outline ? { outline } : {}), ...(card ? { card } : {}) } });
     this.ownFragment = url.hash;
     history.replaceState(null, "", url);
     return url.href;
   }
 
-  #take(motion, { name = "", note = "", mode = null, fit = true }) {
-    $("example").value = name;
+  #take(motion, { note = "", ...how }) {
+    this.shown = null;
     $("example-note").textContent = note;
-    this.use(motion, mode, fit);
+    this.#offerUnwrapped(motion);
+    this.use(motion, how);
+  }
+
+  /** The motion whose limits hold for new rows too, the present one, but not an example that is as it came. */
+  #settings() {
+    const now = this.current(), asIs = this.shown && JSON.stringify(toRequest(now)) === JSON.stringify(toRequest(fromRequest(this.shown.request)));
+    return asIs ? { ...emptyMotion(), unit: now.unit } : now;
+  }
+
+  /** Angles that jump by a whole turn, as 350 and 10 do, are offered without the jump. */
+  #offerUnwrapped(motion) {
+    const at = jump(motion);
+    $("unwrap").hidden = !at;
+    if (!at) return;
+    $("unwrap-text").textContent = `The angle jumps by more than half a turn from pose ${at[0]} to ${at[1]}, as if it were counted from 0 to 360°.`;
+    $("unwrap-use").onclick = () => {
+      const next = structuredClone(this.current());
+      unwrapped(next.poses.map((pose) => pose.angle)).forEach((angle, k) => { next.poses[k].angle = angle; });
+      this.#take(next, { note: "Angles unwrapped.", fit: false });
+    };
   }
 
   /** The motion in CSV or in a request, also as exported with its solution. Throws for anything else. */
   #read(content) {
     const start = content.trimStart();
-    if (!start.startsWith("{")) return fromCsv(content, this.current());
+    if (!start.startsWith("{")) return fromCsv(content, this.#settings());
     let body;
     try { body = JSON.parse(start); } catch (error) { throw new Error("The file is not valid JSON.", { cause: error }); }
     return fromRequest(body.request ?? body);
@@ -84,7 +114,7 @@ export class Sources {
     $("paste-cancel").addEventListener("click", () => { box.hidden = true; });
     $("paste-use").addEventListener("click", () => {
       try {
-        this.#take(this.#read($("paste-text").value), {});
+        this.#take(this.#read($("paste-text").value), { note: "Pasted.", mode: "move" });
         box.hidden = true;
         $("paste-error").textContent = "";
       } catch (error) { $("paste-error").textContent = error.message; }
@@ -96,7 +126,7 @@ export class Sources {
       if (!file) return;
       try {
         if (file.size > MAX_FILE_BYTES) throw new Error("The file is larger than 2 MB, which is too large for a motion.");
-        this.#take(this.#read(await file.text()), { note: `From ${file.name}` });
+        this.#take(this.#read(await file.text()), { note: `From ${file.name}`, mode: "move" });
       } catch (error) { say(error.message, true); }
     };
     $("open").addEventListener("click", () => $("file").click());

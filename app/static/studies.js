@@ -6,18 +6,18 @@ const RAD = Math.PI / 180;
 const size = (vector) => vector && Math.hypot(...vector);
 
 /** Curves of an analysis over travels in the crank's sense: [{title, x, values, degreesY}]; none without an analysis. */
-export function analysisCurves({ analysis }, sense) {
+export function analysisCurves({ analysis }, sense, unit) {
   if (!analysis) return [];
   const { curve } = analysis;
   const rows = curve.crank_angle.map((angle, k) => [sense * angle, k]).sort((a, b) => a[0] - b[0]);
   const x = rows.map(([travel]) => travel), at = (list) => rows.map(([, k]) => list[k]);
   const found = [];
   if (curve.velocity) {
-    found.push({ title: "Velocity of the body point, lengths a second", x, values: at(curve.velocity).map(size) });
-    found.push({ title: "Acceleration of the body point, lengths a second²", x, values: at(curve.acceleration).map(size) });
+    found.push({ title: `Velocity of the body point, ${unit}/s`, x, values: at(curve.velocity).map(size) });
+    found.push({ title: `Acceleration of the body point, ${unit}/s²`, x, values: at(curve.acceleration).map(size) });
   }
   found.push({ title: "Angular velocity of the coupler, degrees a second", x, values: at(curve.angular_velocity.coupler) });
-  if (curve.crank_torque) found.push({ title: "Crank torque, force × length", x, values: at(curve.crank_torque) });
+  if (curve.crank_torque) found.push({ title: `Crank torque, force × ${unit}`, x, values: at(curve.crank_torque) });
   return found.filter(({ values }) => values.some((value) => value !== null));
 }
 
@@ -32,15 +32,15 @@ export function band({ tolerance_study: study }, linkage) {
 }
 
 /** Rows [name, value] for the numbers of a solution. */
-export function studyRows({ tolerance_study: study, rounded }) {
+export function studyRows({ tolerance_study: study, rounded }, lengthUnit) {
   const rows = [];
-  if (rounded?.closes && rounded.combinations !== null) {
+  if (rounded?.closes && (rounded.combinations ?? null) !== null) {
     const of = `of ${rounded.combinations} combinations`;
     rows.push(["Choice of lengths", rounded.exhaustive ? `the best ${of}` : `the best of ${rounded.tried} tried, ${of}`]);
   }
   if (!study) return rows;
   const { position, rotation, largest } = study, off = (value, unit = "") => (value === null ? "does not close" : `${text(value, 3)}${unit}`);
-  if (position) rows.push(["As made, off by (95 %)", off(position.worst.p95)]);
+  if (position) rows.push(["As made, off by (95 %)", off(position.worst.p95, ` ${lengthUnit}`)]);
   rows.push(["As made, turned by (95 %)", off(rotation.worst.p95, "°")]);
   if (largest.position ?? largest.rotation) rows.push(["Contributes most", largest.position ?? largest.rotation]);
   return rows;

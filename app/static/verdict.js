@@ -19,7 +19,7 @@ export function mark(verdict) {
   if (!reasons.length && verdict.buildable && verdict.within_tolerance !== false) return { kind: "good", sign: "✓", text: verdict.within_tolerance ? "buildable, within tolerance" : "buildable" };
   const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
   const first = reasons.length ? sentence(reasons[0]).replace(/\.$/, "") : verdict.buildable ? "outside the tolerance" : "not buildable";
-  return { kind: "poor", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
+  return { kind: verdict.buildable ? "poor" : "bad", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
 }
 
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
@@ -38,3 +38,9 @@ export function judged(verdict, motion) {
 
 /** All reasons as sentences. */
 export const reasons = (verdict) => (verdict.reasons ?? []).map(sentence);
+
+/** A note of a report in the page's words, as a sentence. */
+export function plainNote(note) {
+  if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages make this motion about equally well.";
+  return sentence(note.replaceAll("`", ""));
+}

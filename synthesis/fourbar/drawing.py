@@ -19,7 +19,7 @@ STYLE = (
     ".ground{stroke:#7b8794;stroke-dasharray:14 10}.crank{stroke:#c2410c;stroke-width:8}.rocker{stroke-width:8}"
     ".body{fill:#2563eb33;stroke:#2563eb}.path{stroke:#0f766e}.turn{stroke:#0f766e66;stroke-width:2}"
     "circle{fill:#fff;stroke:#1d2733;stroke-width:3}.pivot{fill:#1d2733}.pose{fill:#b91c1c;stroke:none}"
-    ".point{fill:#0f766e;stroke:none}</style>"
+    ".point{fill:#0f766e;stroke:none}text{font:22px sans-serif;fill:#1d2733}.size{font-size:18px;fill:#566272}</style>"
 )
 
 
@@ -46,7 +46,7 @@ def requested_positions(target: Target) -> Complexes:
 
 
 def to_svg(linkage: Linkage, target: Target) -> str:
-    """A drawing at the first sample, y up."""
+    """A drawing at the first sample, y up, with the names of the joints and the lengths of the links."""
     used, turn = used_joints(linkage, target.interval), linkage.turn()
     a, b, d, c = used.pivot_a, used.pivot_b, used.crank_pin[0], used.coupler_pin[0]
     path, marks = used.body_point, requested_positions(target)
@@ -71,6 +71,12 @@ def to_svg(linkage: Linkage, target: Target) -> str:
     curves += "".join(dot(mark, 5, "pose") for mark in marks)
     body = np.array([d, c] if path is None else [d, c, path[0]])
     pins = dot(a, 11, "pivot") + dot(b, 11, "pivot") + dot(d, 8, "pin") + dot(c, 8, "pin")
+    named = {"A": a, "B": b, "D": d, "C": c} | ({} if path is None else {"P": path[0]})
+    names = "".join(sheet.label(z, name) for name, z in named.items())
+    middles = ((a + d) / 2, (d + c) / 2, (b + c) / 2, (a + b) / 2)
+    sizes = "".join(
+        sheet.label(z, f"{length:.5g}", 'class="size"') for z, length in zip(middles, linkage.links, strict=True)
+    )
     return sheet.text(
         "Four-bar linkage: crank {:.6g}, coupler {:.6g}, rocker {:.6g}, ground {:.6g}".format(*linkage.links),
         [
@@ -80,5 +86,6 @@ def to_svg(linkage: Linkage, target: Target) -> str:
             f'<g id="BODY">{line(body, "body", closed=True)}</g>',
             f'<g id="LINKS">{line(np.array([a, d]), "crank")}{line(np.array([b, c]), "rocker")}</g>',
             f"<g>{pins}{'' if path is None else dot(path[0], 7, 'point')}</g>",
+            f'<g id="NAMES">{names}{sizes}</g>',
         ],
     )

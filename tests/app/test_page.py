@@ -23,7 +23,7 @@ from tests.vectors.make_kinematics import vectors
 ROOT = Path(__file__).parents[2]
 STATIC = ROOT / "app/static"
 FILES = sorted(path for path in STATIC.rglob("*") if path.suffix in page.MEDIA_TYPES)
-MAX_WEIGHT = {"index.html": 250_000, "function.html": 150_000, "scene.html": 200_000}
+MAX_WEIGHT = {"index.html": 400_000, "function.html": 150_000, "scene.html": 200_000}
 """Bytes of a page with all that it loads, uncompressed."""
 
 
@@ -218,9 +218,14 @@ def test_vendored_files_are_those_that_are_named(folder) -> None:
 
 def test_examples_can_be_answered(client) -> None:
     stored = json.loads((STATIC / "examples.json").read_text())
-    assert len(stored) == 6
+    assert len(stored) == 12 and sum(one["machine"] for one in stored) == 8
     for example in stored:
-        for budget in (500, 10_000):  # the second on a busy machine only
+        if example["machine"] and example["name"] != "casement":
+            # within limits a search takes seconds; what is stored of it is checked by tests/benchmarks/test_page_examples.py
+            reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": 20})
+            assert reply.status_code == 200, reply.text
+            continue
+        for budget in (500, 10_000, 30_000):  # the later ones on a busy machine only
             reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": budget})
             assert reply.status_code == 200, reply.text
             if reply.json()["solutions"]:

@@ -1,9 +1,36 @@
-"""The examples of the page are those that their script makes."""
+"""The examples of the page are those that their script makes, and what is stored of their replies is true."""
 
 from __future__ import annotations
 
+import json
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
 from benchmarks import page_examples
+
+STORED = json.loads(page_examples.FILE.read_text())
 
 
 def test_the_examples_are_made_by_their_script() -> None:
-    assert page_examples.FILE.read_text() == page_examples.text()
+    replies = page_examples.stored_replies()
+    assert len(replies) == len(STORED), "a request has changed since it was searched: run with --solve"
+    assert page_examples.FILE.read_text() == page_examples.text(replies)
+
+
+@pytest.mark.parametrize("example", STORED, ids=lambda one: one["name"])
+def test_the_stored_errors_are_those_of_the_stored_linkages(example) -> None:
+    request, solutions = example["request"], example["reply"]["solutions"]
+    assert solutions and all(one["verdict"]["buildable"] for one in solutions if example["machine"])
+    for one in solutions:
+        angles = one["crank_angle"] or request.get("crank_angle")
+        if angles is None:
+            angles = np.linspace(0, request["crank_span"], len(request["position"]))
+        joints = la.FourBar.from_dict(one).joints(np.asarray(angles))
+        off = np.hypot(*(joints.body_point - np.array(request["position"])).T).max()
+        assert off == pytest.approx(one["errors"]["position_max"], rel=1e-4, abs=1e-5)
+        if "rotation" in request:
+            turned = joints.rotation - np.array(request["rotation"])
+            turned -= 360 * np.round(turned / 360)
+            assert np.abs(turned).max() == pytest.approx(one["errors"]["rotation_max"], rel=1e-4, abs=1e-5)

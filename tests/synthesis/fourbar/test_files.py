@@ -356,3 +356,12 @@ def test_a_solution_is_taken_as_it_came(solved) -> None:
         joints = la.FourBar.from_dict(solution).joints(np.linspace(0, request["crank_span"], 16))
         found = float(np.sqrt(np.mean(np.sum((joints.body_point - request["position"]) ** 2, axis=1))))
         assert found == pytest.approx(solution["errors"]["position_rms"], abs=1e-9)
+
+
+def test_the_drawing_names_joints_and_lengths() -> None:
+    rng = np.random.default_rng(5)
+    linkage, span = random_linkage(rng, "full")
+    root = ElementTree.fromstring(to_svg(linkage, target_of(linkage, span)))
+    words = [one.text for one in root.iter(f"{SVG}text")]
+    assert words[:5] == ["A", "B", "D", "C", "P"]
+    np.testing.assert_allclose([float(word) for word in words[5:]], linkage.links, rtol=1e-4)

@@ -1,0 +1,47 @@
+// The list of solutions: a card each with picture, largest errors and verdict; sorted as the reader asks.
+
+import { element, signed, text, thumbnail } from "./drawing.js";
+import { fitOf, worstRows } from "./fit.js";
+import { placeOf, wantsPlaces } from "./motion.js";
+import { mark } from "./verdict.js";
+
+const RAD = Math.PI / 180;
+const FAMILIES = {
+  crank_rocker: "crank-rocker", double_crank: "double-crank", rocker_crank: "rocker-crank",
+  double_rocker: "double-rocker", triple_rocker: "triple-rocker", change_point: "change point",
+};
+const SORTS = {
+  rank: (one) => one.rank ?? 0,
+  error: (one) => one.errors.objective,
+  transmission: (one) => -one.transmission_angle_min,
+  size: (one) => Math.max(...Object.values(one.links)),
+};
+
+/** Solutions in an order by name: "rank", "error", "transmission" (largest first), "size" (longest link, smallest first). */
+export const sorted = (solutions, by) => solutions.toSorted((a, b) => SORTS[by](a) - SORTS[by](b));
+
+/** What a card calls a solution. */
+export const nameOf = ({ rank, source, family }) => `${source === "hand" ? "By hand:" : source === "link" ? "From the link:" : `${rank}.`} ${FAMILIES[family] ?? family}`;
+
+function facts(rows) {
+  const list = document.createElement("dl");
+  for (const [term, value] of rows) list.append(element("dt", "", term), element("dd", "", value));
+  return list;
+}
+
+/** A list item with the card of a solution of a motion; `choose` is called when it is pressed. */
+export function card(solution, motion, size, choose) {
+  const fit = fitOf(solution, motion), { sense, low, high } = fit.pass, button = document.createElement("button");
+  button.type = "button";
+  button.append(thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : []));
+  const worst = worstRows(fit, motion, size).map(([name, error, pose]) => [name, pose === null ? error : `${error} (${pose})`]);
+  button.append(element("span", "name", nameOf(solution)), facts([...worst, ["transmission", `${text(solution.transmission_angle_min, 3)}°`], ["longest link", `${text(Math.max(...Object.values(solution.links)), 4)} ${motion.unit}`]]));
+  const verdict = mark(solution.verdict);
+  if (verdict) button.append(signed("span", `verdict ${verdict.kind}`, verdict.sign, verdict.text));
+  else button.append(signed("span", "verdict", "·", "errors computed here; the service has not judged it"));
+  button.classList.toggle("broken", verdict?.kind === "bad");
+  button.addEventListener("click", choose);
+  const item = document.createElement("li");
+  item.append(button);
+  return item;
+}

@@ -1,0 +1,122 @@
+// The motion as rows of CSV, and rows of CSV or from a spreadsheet as a motion.
+
+import { clone, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+
+const COLUMNS = {
+  crank: "t", crank_angle: "t", theta1: "t", t: "t", x: "x", y: "y", angle: "angle", rotation: "angle", gamma: "angle", theta: "angle", phi: "angle",
+  weight: "w", weight_rotation: "wr", weight_position: "wp", tolerance_rotation: "er", tolerance_position: "ep",
+};
+const ANGLES = ["t", "angle", "er"];
+const UNITS = ["mm", "cm", "m", "in"];
+const GREEK = { "θ": "theta", "φ": "phi", "ϕ": "phi", "γ": "gamma" };
+
+/** What separates cells, and whether decimals are marked by a comma: found from all lines of a file together. */
+function readLayout(lines) {
+  const all = (character) => lines.some((line) => line.includes(character)), decimal = /(^|\s)[-+]?\d+,\d/;
+  if (all(";")) return [/\s*;\s*/, lines.some((line) => /\d,\d/.test(line))];
+  if (all("\t")) return [/ *\t */, lines.some((line) => /\d,\d/.test(line))];
+  // "1,5 2,5": blanks separate and commas are decimal where no comma is followed by a blank
+  if (all(",") && lines.every((line) => !/,\s|,$|^,|,,/.test(line) && (!line.includes(",") || /\S\s+\S/.test(line))) && lines.some((line) => decimal.test(line))) return [/\s+/, true];
+  return all(",") ? [/\s*,\s*/, false] : [/\s+/, false];
+}
+
+/** A name of a column, as {name, unit}: "X [mm]" is x in mm; null for a cell that is no name. */
+function readName(cell) {
+  const plain = cell.trim().toLowerCase().replace(/[θφϕγ]/g, (letter) => GREEK[letter]);
+  const [, name, unit] = /^([a-z][a-z0-9_]*)\W*([a-z°]*)/.exec(plain) ?? [];
+  return name === undefined ? null : { name, unit: unit === "°" || unit === "degrees" ? "deg" : unit };
+}
+
+/** The rows of a text: {names of the columns, unit of each, rows of cells as text, the line of each row}. */
+function readTable(text) {
+  const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.replace(/^ +| +$/g, ""), k + 1])
+    .filter(([line]) => line.trim() && !line.startsWith("#"));
+  if (!lines.length) throw new Error("There are no rows.");
+  const named = /[a-zθφϕγ]/i.test(lines[0][0].replace(/\d[eE][-+]?\d/g, ""));
+  const [separator, decimalComma] = readLayout((named && lines.length > 1 ? lines.slice(1) : lines).map(([line]) => line));
+  const cells = (line, by = separator) => line.split(by).map((cell) => cell.replace(/^"(.*)"$/, "$1"));
+  let names, units = [];
+  if (named) {
+    const first = lines.shift()[0];
+    // a head may be separated otherwise than the rows
+    const head = cells(first, /[;\t,]/.test(first) ? /\s*[;\t,]\s*/ : /\s+(?![[(])/).map(readName);
+    if (!lines.length) throw new Error("There are no rows.");
+    names = head.map((one) => one && COLUMNS[one.name]);
+    units = head.map((one) => one?.unit ?? "");
+    if (!names.some(Boolean)) throw new Error("The first line names none of the columns crank, x, y, angle.");
+    const twice = names.findIndex((name, k) => name && names.indexOf(name) < k);
+    if (twice >= 0) throw new Error(`Two columns of the first line mean the same: ${head[names.indexOf(names[twice])].name} and ${head[twice].name}.`);
+  } else {
+    const { length } = cells(lines[0][0]);
+    names = { 4: ["t", "x", "y", "angle"], 3: ["x", "y", "angle"], 2: ["x", "y"] }[length];
+    if (!names) throw new Error("Each row must hold crank, x, y, angle; or x, y, angle; or x, y.");
+  }
+  const rows = lines.map(([line]) => cells(line).map((cell) => (decimalComma ? cell.replace(",", ".") : cell)));
+  return { names, units, rows, at: lines.map(([, line]) => line) };
+}
+
+/** The length unit that the columns x and y name; null where they name none. */
+function lengthUnit(names, units) {
+  const found = new Set(units.filter((unit, k) => ["x", "y"].includes(names[k]) && unit));
+  for (const unit of found) if (!UNITS.includes(unit)) throw new Error(`The unit ${unit} of a length is not known; mm, cm, m and in are.`);
+  if (found.size > 1) throw new Error("The columns x and y name different units.");
+  return [...found][0] ?? null;
+}
+
+/**
+ * `motion` with the poses of CSV rows. The columns are named in the first line or recognised by their number; without a column
+ * of crank angles these are free; an empty cell is a place or angle that is missing; angles in "rad" are converted. Throws Error
+ * with the number of the line.
+ */
+export function fromCsv(text, motion = emptyMotion()) {
+  const { names, units, rows, at } = readTable(text);
+  if (rows.length > 1024) throw new Error(`There are ${rows.length} rows; at most 1024 are allowed.`);
+  const has = (name) => names.includes(name);
+  const place = has("x") && has("y");
+  if (!place && !has("angle")) throw new Error("The rows need x and y, or an angle, or both.");
+  const used = [...names.entries()].filter(([, name]) => name), unit = lengthUnit(names, units);
+  const scale = names.map((name, k) => (ANGLES.includes(name) && units[k] === "rad" ? 180 / Math.PI : 1));
+  const poses = rows.map((row, k) => {
+    const pose = { t: 0, x: 0, y: 0, angle: 0 };
+    for (const [column, name] of used) {
+      const cell = row[column] ?? "", value = cell ? Number((Number(cell) * scale[column]).toPrecision(15)) : NaN;
+      if (!Number.isFinite(value) && (cell || name === "t")) throw new Error(`Line ${at[k]}: '${cell.slice(0, 20)}' is not a number.`);
+      if (["x", "y", "angle"].includes(name)) pose[name] = cell ? value : null;
+      else if (name === "t") pose.t = value;
+      else if (cell) for (const one of name === "w" ? ["wr", "wp"] : [name]) pose[one] = value;
+    }
+    if (!has("t") && !(place && placeOf(pose)) && !(has("angle") && pose.angle !== null)) throw new Error(`Line ${at[k]} has neither a place nor an angle.`);
+    return pose;
+  });
+  const next = { ...clone(motion), poses };
+  if (unit) next.unit = unit;
+  next.wanted = place && has("angle") ? "both" : place ? "position" : "rotation";
+  if (has("t")) {
+    const first = poses[0].t, whole = poses.at(-1).t - first;
+    next.direction = whole < 0 ? -1 : 1;
+    next.span = Math.abs(whole);
+    poses.forEach((pose) => { pose.t = (pose.t - first) * next.direction; });
+    const step = next.span / (poses.length - 1);
+    next.timing = poses.every((pose, k) => Math.abs(pose.t - k * step) <= 1e-9 * next.span) ? "even" : "table";
+  } else {
+    next.timing = place ? "free" : "even";
+    fixTravels(next);
+  }
+  return next;
+}
+
+/** The poses as CSV that `fromCsv` reads; crank angles only where they are given. */
+export function toCsv(motion) {
+  const { poses, direction } = motion, own = (name) => poses.some((pose) => pose[name] !== undefined);
+  const columns = [];
+  if (motion.timing !== "free") {
+    const timed = clone(motion);
+    fixTravels(timed);
+    columns.push(["crank", (_, k) => direction * timed.poses[k].t]);
+  }
+  if (wantsPlaces(motion)) columns.push(["x", (pose) => placeOf(pose)?.[0]], ["y", (pose) => placeOf(pose)?.[1]]);
+  if (wantsAngles(motion)) columns.push(["angle", (pose) => pose.angle]);
+  for (const [name, key] of Object.entries(COLUMNS)) if (key !== "w" && name.includes("_") && key.length === 2 && own(key)) columns.push([name, (pose) => pose[key]]);
+  const lines = poses.map((pose, k) => columns.map(([, value]) => value(pose, k) ?? "").join(","));
+  return [columns.map(([name]) => name).join(","), ...lines, ""].join("\n");
+}

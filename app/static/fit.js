@@ -1,0 +1,61 @@
+// How well a linkage meets a motion: its joints and errors at each pose, the worst pose by its number, the limits that hold it.
+
+import { text } from "./drawing.js";
+import { Linkage } from "./kinematics.js";
+import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { angleError, passing } from "./timing.js";
+
+const RAD = Math.PI / 180;
+const LIMITS = {
+  transmission_angle_min: "the transmission angle in use", transmission_angle_min_turn: "the transmission angle over the turn",
+  link_min: "links at least", link_max: "links at most", link_ratio_max: "the ratio of the links", links: "given lengths",
+  pivot_a: "given pivot A", pivot_b: "given pivot B", pivot_box: "the pivot box", pivot_a_box: "the box of pivot A", pivot_b_box: "the box of pivot B",
+  keep_out: "places kept free of pivots", coupler_radius_max: "the reach of the body point", envelope: "the envelope", family: "the family",
+  pivot_reach: "the distance of the pivots", crank_span_max: "the crank's turn",
+};
+
+/** The name of a limit of the service in sentences. */
+export const limitName = (name) => LIMITS[name] ?? name.replaceAll("_", " ");
+
+/** The index of the largest number of a list with nulls; null if all are. */
+function worstOf(list) {
+  return list.reduce((best, value, k) => (value !== null && (best === null || Math.abs(value) > Math.abs(list[best])) ? k : best), null);
+}
+
+/**
+ * A solution's linkage and, for each pose of the motion, joints `at`, `places` (distance from the wanted place) and `turns`
+ * (degrees from the wanted angle), null where nothing is wanted or the loop is open; `worst` has the pose of the largest of each.
+ */
+export function fitOf(solution, motion) {
+  const linkage = new Linkage(solution), pass = passing(solution, motion, linkage.turnsFully);
+  const at = pass.angles.map((angle) => linkage.at(angle * RAD));
+  const places = motion.poses.map((pose, k) => {
+    const place = wantsPlaces(motion) && linkage.mount ? placeOf(pose) : null;
+    return place && at[k]?.p ? Math.hypot(at[k].p[0] - place[0], at[k].p[1] - place[1]) : null;
+  });
+  const turns = motion.poses.map((pose, k) => (wantsAngles(motion) && pose.angle !== null && at[k] ? angleError(motion, pose.angle, at[k].rotation / RAD) : null));
+  return { linkage, pass, at, places, turns, worst: { place: worstOf(places), turn: worstOf(turns) } };
+}
+
+/** An error with its unit; "rounding" where it is below 1e-12 of the motion's size. */
+export function errorText(value, size, unit) {
+  if (value === null || value === undefined) return null;
+  return value < 1e-12 * size ? "rounding" : `${text(value, 3)}${unit}`;
+}
+
+/** Rows [name, error with its unit, number of the pose] of the largest errors; the pose is null where nothing is worth naming. */
+export function worstRows({ places, turns, worst }, { unit }, size) {
+  const rows = [];
+  if (worst.place !== null) rows.push(["position", errorText(places[worst.place], size, ` ${unit}`), worst.place + 1]);
+  if (worst.turn !== null) rows.push(["angle", errorText(Math.abs(turns[worst.turn]), 57, "°"), worst.turn + 1]);
+  return rows.map(([name, error, pose]) => [name, error, error === "rounding" ? null : pose]);
+}
+
+/** Whether two solutions are the same linkage to within a thousandth of its size. */
+export function alike(one, other) {
+  const sizes = ["crank", "coupler", "rocker", "ground"], longest = Math.max(...sizes.map((name) => one.links[name]));
+  if (one.branch !== other.branch || sizes.some((name) => Math.abs(one.links[name] - other.links[name]) > 1e-3 * longest)) return false;
+  const places = (solution) => (solution.mount ? [...solution.mount.pivot_a, ...solution.mount.pivot_b] : []);
+  const [a, b] = [places(one), places(other)];
+  return a.every((value, k) => Math.abs(value - b[k]) <= 1e-3 * longest);
+}

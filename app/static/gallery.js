@@ -1,0 +1,45 @@
+// The gallery of machines: each with a picture of the linkage found for it, its error, and one press to open it.
+
+import { element, text, thumbnail } from "./drawing.js";
+import { fitOf, worstRows } from "./fit.js";
+import { fromRequest } from "./formats.js";
+import { placeOf } from "./motion.js";
+import { $ } from "./shell.js";
+
+const RAD = Math.PI / 180;
+
+/** What the gallery says of an example's stored reply. */
+function honest({ reply }, motion) {
+  const best = reply.solutions[0], fit = fitOf(best, motion);
+  const errors = worstRows(fit, motion, reply.report.length_scale ?? 1).map(([, error]) => error).join(", ");
+  return `off by at most ${errors}; transmission angle ${text(best.transmission_angle_min, 2)}° or more`;
+}
+
+export class Gallery {
+  /** `open(name)` opens an example. */
+  constructor(open) {
+    this.open = open;
+    $("open-gallery").addEventListener("click", () => $("gallery").showModal());
+    $("gallery-close").addEventListener("click", () => $("gallery").close());
+    $("gallery").addEventListener("click", (event) => { if (event.target === $("gallery")) $("gallery").close(); });
+  }
+
+  show(examples) {
+    for (const example of examples) {
+      const button = this.#button(example);
+      if (!example.machine) { $("others").append(button, " "); continue; }
+      const motion = fromRequest(example.request), best = example.reply.solutions[0], { linkage, pass: { sense, low, high } } = fitOf(best, motion);
+      button.replaceChildren(thumbnail(linkage, [sense * low * RAD, sense * high * RAD], motion.poses.map(placeOf).filter(Boolean), 200, 120), element("strong", "", example.title), element("span", "", example.word), element("span", "muted", honest(example, motion)));
+      const item = document.createElement("li");
+      item.append(button);
+      $("machines").append(item);
+    }
+  }
+
+  #button({ name, title, machine }) {
+    const button = Object.assign(element("button", machine ? "machine" : "link", title), { type: "button" });
+    button.dataset.example = name;
+    button.addEventListener("click", () => { $("gallery").close(); this.open(name); });
+    return button;
+  }
+}

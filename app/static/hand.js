@@ -1,0 +1,116 @@
+// A linkage changed by hand: from joints that were dragged to its dimensions, its crank angles at the poses and its errors.
+
+import { fitOf } from "./fit.js";
+import { Linkage, family } from "./kinematics.js";
+import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { angleError } from "./timing.js";
+
+const DEG = 180 / Math.PI;
+const BEYOND = 40; // degrees beyond the former crank angles within which new ones are looked for
+const GRID = 1; // degrees between crank angles that are compared
+const REFINEMENTS = 30; // golden sections of one step of the grid
+const GOLDEN = (Math.sqrt(5) - 1) / 2;
+
+const argument = (from, to) => Math.atan2(to[1] - from[1], to[0] - from[0]);
+const distance = (from, to) => Math.hypot(to[0] - from[0], to[1] - from[1]);
+const wrap = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
+
+/**
+ * The solution whose joints, with the crank turned by `travel` degrees from its start, are `joints` ({a, b, c, d, p, rotation});
+ * the body keeps its direction. Null where two joints coincide.
+ */
+export function fromJoints({ a, b, c, d, p, rotation }, travel, before) {
+  const links = { crank: distance(a, d), coupler: distance(d, c), rocker: distance(b, c), ground: distance(a, b) };
+  if (!Object.values(links).every((length) => length > 0)) return null;
+  const turn = argument(a, b), side = (b[0] - d[0]) * (c[1] - d[1]) - (b[1] - d[1]) * (c[0] - d[0]);
+  const made = {
+    ...before, source: "hand", rank: null, links, branch: side < 0 ? -1 : 1, start_angle: wrap(argument(a, d) - turn) * DEG - travel, body_offset: 0,
+    mount: { ground_angle: turn * DEG, pivot_a: a, pivot_b: b, coupler_point: p ? { radius: distance(d, p), angle: wrap(argument(d, p) - argument(d, c)) * DEG } : null },
+    family: family(Object.values(links)), verdict: null, rounded: null, analysis: null, tolerance_study: null, excursion: null,
+    transmission_angle_min_turn: null, determination: { ill_posed: false, at_limits: [] },
+  };
+  const now = new Linkage(made).at(travel / DEG);
+  return now && { ...made, body_offset: before.body_offset === null ? null : (rotation - now.coupler) * DEG };
+}
+
+/** The square error of pose k where the linkage has `joints`; infinite where it does not close. */
+function squareError(motion, k, joints, scale) {
+  if (!joints) return Infinity;
+  const pose = motion.poses[k], place = wantsPlaces(motion) ? placeOf(pose) : null;
+  const off = place && joints.p ? distance(place, joints.p) / scale : 0;
+  const turned = wantsAngles(motion) && pose.angle !== null ? angleError(motion, pose.angle, joints.rotation * DEG) / DEG : 0;
+  return off ** 2 + turned ** 2;
+}
+
+/** The crank angle near `angle` at which pose k is met best, by golden sections. */
+function sharpened(linkage, motion, k, angle, scale) {
+  let [low, high] = [angle - GRID, angle + GRID];
+  const error = (at) => squareError(motion, k, linkage.at(at / DEG), scale);
+  for (let n = 0; n < REFINEMENTS; n++) {
+    const [left, right] = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
+    if (error(left) < error(right)) high = right;
+    else low = left;
+  }
+  const best = (low + high) / 2;
+  return error(best) <= error(angle) ? best : angle;
+}
+
+/** Crank angles from the start at which a linkage meets the poses best: one way where their order is given, near the former ones. */
+function crankAngles(solution, motion, scale) {
+  const linkage = new Linkage(solution), former = solution.crank_angle;
+  const sense = former.at(-1) < 0 && !motion.anyOrder ? -1 : 1, ends = [Math.min(...former) - BEYOND, Math.max(...former) + BEYOND];
+  const grid = Array.from({ length: Math.ceil((ends[1] - ends[0]) / GRID) + 1 }, (_, n) => (sense > 0 ? ends[0] + n * GRID : ends[1] - n * GRID));
+  const joints = grid.map((angle) => linkage.at(angle / DEG));
+  const costs = motion.poses.map((_, k) => joints.map((one) => squareError(motion, k, one, scale)));
+  if (motion.anyOrder) return costs.map((row, k) => sharpened(linkage, motion, k, grid[row.indexOf(Math.min(...row))], scale));
+  // the least sum over angles that go one way: sums[n] of the best way that has come to at most grid point n
+  const from = [];
+  let sums = grid.map(() => 0);
+  for (const row of costs) {
+    let best = Infinity, at = 0;
+    const trail = [];
+    sums = sums.map((before, n) => {
+      if (before + row[n] < best) [best, at] = [before + row[n], n];
+      trail.push(at);
+      return best;
+    });
+    from.push(trail);
+  }
+  let n = grid.length - 1;
+  const chosen = [...costs.keys()].reverse().map((k) => { n = from[k][n]; return grid[n]; }).reverse();
+  return chosen.map((angle, k) => sharpened(linkage, motion, k, angle, scale));
+}
+
+const rms = (values) => { const given = values.filter((value) => value !== null); return given.length ? Math.sqrt(given.reduce((sum, value) => sum + value ** 2, 0) / given.length) : null; };
+const largest = (values) => { const given = values.filter((value) => value !== null); return given.length ? Math.max(...given.map(Math.abs)) : null; };
+
+/** A solution with crank angles, errors and transmission angle found anew in the browser; `shift` says by how much its start moved. */
+export function assessed(solution, motion) {
+  const places = motion.poses.map(placeOf).filter(Boolean), middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
+  const scale = Math.max(...places.map((place) => distance(middle, place)), Number.MIN_VALUE);
+  let [made, shift] = [solution, 0];
+  if (motion.timing === "free" && solution.crank_angle) {
+    const angles = crankAngles(solution, motion, scale);
+    shift = angles[0];
+    made = { ...solution, start_angle: solution.start_angle + shift, crank_angle: angles.map((angle) => angle - shift) };
+  }
+  const fit = fitOf(made, motion), { pass } = fit;
+  const used = fit.linkage.over((pass.sense * pass.low) / DEG, (pass.sense * pass.high) / DEG, 90);
+  const squares = [rms(fit.places) === null ? 0 : (rms(fit.places) / scale) ** 2, rms(fit.turns) === null ? 0 : (rms(fit.turns) / DEG) ** 2];
+  return {
+    shift, closes: used.every(Boolean) && fit.at.every(Boolean),
+    solution: {
+      ...made, transmission_angle_min: used.every(Boolean) ? Math.min(...used.map((j) => j.transmission)) * DEG : 0,
+      errors: { position_rms: rms(fit.places), position_max: largest(fit.places), rotation_rms: rms(fit.turns), rotation_max: largest(fit.turns), objective: Math.sqrt(squares[0] + squares[1]) },
+    },
+  };
+}
+
+/** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent, and of its family or any. */
+export function nearby(request, solution, share = 0.05) {
+  const xs = request.position.filter(Boolean), extent = Math.max(...[0, 1].map((i) => Math.max(...xs.map((p) => p[i])) - Math.min(...xs.map((p) => p[i]))));
+  const around = ([x, y]) => [x - share * extent, y - share * extent, x + share * extent, y + share * extent].map((value) => Number(value.toPrecision(6)));
+  // boxes of their own take the place of whatever else was said of the pivots
+  const { pivot_a: _a, pivot_b: _b, pivot_box: _box, ...limits } = request.limits ?? {};
+  return { ...request, limits: { ...limits, pivot_a_box: around(solution.mount.pivot_a), pivot_b_box: around(solution.mount.pivot_b) } };
+}
