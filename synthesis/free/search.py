@@ -136,6 +136,7 @@ def search_free(
         solutions = sorted(solutions + others, key=lambda one: max(one.errors.objective, tolerance))[:top]
         reached = Status.of(solutions, tolerance) is Status.REACHED
     note(min((one.errors.objective for one in solutions), default=np.inf))
+    ended = ended and not work.expired()  # what ran out may have been the search within the limits
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
     return solutions, SearchReport(stopped, trace, 0.0, seeds)
 

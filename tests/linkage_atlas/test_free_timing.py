@@ -221,3 +221,14 @@ def test_the_trace_tells_of_answers_within_the_limits_only() -> None:
     found = la.synthesize([0, -12, -30, -52, -80], position, timing="free", limits=limits, top=2)
     assert found.report.trace
     assert min(objective for _, objective in found.report.trace) >= found.best.errors.objective * (1 - 1e-9)
+
+
+@pytest.mark.parametrize("milliseconds", [1, 10, 20, 60])
+def test_a_search_within_limits_that_is_cut_short_claims_nothing(milliseconds) -> None:
+    position = [[0, 0], [12.5, 40], [38, 75], [80, 101], [130, 112], [180, 108], [230, 90]]
+    rotation = [0, -12, -30, -52, -80, -95, -115]
+    found = la.synthesize(
+        rotation, position, timing="free", limits={"preset": "practical"}, budget=milliseconds / 1000
+    )
+    assert found.report.stopped_by == "budget"
+    assert found.status == ("closest" if found.solutions else "unknown")
