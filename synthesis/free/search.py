@@ -109,36 +109,44 @@ def search_free(
         if limits.only_family:  # otherwise what is found may lie outside of the limits
             note(objective)
 
-    solutions: list[Solution] = []
-    ended, seeds = True, 0
-    by_dyads = poses.full.size >= _FEWEST_FULL or poses.full.size == poses.samples
-    if by_dyads:
+    chart, solutions, pool = chart_of(limits.family), list[Solution](), None
+    ended, seeds, unfinished = True, 0, True
+    if poses.full.size >= _FEWEST_FULL or poses.full.size == poses.samples:
         pool, ended = search_motion(poses, limits.family, tolerance, work, note_free)
         seeds = pool.cost.size
-        solutions = _within(poses, pool, chart_of(limits.family), limits, top, tolerance, work, windows)
-        note(min((one.errors.objective for one in solutions), default=np.inf))
+        # dyads that fit alone are far from fitting together where the motion is far from any four-bar's
+        unfinished = poses.ordered and poses.samples > FEW and pool.least > _FAR
+        if not unfinished or work.expired():
+            solutions = _within(poses, pool, chart, limits, top, tolerance, work, windows)
+            note(min((one.errors.objective for one in solutions), default=np.inf))
+            mixed = poses.full.size < poses.samples
+            unfinished = not solutions or (mixed and Status.of(solutions, tolerance) is not Status.REACHED)
     elif not poses.ordered:
         raise FieldError("/order", "'any' needs rotation and position at three samples or more: a path has an order")
-    reached = Status.of(solutions, tolerance) is Status.REACHED
-    mixed = poses.full.size < poses.samples
-    # dyads that fit alone are far from fitting together where the motion is far from any four-bar's
-    unfinished = not solutions or (mixed and not reached) or (poses.samples > FEW and pool.least > _FAR)
-    if not by_dyads or (unfinished and poses.ordered and not work.expired()):
-        chart, begin = GrashofChart(), work.elapsed
-        rounds = PATH if mixed or not by_dyads else GUESSED
-        found = search_path(poses, chart, screens(limits.family), tolerance, work, rounds)
+    if pool is None or (unfinished and poses.ordered and not work.expired()):
+        begin, rounds = work.elapsed, GUESSED if poses.full.size == poses.samples else PATH
+        found = search_path(poses, GrashofChart(), screens(limits.family), tolerance, work, rounds)
         for seconds, objective in found.trace if limits.only_family else ():
             if seconds >= begin and (not trace or objective < trace[-1][1]):
                 trace.append((seconds, objective))
-        pool = Pool.of(found.pool)
-        ended, seeds = not work.expired(), seeds + pool.cost.size
-        others = _within(poses, pool, chart, limits, top, tolerance, work, windows)
-        solutions = sorted(solutions + others, key=lambda one: max(one.errors.objective, tolerance))[:top]
-        reached = Status.of(solutions, tolerance) is Status.REACHED
+        others = _in_chart(chart, Pool.of(found.pool))
+        ended, seeds = not work.expired(), seeds + others.cost.size
+        others = others if pool is None or solutions else others.joined(pool)
+        more = _within(poses, others, chart, limits, top, tolerance, work, windows)
+        solutions = sorted(solutions + more, key=lambda one: max(one.errors.objective, tolerance))[:top]
+    reached = Status.of(solutions, tolerance) is Status.REACHED
     note(min((one.errors.objective for one in solutions), default=np.inf))
     ended = ended and not work.expired()  # what ran out may have been the search within the limits
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
     return solutions, SearchReport(stopped, trace, 0.0, seeds)
+
+
+def _in_chart(chart: Chart, pool: Pool) -> Pool:
+    """Candidates of paths, which lie in a `GrashofChart`, in another chart."""
+    if isinstance(chart, GrashofChart):
+        return pool
+    shape = chart.unknowns(GrashofChart().shape(pool.timed.shape).lengths)
+    return Pool(pool.timed._replace(shape=shape), pool.cost)
 
 
 def _within(
