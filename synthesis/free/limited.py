@@ -40,8 +40,10 @@ _SEEDS = 24
 """Windows of each guess."""
 _BEFORE = 60
 """Candidates of the search without limits that go on."""
-_PLAN = ((0.3, 12, 120), (3.0, 12, 60), (30.0, 15, 40), (300.0, 40, 30), (300.0, 120, 14))
+_PLAN = ((0.3, 12, 120), (3.0, 12, 60), (30.0, 15, 30), (300.0, 40, 14), (300.0, 120, 14))
 """Weight of broken limits, steps, and how many candidates go on."""
+_STALL = 1e-6
+"""A step that lowers the cost by a smaller part ends a candidate's descent."""
 _BY_ANGLE = ("transmission_angle_min", "envelope")
 """Limits that depend on where the crank begins and ends."""
 
@@ -228,7 +230,8 @@ def within_limits(poses: Poses, limits: Limits, pool: Pool, windows: Windows, wo
     for weight, steps, most in _PLAN:
         if not timed.branch.size or work.expired():
             break
-        found = refine(LimitedJoint(poses, chart, constraints, weight), timed, steps, 0.0, work, all_of_them=True)
+        problem = LimitedJoint(poses, chart, constraints, weight)
+        found = refine(problem, timed, steps, 0.0, work, stall=_STALL, all_of_them=True)
         timed = Pool.of(found).best(most).timed
     problem = LimitedJoint(poses, chart, constraints, 1.0)
     still = _AtTheirAngles(problem, timed)
@@ -264,7 +267,7 @@ def _seeds(target: Target, limits: Limits, windows: Windows, chart: Chart, sense
         target, limits = target.mirrored(), limits.mirrored()
     way = ways(target, limits, posed=True)[0]
     problem = PosedProblem(target, way.chart, way.constraints)
-    found = windows.seeds(problem, way.on_shape, way.boxes)
+    found = windows.seeds(problem, way.on_shape, way.boxes, _SEEDS)
     unknowns, branch = found.unknowns[:_SEEDS], found.branch[:_SEEDS]
     pivot, turned, coupler = problem.pose(unknowns)
     lengths = way.chart.shape(unknowns[:, : problem.size]).lengths

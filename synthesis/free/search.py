@@ -114,8 +114,9 @@ def search_free(
     if poses.full.size >= _FEWEST_FULL or poses.full.size == poses.samples:
         pool, ended = search_motion(poses, limits.family, tolerance, work, note_free)
         seeds = pool.cost.size
-        # dyads that fit alone are far from fitting together where the motion is far from any four-bar's
-        unfinished = poses.ordered and poses.samples > FEW and pool.least > _FAR
+        # dyads that fit alone are far from fitting together where the motion is far from any four-bar's; the search within
+        # limits has beginnings of its own
+        unfinished = limits.only_family and poses.ordered and poses.samples > FEW and pool.least > _FAR
         if not unfinished or work.expired():
             solutions = _within(poses, pool, chart, limits, top, tolerance, work, windows)
             note(min((one.errors.objective for one in solutions), default=np.inf))

@@ -29,8 +29,9 @@ _STEPS = 144
 _SAMPLES = 12
 _MISS = 0.2
 """Radians by which the transmission angle of a window may fall short before its pose is looked at."""
-_POSED, _CHECKED = 8000, 2500
-"""Windows whose pose is fitted within boxes, and of those the ones whose other limits are looked at."""
+_WANTED = 100
+_POSED, _CHECKED = 80, 25
+"""Windows for each seed that is wanted: whose pose is fitted within boxes, and of those whose other limits are looked at."""
 _SWEEPS = 12
 _SPARE = 1.25
 """A type whose ratios exceed those of the limits by more is not looked at."""
@@ -70,7 +71,9 @@ class Windows:
         after = table.ravel()[cell]
         return before + (after - before) * part[start] + turn[start] * wound[kind][:, None]
 
-    def seeds(self, problem: ShapeProblem, on_shape: Constraints, boxes: Boxes | None = None) -> Seeds:
+    def seeds(
+        self, problem: ShapeProblem, on_shape: Constraints, boxes: Boxes | None = None, wanted: int = _WANTED
+    ) -> Seeds:
         """Windows by how well they move and keep the limits, best first, at most one a cell.
 
         Parameters
@@ -80,6 +83,8 @@ class Windows:
             The limits that concern shape and start alone: windows that break them by far are not looked at.
         boxes : Boxes, optional
             For a `PosedProblem`.
+        wanted : int
+            About so many are of use: the fewer, the fewer windows are looked at closely.
         """
         target = problem.target.condensed(_SAMPLES)
         types = len(self.lengths)
@@ -103,7 +108,7 @@ class Windows:
         merit = fits.rotation + fits.least + 3 * miss[window] ** 2
         if isinstance(problem, PosedProblem):
             assert boxes is not None and reach is not None
-            best = _least(merit, _POSED)
+            best = _least(merit, _POSED * wanted)
             window, branch, fits = window[best], branch[best], fits.take(best)
             chosen = lengths[window]
             turned: Complexes = np.exp(1j * start[window])
@@ -111,7 +116,7 @@ class Windows:
                 turned * (chosen[:, 0] / chosen[:, -1]), boxes, (reach[0][window], reach[1][window])
             )
             merit = error + fits.rotation + miss[window] ** 2
-            best = _least(merit, _CHECKED)
+            best = _least(merit, _CHECKED * wanted)
             window, branch, merit = window[best], branch[best], merit[best]
             pivot, ground, coupler = pivot[best], ground[best], coupler[best]
             scaled = lengths[window] * (np.abs(ground) / lengths[window, -1])[:, None]
@@ -119,7 +124,7 @@ class Windows:
             unknowns = problem.posed(problem.chart.unknowns(scaled), start[window], pose)
             merit = merit + np.sum(problem.constrained(unknowns, branch).lacking ** 2, axis=1)
         else:
-            best = _least(merit, _CHECKED)
+            best = _least(merit, _CHECKED * wanted)
             window, branch, merit = window[best], branch[best], merit[best]
             unknowns = np.hstack([problem.chart.unknowns(lengths[window]), start[window, None]])
         order = np.argsort(merit, kind="stable")
