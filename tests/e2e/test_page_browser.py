@@ -926,8 +926,11 @@ def faults(browser) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("width", [360, 1280])
+SIZES_AND_THEMES = [(360, "dark"), (1280, "light")]
+OTHERS = [pytest.param(360, "light", marks=pytest.mark.wide), pytest.param(1280, "dark", marks=pytest.mark.wide)]
+
+
+@pytest.mark.parametrize(("width", "theme"), SIZES_AND_THEMES + OTHERS)
 def test_axe_finds_no_serious_fault_and_nothing_sticks_out(opened, width, theme) -> None:
     resize(opened, width)
     choose(opened, "carton")

@@ -66,7 +66,7 @@ def choose(page, query: int) -> None:
     wait(page, ANSWERED)
 
 
-@pytest.mark.parametrize("width", [360, 1440])
+@pytest.mark.parametrize("width", [360, pytest.param(1440, marks=pytest.mark.wide)])
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> None:
     page = at(scene, width)
@@ -107,6 +107,7 @@ def test_every_example_goes_through_the_form_unchanged(at, scene) -> None:
             )
 
 
+@pytest.mark.timed
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_first_answer_is_there_at_once(at, scene) -> None:
     took = []
@@ -154,6 +155,7 @@ def test_what_is_wrong_is_said_at_its_field(at) -> None:
     assert "> 0 is wanted, found -3" in find(page, "status").text
 
 
+@pytest.mark.timed
 def test_a_drawing_runs_smoothly_and_stops(at) -> None:
     page = at("lift")
     button = page.find_element(By.CSS_SELECTOR, ".player button")
@@ -214,6 +216,7 @@ MOVING = {"chain": ".stage .link.thin", "knotter": ".stage .rope"}
 """What moves in each drawing."""
 
 
+@pytest.mark.timed
 @pytest.mark.parametrize("scene", MOVING)
 def test_chain_and_knotter_run_smoothly_and_stop(at, scene) -> None:
     page = at(scene)

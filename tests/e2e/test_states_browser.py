@@ -84,8 +84,17 @@ def keep(page, name: str) -> None:
     picture.quantize(128, dither=Image.Dither.NONE).save(ROOT / f"docs/img/{name}.png", optimize=True)
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("width", SIZES)
+@pytest.mark.parametrize(
+    ("width", "theme"),
+    [
+        (360, "light"),
+        (1280, "dark"),
+        *(
+            pytest.param(width, theme, marks=pytest.mark.wide)
+            for width, theme in [(360, "dark"), (1280, "light"), (1440, "light"), (1440, "dark")]
+        ),
+    ],
+)
 def test_every_state_is_whole_and_accessible(opened, width, theme) -> None:  # noqa: F811
     resize(opened, width, SIZES[width])
     if opened.execute_script("return document.documentElement.dataset.theme") != theme:
