@@ -104,6 +104,19 @@ def test_a_buildable_machine_moves_on_load(opened) -> None:  # noqa: F811
     assert lead["y"] + lead["height"] < 160 and find(opened, "new-path").is_displayed()
 
 
+CUT = """const frame = document.getElementById('canvas').getBoundingClientRect();
+return [...document.querySelectorAll('#canvas .dot')].map((one) => one.getBoundingClientRect())
+  .filter((one) => one.top < frame.top || one.bottom > frame.bottom || one.left < frame.left || one.right > frame.right).length"""
+
+
+def test_no_pose_is_cut_off_at_any_size(opened) -> None:  # noqa: F811
+    """The canvas becomes lower as legend and help below it take more lines."""
+    for size in ((1440, 900), (1280, 800), (360, 740), (1280, 800), (900, 700)):
+        resize(opened, *size)
+        assert opened.execute_script("return document.querySelectorAll('#canvas .dot').length") == 8
+        assert opened.execute_script(CUT) == 0, size
+
+
 def test_the_gallery_has_eight_machines_with_their_errors(opened) -> None:  # noqa: F811
     find(opened, "open-gallery").click()
     machines = opened.find_elements(By.CSS_SELECTOR, "#machines button")
