@@ -15,6 +15,7 @@ from typing import Any, get_args
 import pydantic_core
 import shtab
 
+from app.arguments import whole_number
 from app.cache import find_atlas
 from app.exits import EPILOG, Exit, exit_of
 from app.fourbar.export import LengthUnit
@@ -75,7 +76,9 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             "--plot", action="store_true", help="also draw it, and open the picture where there is a screen"
         )
     if query.file_of is not None:
-        parser.add_argument("--rank", type=_rank, default=1, help="which solution to write or draw (%(default)s)")
+        parser.add_argument(
+            "--rank", type=whole_number(1, 100), default=1, help="which solution to write or draw (%(default)s)"
+        )
     if query.shows_units:
         parser.add_argument(
             "--length-unit",
@@ -94,13 +97,6 @@ def _setting(text: str) -> tuple[list[str], Any]:
         return path.split("."), json.loads(value)
     except ValueError:
         return path.split("."), value
-
-
-def _rank(text: str) -> int:
-    rank = int(text)
-    if not 1 <= rank <= 100:
-        raise argparse.ArgumentTypeError(f"must be 1 to 100, found {rank}")
-    return rank
 
 
 def settings_of(options: argparse.Namespace) -> Settings:

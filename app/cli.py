@@ -12,6 +12,7 @@ import shtab
 from pydantic import ValidationError
 
 from app import bundled
+from app.arguments import whole_number
 from app.asking import add_query, settings_of
 from app.cache import find_atlas
 from app.exits import EPILOG, Exit
@@ -141,15 +142,8 @@ def _add_serve(parser: argparse.ArgumentParser) -> None:
         "--no-atlas", action="store_true", help="start at once: searching needs none, what needs one says so"
     )
     parser.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
-    parser.add_argument("--port", type=_port, default=8000, help="(%(default)s)")
+    parser.add_argument("--port", type=whole_number(0, 65535), default=8000, help="(%(default)s)")
     parser.set_defaults(run=_serve)
-
-
-def _port(text: str) -> int:
-    port = int(text)
-    if not 0 <= port <= 65535:
-        raise argparse.ArgumentTypeError(f"must be 0 to 65535, found {port}")
-    return port
 
 
 def _serve(options: argparse.Namespace) -> int:

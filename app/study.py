@@ -19,6 +19,7 @@ import shtab
 from pydantic import ValidationError
 from tqdm import tqdm
 
+from app.arguments import whole_number
 from app.asking import read_request
 from app.cache import find_atlas
 from app.exits import EPILOG, Exit
@@ -64,18 +65,13 @@ def add_study(parser: argparse.ArgumentParser) -> None:
         default="synthesize",
         help="the question that all requests are of (%(default)s)",
     )
-    parser.add_argument("--jobs", type=_count, default=os.cpu_count() or 1, help="processes (default: one a core)")
+    parser.add_argument(
+        "--jobs", type=whole_number(1), default=os.cpu_count() or 1, help="processes (default: one a core)"
+    )
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address instead")
     parser.add_argument("--no-preset", action="store_true", help="no limits but those of each request")
     parser.add_argument("--atlas", type=Path, metavar="FILE", help="the atlas, for questions that need one")
     parser.set_defaults(run=run_study)
-
-
-def _count(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, found {number}")
-    return number
 
 
 def run_study(options: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from app.query import Angles, Column, Computed, Count, Export, Query, ReplyModel, Resources
-from app.scenes.knotter_machine import DECIMALS, condition_reply, machine_of, provenance
+from app.scenes.knotter_machine import DECIMALS, condition_reply, machine_of, pair_of, provenance
 from app.scenes.knotter_models import (
     Bounded,
     BoundedPositive,
@@ -105,10 +105,7 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
 
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
-    pair = [
-        math.radians(default) if asked is None else angles.inward(asked)
-        for asked, default in ((request.alpha1, 10.0), (request.alpha3, 25.0))
-    ]
+    pair = pair_of(request.alpha1, request.alpha3, angles)
     mechanism = mechanism.with_parameters(alpha1=pair[0], alpha3=pair[1])
     low, high = (0.0, math.tau) if request.over is None else (angles.inward(at) for at in request.over)
     if not low < high:

@@ -88,6 +88,14 @@ def machine_of(request: MachineRequest, angles: Angles) -> tuple[Any, dict[str, 
     return mechanism, conditions
 
 
+def pair_of(alpha1: float | None, alpha3: float | None, angles: Angles) -> tuple[float, float]:
+    """The pair of spatial angles of a request in radians; the chosen pair, (10, 25) degrees, where one is left out."""
+    return (
+        math.radians(10.0) if alpha1 is None else angles.inward(alpha1),
+        math.radians(25.0) if alpha3 is None else angles.inward(alpha3),
+    )
+
+
 def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
     """Which values are assumed, published and given, and the frames of the points."""
     from synthesis.knotter import d_knotter

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from app.query import Angles, Count, Query, ReplyModel, Resources
-from app.scenes.knotter_machine import DECIMALS, machine_of, provenance, unit_of
+from app.scenes.knotter_machine import DECIMALS, machine_of, pair_of, provenance, unit_of
 from app.scenes.knotter_models import Bounded, BoundedPositive, MachineRequest, Provenance
 from app.tables import table
 
@@ -74,10 +74,7 @@ def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> 
 
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
-    pair = [
-        math.radians(default) if asked is None else angles.inward(asked)
-        for asked, default in ((request.alpha1, 10.0), (request.alpha3, 25.0))
-    ]
+    pair = pair_of(request.alpha1, request.alpha3, angles)
     mechanism = mechanism.with_parameters(alpha1=pair[0], alpha3=pair[1])
     for condition in conditions.values():
         condition.check(mechanism)
