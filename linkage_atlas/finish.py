@@ -236,8 +236,9 @@ def _passed(found: list[answers.Solution], motion: Motion, target: Target) -> tu
     if not isinstance(motion.samples, Poses):
         return verdicts(linkages, crank, side, timed=True), [None] * len(found)
     way = {"ordered": motion.samples.ordered, "closed": motion.samples.closed}
-    excursion = excursions(linkages, crank, side, motion.samples.extent, **way)
-    return verdicts(linkages, crank, side, **way), excursion
+    passed = verdicts(linkages, crank, side, **way)
+    carried = [one.circuit for one in passed]
+    return passed, excursions(linkages, crank, side, motion.samples.extent, **way, carried=carried)
 
 
 def _solution(

@@ -103,6 +103,7 @@ def excursions(
     ordered: bool = True,
     closed: bool = False,
     timed: bool = False,
+    carried: ArrayLike | None = None,
 ) -> list[float | None]:
     """The excursion of each linkage's body point.
 
@@ -120,6 +121,8 @@ def excursions(
         As of `passage.passage`, one row a linkage.
     length_scale : float
         l of the objective, in the linkages' unit.
+    carried : array_like of bool, shape (n,), optional
+        Whether one circuit carries all samples, `Passage.circuit`, where that is known already.
 
     Returns
     -------
@@ -134,7 +137,10 @@ def excursions(
         return found
     lengths = np.array([linkages[k].links for k in mounted])
     angle, side = crank_angle[mounted], side[mounted]
-    carried = passage(lengths, angle, side, ordered=ordered, closed=closed, timed=timed).circuit
+    if carried is None:
+        carried = passage(lengths, angle, side, ordered=ordered, closed=closed, timed=timed).circuit
+    else:
+        carried = np.asarray(carried)[mounted]
     rows = np.array(mounted)[carried]
     if not rows.size:
         return found

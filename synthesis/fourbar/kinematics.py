@@ -59,6 +59,10 @@ def _pair_difference(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
     return (left - right) + (left_error - right_error)
 
 
+_PAIRINGS = ((1, 2, 1), (3, 3, 2), (0, 0, 0), (2, 1, 3))
+"""Of the three excesses: the links that are added, and those that are taken off."""
+
+
 def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """Differences of the three pairings of the links, accurate up to the change point.
 
@@ -73,9 +77,10 @@ def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
         ``(L2+L4)-(L1+L3)``, ``(L3+L4)-(L1+L2)``, ``(L2+L3)-(L1+L4)`` in the same unit. Their signs name the `Family`: a product
         above zero is Grashof's condition. A zero is a change point.
     """
-    l1, l2, l3, l4 = np.moveaxis(np.asarray(lengths, dtype=float), -1, 0)
+    lengths = np.asarray(lengths, dtype=float)
     with np.errstate(over="ignore", invalid="ignore"):  # NaN for lengths that are not finite, or overflow when added
-        return _pair_difference(l2, l4, l1, l3), _pair_difference(l3, l4, l1, l2), _pair_difference(l2, l3, l1, l4)
+        found = _pair_difference(*(lengths[..., pair] for pair in _PAIRINGS))
+    return found[..., 0], found[..., 1], found[..., 2]
 
 
 def family(lengths: ArrayLike) -> NDArray[np.object_]:

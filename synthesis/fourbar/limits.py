@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -196,17 +197,17 @@ class Limits:
         keep_out = tuple((x0, -y1, x1, -y0) for x0, y0, x1, y1 in self.keep_out)
         return replace(self, **boxes, **points, pivot_reach=reach, keep_out=keep_out)  # type: ignore[arg-type]
 
-    @property
+    @cached_property
     def only_family(self) -> bool:
         """Whether nothing but the family is limited."""
         return replace(self, family="full_crank") == Limits()
 
-    @property
+    @cached_property
     def of_shape(self) -> Limits:
         """Those of the limits that concern length ratios and the start alone."""
         return Limits(**{name: getattr(self, name) for name in _ON_SHAPE})
 
-    @property
+    @cached_property
     def on_shape(self) -> bool:
         """Whether there are no others, so that a shape's best pose is as good as any."""
         return self == self.of_shape

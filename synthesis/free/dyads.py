@@ -26,7 +26,8 @@ Complexes = NDArray[np.complex128]
 
 FARTHEST = 1e4
 """Points of the body and centres beyond this many length scales are sliders, which are no four-bars."""
-_POLISH_STEPS = 6
+_POLISH_STEPS, _POLISH_STALL = 6, 0.1
+"""Of dyads that are near: where they fit, two or three steps reach rounding, and the pairs are refined together anyway."""
 
 
 class Dyads(NamedTuple):
@@ -147,12 +148,14 @@ def evaluate_dyads(body: Body, unknowns: Floats, derivatives: bool = True) -> Ev
     return Evaluation(np.where(np.isfinite(cost), cost, np.inf), stack)
 
 
-def polished(body: Body, dyads: Dyads, steps: int = _POLISH_STEPS) -> tuple[Dyads, Floats]:
+def polished(
+    body: Body, dyads: Dyads, steps: int = _POLISH_STEPS, stall: float = _POLISH_STALL
+) -> tuple[Dyads, Floats]:
     """Dyads after least-squares steps of their first-order errors, and those errors, rms, (n,)."""
     columns = [dyads.body.real, dyads.body.imag, dyads.fixed.real, dyads.fixed.imag, dyads.radius]
     start = np.stack(columns, axis=1)
     done = minimise(
-        lambda unknowns, _: evaluate_dyads(body, unknowns), start, np.zeros(len(start)), steps, damping=1e-8
+        lambda unknowns, _: evaluate_dyads(body, unknowns), start, np.zeros(len(start)), steps, 0.0, None, stall, 1e-8
     )
     x = done.unknowns
     return Dyads(x[:, 0] + 1j * x[:, 1], x[:, 2] + 1j * x[:, 3], x[:, 4]), np.sqrt(done.cost)
@@ -165,7 +168,7 @@ def landscape(body: Body, steps: int = 20, most: int = 36) -> tuple[Dyads, Float
     """
     radius, angle = np.meshgrid(_RADII, np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS), indexing="ij")
     points = np.concatenate([[0j], (radius * np.exp(1j * angle)).ravel()])
-    return distinct_dyads(*polished(body, circles(body, points), steps), most)
+    return distinct_dyads(*polished(body, circles(body, points), steps, 1e-9), most)
 
 
 _RADII = (0.1, 0.25, 0.5, 1.0, 1.8, 3.2, 5.5, 9.0)
