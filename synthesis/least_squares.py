@@ -17,6 +17,14 @@ from synthesis.work import Work
 Floats = NDArray[np.float64]
 
 _LONGEST_STEP = 1.5
+_BOLD = 2
+"""Power of 1 - cos(angle between a step and the one before) by which the cost uphill counts (Transtrum and Sethna, section 5)."""
+_STRAIGHT = 1 - 1e-12
+"""Largest cosine between steps: the cost of what does not close is infinite, however straight the way there."""
+_AHEAD, _NOT_FAR = 0.1, 0.01
+"""How far ahead along a step its curvature is taken: as a part of it, and in the unknowns, whichever is less."""
+_BENT = 0.75
+"""A step is bent by its curvature where that is by less than this part of it."""
 
 
 class Evaluation(NamedTuple):
@@ -44,8 +52,13 @@ def minimise(
     work: Work | None = None,
     stall: float = 1e-9,
     damping: float = 1e-3,
+    residual: Callable[[Floats, Floats], Floats] | None = None,
 ) -> Minima:
     """Levenberg-Marquardt from many starting points, all at once.
+
+    With ``residual`` steps are bent along curved valleys, and one uphill is taken where it goes straight on from the one
+    before, so that they are followed above their floor (M. K. Transtrum, J. P. Sethna: Improvements to the
+    Levenberg-Marquardt algorithm for nonlinear least-squares minimization, arXiv:1201.5885).
 
     Parameters
     ----------
@@ -62,57 +75,76 @@ def minimise(
         Stop when the square root of the least cost is below it.
     work : Work, optional
         Asked before each step; once it has expired the descent stops where it is.
-
     stall : float
         A step that lowers the cost by a smaller part than this is a candidate's last one.
     damping : float
         Of the first step, relative to the squares of the derivatives: small where the start is near.
+    residual : callable, optional
+        The residuals alone, (n, rows): worth its time where valleys are narrow and curved.
 
     Returns
     -------
     Minima
-        Law: no candidate is worse than its starting point.
+        The best place of each candidate's way. Law: no candidate is worse than its starting point.
     """
     work = work or Work()
-    unknowns = unknowns.copy()
-    cost, stack = evaluate(unknowns, labels)
+    here = unknowns.copy()
+    cost, stack = evaluate(here, labels)
     size = stack.shape[1] - 1
-    damped = np.full(len(unknowns), damping)
-    growth = np.full(len(unknowns), 2.0)
+    best, least = here.copy(), cost.copy()
+    damped, growth, way = np.full(len(here), damping), np.full(len(here), 2.0), np.zeros((len(here), size))
     triangle = _triangle(stack)
     active = np.flatnonzero(np.isfinite(cost))
     steps = 0
-    while steps < iterations and active.size and cost.min() > tolerance**2 and not work.expired():
+    while steps < iterations and active.size and least.min() > tolerance**2 and not work.expired():
         steps += 1
         upper, right = triangle[active, :size, :size], triangle[active, :size, size]
-        step = -_damped_solution(upper, right, damped[active])
-        longest = np.max(np.abs(step), axis=1)
-        step *= np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
-        trial = unknowns[active]
-        trial[:, :size] += step
-        moved = np.einsum("nij,nj->ni", upper, step)
+        straight, damped_upper = _damped_solution(upper, right, damped[active])
+        longest = np.max(np.abs(straight), axis=1)
+        straight *= -np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
+        moved = np.einsum("nij,nj->ni", upper, straight)
         predicted = -np.einsum("ni,ni->n", moved, moved + 2 * right)
+        trial, step = here[active], straight
+        if residual is not None:
+            step = _bent(residual, trial, labels[active], stack[active], straight, damped_upper)
+        trial[:, :size] += step
         new = evaluate(trial, labels[active])
         before = cost[active]
         decrease = before - new.cost
-        better = decrease > 0
-        took, refused = active[better], active[~better]
-        unknowns[took], cost[took] = trial[better], new.cost[better]
-        triangle[took] = _triangle(new.stack[better])
+        taken = better = decrease > 0
+        if residual is not None:
+            taken = better | goes_on(straight, way[active], new.cost, least[active])
+        took, refused = active[taken], active[~taken]
+        here[took], cost[took], way[took] = trial[taken], new.cost[taken], straight[taken]
+        stack[took], triangle[took] = new.stack[taken], _triangle(new.stack[taken])
+        lower = took[cost[took] < least[took]]
+        best[lower], least[lower] = here[lower], cost[lower]
         # Nielsen's rule (Madsen, Nielsen, Tingleff, Methods for non-linear least squares problems, 3.2)
+        fell = active[better]
         gain = np.clip(decrease[better] / np.maximum(predicted[better], 1e-300), 0, 1)
-        damped[took] = np.maximum(damped[took] * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), 1e-20)
+        damped[fell] = np.maximum(damped[fell] * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), 1e-20)
         growth[took] = 2.0
         damped[refused] *= growth[refused]
         growth[refused] *= 2
         stalled = better & (decrease < stall * before)
         finished = stalled | (damped[active] > 1e10) | (before < 1e-30)
         active = active[~finished]
-    return Minima(unknowns, cost)
+    return Minima(best, least)
 
 
-def _damped_solution(upper: Floats, right: Floats, damping: Floats) -> Floats:
-    """Least-squares solutions of ``upper @ step = right`` with Marquardt's damping, by the QR decomposition of both."""
+def goes_on(step: Floats, before: Floats, cost: Floats, least: Floats) -> NDArray[np.bool_]:
+    """Whether steps (n, m) are taken wherever they lead: the higher, the straighter they go on from the ones before.
+
+    ``cost`` is where they lead, ``least`` the least on each way so far, (n,).
+    """
+    length = np.sqrt(np.einsum("nk,nk->n", step, step) * np.einsum("nk,nk->n", before, before))
+    cosine = np.einsum("nk,nk->n", step, before) / np.where(length > 0, length, 1.0)
+    taken: NDArray[np.bool_] = (1 - np.clip(cosine, 0, _STRAIGHT)) ** _BOLD * cost < least
+    return taken
+
+
+def _damped_solution(upper: Floats, right: Floats, damping: Floats) -> tuple[Floats, Floats]:
+    """Least-squares solutions of ``upper @ step = right`` with Marquardt's damping, by QR of both; and R."""
     size = upper.shape[1]
     norms = np.maximum(np.sqrt(np.einsum("nij,nij->nj", upper, upper)), 1e-12)
     system = np.zeros((len(upper), 2 * size, size + 1))
@@ -120,7 +152,32 @@ def _damped_solution(upper: Floats, right: Floats, damping: Floats) -> Floats:
     diagonal = np.arange(size)
     system[:, size + diagonal, diagonal] = np.sqrt(damping)[:, None] * norms
     small: Any = np.linalg.qr(system, mode="r")
-    return np.linalg.solve(small[:, :size, :size], small[:, :size, size:])[:, :, 0]
+    damped_upper = small[:, :size, :size]
+    return np.linalg.solve(damped_upper, small[:, :size, size:])[:, :, 0], damped_upper
+
+
+def _bent(
+    residual: Callable[[Floats, Floats], Floats],
+    unknowns: Floats,
+    labels: Floats,
+    stack: Floats,
+    step: Floats,
+    damped_upper: Floats,
+) -> Floats:
+    """Steps with their second-order correction, from one more residual; unchanged where it is not small beside the step."""
+    size = step.shape[1]
+    length = np.sqrt(np.einsum("nj,nj->n", step, step))
+    ahead = np.minimum(_AHEAD, _NOT_FAR / np.maximum(length, 1e-300))[:, None]
+    there = unknowns.copy()
+    there[:, :size] += ahead * step
+    with np.errstate(all="ignore"):
+        rise = (residual(there, labels) - stack[:, size]) / ahead
+        # half the second derivative along the step
+        curve = (rise - np.einsum("nj,njr->nr", step, stack[:, :size])) / ahead
+        right = np.einsum("njr,nr->nj", stack[:, :size], curve)[:, :, None]
+        bend = -np.linalg.solve(damped_upper, np.linalg.solve(damped_upper.transpose(0, 2, 1), right))[:, :, 0]
+        small = np.sqrt(np.einsum("nj,nj->n", bend, bend)) < _BENT * length
+    return np.where(small[:, None], step + bend, step)
 
 
 def _triangle(stack: Floats) -> Floats:

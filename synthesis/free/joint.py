@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.free.rows import JointProblem, Refined, Rows, Timed
+from synthesis.least_squares import goes_on
 from synthesis.work import Work
 
 __all__ = ["JointProblem", "Refined", "Rows", "Timed", "loose_steps", "refine"]
@@ -34,10 +35,6 @@ Floats = NDArray[np.float64]
 _LINEAR_DAMPING, _ANGLE_DAMPING = 1e-2, 1e-2
 """Damping of the linear unknowns and of the crank angles relative to that of the shape."""
 _LEAST_DAMPING = 1e-22
-_BOLD = 2
-"""Power of 1 - cos(angle between a step and the one before) by which the cost uphill counts (Transtrum and Sethna, section 5)."""
-_STRAIGHT = 1 - 1e-12
-"""Largest cosine between steps: the cost of what does not close is infinite, however straight the way there."""
 _LEAST_NORMAL = 1e-9
 """Damping from which on a step may come from normal equations: the condition of the damped, scaled matrix is below 1e11."""
 
@@ -147,8 +144,7 @@ def refine(
         better = decrease > 0
         # uphill is allowed the farther, the straighter the way goes on: a curved valley is followed above its floor
         ahead = straight[:, : problem.size]
-        turned_by = 1 - np.clip(_cosine(ahead, way), 0, _STRAIGHT)
-        taken = better | (turned_by**_BOLD * new.cost < best.cost[place])
+        taken = better | goes_on(ahead, way, new.cost, best.cost[place])
         refused = ~taken
         finished = (better & (decrease < stall * before)) | (before < done_below)
         gain = np.clip(decrease / np.maximum(predicted, 1e-300), 0, 1)
@@ -167,12 +163,6 @@ def refine(
             place, here, rows = place[left], here.take(left), Rows(*(column[left] for column in rows))
             damped, growth, way = damped[left], growth[left], way[left]
     return best
-
-
-def _cosine(one: Floats, other: Floats) -> Floats:
-    """Of the angle between vectors (n, k); 0 where one of them is zero."""
-    length = np.sqrt(np.einsum("nk,nk->n", one, one) * np.einsum("nk,nk->n", other, other))
-    return np.einsum("nk,nk->n", one, other) / np.where(length > 0, length, 1.0)
 
 
 def _damped(rows: Rows, damping: Floats, size: int) -> _System:

@@ -83,6 +83,10 @@ class ProjectedProblem:
             stack = np.delete(stack, size - 1, axis=1)
         return Evaluation(cost if answer is True else np.where(answer, cost, np.inf), stack)
 
+    def residual(self, unknowns: Floats, branch: Floats) -> Floats:
+        """The residuals alone, (n, rows)."""
+        return self.evaluate(unknowns, branch, derivatives=False).stack[:, -1]
+
     def _position(self, phasor: Complexes, slope: Floats | None, part: Floats) -> Floats:
         """Fill in the rows of the position; returns |z1| times the norm of e^{it} less its mean, (n,)."""
         samples, mean = self.target.samples, self.target.position_mean

@@ -133,7 +133,13 @@ class _Search:
             seeds = self.draw(one.sources)
             self.seeds += len(seeds.branch)
             found = minimise(
-                self.problem.evaluate, seeds.unknowns, seeds.branch, one.iterations, 0.3 * self.tolerance, self.work
+                self.problem.evaluate,
+                seeds.unknowns,
+                seeds.branch,
+                one.iterations,
+                0.3 * self.tolerance,
+                self.work,
+                residual=self.problem.residual,
             )
             self.pool = self.pool.joined(Candidates(found.unknowns, seeds.branch, found.cost))
             if self.limits.only_family:
@@ -166,7 +172,9 @@ class _Search:
         problem = self.problem
         if self.thin_target is not self.target:
             problem = ProjectedProblem(self.target, self.chart)
-        found = minimise(problem.evaluate, best.unknowns, best.branch, iterations, 0.0, self.work).unknowns
+        found = minimise(
+            problem.evaluate, best.unknowns, best.branch, iterations, 0.0, self.work, residual=problem.residual
+        ).unknowns
         lengths = self.chart.shape(found[:, :-1]).lengths
         linkages = self.mechanism.mounted(self.target, lengths, best.branch, found[:, -1])
         return self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, linkages))
@@ -179,7 +187,7 @@ class _Search:
         near = self.pool.cost.min(initial=np.inf) < _NEAR**2
         if not (near or self.limits.only_family):
             return []
-        if not (self.reached or self.limits.only_family) and self.pool.cost.min() < _NEARER**2:
+        if not self.reached and self.pool.cost.min() < _NEARER**2:
             self.free_search(schedule.TO_THE_END[:1])
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
         return self.polished(top + 4, 30 if near and not self.reached else 6)

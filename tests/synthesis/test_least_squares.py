@@ -34,6 +34,11 @@ def cliff(unknowns: np.ndarray, labels: np.ndarray) -> Evaluation:
     return found._replace(cost=np.where(unknowns[:, 0] > 1.2, np.inf, found.cost))
 
 
+def residual_of(problem):
+    """The residuals of a problem alone."""
+    return lambda unknowns, labels: problem(unknowns, labels).stack[:, -1]
+
+
 @pytest.mark.parametrize(
     ("start", "steepness"), [((-1.2, 1.0), 10.0), ((3.0, -4.0), 10.0), ((0.0, 0.0), 1.0), ((-5.0, 20.0), 30.0)]
 )
@@ -70,12 +75,12 @@ def test_a_linear_fit_is_that_of_lstsq(seed, size, further) -> None:
 
 
 @LAW
-@given(st.integers(0, 10_000), st.sampled_from([rosenbrock, cliff]), st.integers(0, 30))
-def test_no_candidate_is_worse_than_its_start(seed, problem, iterations) -> None:
+@given(st.integers(0, 10_000), st.sampled_from([rosenbrock, cliff]), st.integers(0, 30), st.booleans())
+def test_no_candidate_is_worse_than_its_start(seed, problem, iterations, bent) -> None:
     random = np.random.default_rng(seed)
     start, labels = random.uniform(-4, 4, (20, 2)), random.uniform(0.1, 30, 20)
     before = start.copy()
-    found = minimise(problem, start, labels, iterations)
+    found = minimise(problem, start, labels, iterations, residual=residual_of(problem) if bent else None)
     assert np.array_equal(start, before), "the starts are the caller's"
     at_start = problem(start, labels).cost
     assert np.all(found.cost <= at_start)
@@ -89,6 +94,21 @@ def test_more_steps_are_never_worse_and_some_are_needed() -> None:
     costs = [minimise(rosenbrock, start, labels, steps).cost[0] for steps in range(40)]
     assert costs == sorted(costs, reverse=True) and costs[0] == rosenbrock(start, labels).cost[0]
     assert costs[3] > 1e-3 and costs[-1] < 1e-24
+
+
+def test_a_curved_valley_is_followed_in_fewer_steps() -> None:
+    """The steeper Rosenbrock's valley, the more steps a straight descent takes along it."""
+    start = np.array([[-1.2, 1.0]])
+
+    def steps(steepness: float, **more) -> int:
+        labels, counts = np.array([steepness]), range(1, 2000)
+        return next(k for k in counts if minimise(rosenbrock, start, labels, k, **more).cost[0] < 1e-20)
+
+    straight, bent = (
+        [steps(steep, **more) for steep in (10.0, 300.0)] for more in ({}, {"residual": residual_of(rosenbrock)})
+    )
+    assert straight[1] > 3 * straight[0]
+    assert bent[0] < straight[0] and bent[1] < straight[1] / 3, (straight, bent)
 
 
 @pytest.mark.parametrize("budget", [1, 3, 7])
