@@ -41,6 +41,10 @@ _NEAR, _NEARER, _FINISHED = 1e-2, 1e-5, 12
 From the second on it does, in a narrow valley."""
 
 
+_FEW_STEPS = 6
+"""That are worth while for alternatives to an exact answer."""
+
+
 class StoppedBy(StrEnum):
     """Why a search ended."""
 
@@ -172,8 +176,10 @@ class _Search:
         problem = self.problem
         if self.thin_target is not self.target:
             problem = ProjectedProblem(self.target, self.chart)
+        # of few steps none would be worth bending
+        bent = problem.residual if iterations > _FEW_STEPS else None
         found = minimise(
-            problem.evaluate, best.unknowns, best.branch, iterations, 0.0, self.work, residual=problem.residual
+            problem.evaluate, best.unknowns, best.branch, iterations, 0.0, self.work, residual=bent
         ).unknowns
         lengths = self.chart.shape(found[:, :-1]).lengths
         linkages = self.mechanism.mounted(self.target, lengths, best.branch, found[:, -1])
@@ -190,7 +196,7 @@ class _Search:
         if not self.reached and self.pool.cost.min() < _NEARER**2:
             self.free_search(schedule.TO_THE_END[:1])
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
-        return self.polished(top + 4, 30 if near and not self.reached else 6)
+        return self.polished(top + 4, 30 if near and not self.reached else _FEW_STEPS)
 
     def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any], top: int) -> list[Any]:
         """Go on within the limits, in one chart after the other; what it finds, and of the solutions those that are better."""
