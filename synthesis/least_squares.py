@@ -53,6 +53,7 @@ def minimise(
     stall: float = 1e-9,
     damping: float = 1e-3,
     residual: Callable[[Floats, Floats], Floats] | None = None,
+    bent_below: float = np.inf,
 ) -> Minima:
     """Levenberg-Marquardt from many starting points, all at once.
 
@@ -81,6 +82,8 @@ def minimise(
         Of the first step, relative to the squares of the derivatives: small where the start is near.
     residual : callable, optional
         The residuals alone, (n, rows): worth its time where valleys are narrow and curved.
+    bent_below : float
+        Square root of the cost from which on a candidate's steps are bent.
 
     Returns
     -------
@@ -95,7 +98,7 @@ def minimise(
     damped, growth, way = np.full(len(here), damping), np.full(len(here), 2.0), np.zeros((len(here), size))
     triangle = _triangle(stack)
     active = np.flatnonzero(np.isfinite(cost))
-    steps = 0
+    none, steps = np.empty(0, dtype=np.intp), 0
     while steps < iterations and active.size and least.min() > tolerance**2 and not work.expired():
         steps += 1
         upper, right = triangle[active, :size, :size], triangle[active, :size, size]
@@ -104,16 +107,17 @@ def minimise(
         straight *= -np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
         moved = np.einsum("nij,nj->ni", upper, straight)
         predicted = -np.einsum("ni,ni->n", moved, moved + 2 * right)
-        trial, step = here[active], straight
-        if residual is not None:
-            step = _bent(residual, trial, labels[active], stack[active], straight, damped_upper)
+        trial, before = here[active], cost[active]
+        step, bent = straight, np.flatnonzero(before < bent_below**2) if residual is not None else none
+        if residual is not None and bent.size:
+            some, step = active[bent], straight.copy()
+            step[bent] = _bent(residual, here[some], labels[some], stack[some], straight[bent], damped_upper[bent])
         trial[:, :size] += step
         new = evaluate(trial, labels[active])
-        before = cost[active]
         decrease = before - new.cost
-        taken = better = decrease > 0
-        if residual is not None:
-            taken = better | goes_on(straight, way[active], new.cost, least[active])
+        better = decrease > 0
+        taken = better.copy()
+        taken[bent] |= goes_on(straight[bent], way[active[bent]], new.cost[bent], least[active[bent]])
         took, refused = active[taken], active[~taken]
         here[took], cost[took], way[took] = trial[taken], new.cost[taken], straight[taken]
         stack[took], triangle[took] = new.stack[taken], _triangle(new.stack[taken])

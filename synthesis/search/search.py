@@ -41,6 +41,8 @@ _NEAR, _NEARER, _FINISHED = 1e-2, 1e-5, 12
 From the second on it does, in a narrow valley."""
 
 
+_BENT_BELOW = 1e-3
+"""J from which on valleys are narrow: steps are bent along them."""
 _FEW_STEPS = 6
 """That are worth while for alternatives to an exact answer."""
 
@@ -144,6 +146,7 @@ class _Search:
                 0.3 * self.tolerance,
                 self.work,
                 residual=self.problem.residual,
+                bent_below=_BENT_BELOW,
             )
             self.pool = self.pool.joined(Candidates(found.unknowns, seeds.branch, found.cost))
             if self.limits.only_family:

@@ -75,12 +75,18 @@ def test_a_linear_fit_is_that_of_lstsq(seed, size, further) -> None:
 
 
 @LAW
-@given(st.integers(0, 10_000), st.sampled_from([rosenbrock, cliff]), st.integers(0, 30), st.booleans())
-def test_no_candidate_is_worse_than_its_start(seed, problem, iterations, bent) -> None:
+@given(
+    st.integers(0, 10_000),
+    st.sampled_from([rosenbrock, cliff]),
+    st.integers(0, 30),
+    st.sampled_from([None, 1.0, np.inf]),
+)
+def test_no_candidate_is_worse_than_its_start(seed, problem, iterations, bent_below) -> None:
     random = np.random.default_rng(seed)
     start, labels = random.uniform(-4, 4, (20, 2)), random.uniform(0.1, 30, 20)
     before = start.copy()
-    found = minimise(problem, start, labels, iterations, residual=residual_of(problem) if bent else None)
+    bent = {} if bent_below is None else {"residual": residual_of(problem), "bent_below": bent_below}
+    found = minimise(problem, start, labels, iterations, **bent)
     assert np.array_equal(start, before), "the starts are the caller's"
     at_start = problem(start, labels).cost
     assert np.all(found.cost <= at_start)
