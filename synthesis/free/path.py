@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 
 from synthesis.free.joint import JointProblem, Refined, Timed, loose_steps, refine
 from synthesis.free.poses import Poses
-from synthesis.free.schedule import PATH, Best, Fresh, Hops, Round, Source
+from synthesis.free.schedule import PATH, Best, Fresh, Hops, Round, Schedule, Source
 from synthesis.free.screen import PathScreen, way_along
 from synthesis.mechanism import BoundedChart, Chart
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
 
-SEARCH_SAMPLES = 12
-"""Samples that the rounds look at: enough to fix a linkage, and the fewer they are the fewer minima lie beside it."""
 _POOL = 120
 _APART, _POOL_APART = 0.01, 0.03
 """Parts of the span by which a crank angle differs between two valleys: of the same descent, and in the pool."""
@@ -57,10 +55,16 @@ class _PathSearch:
     """One request's search."""
 
     def __init__(
-        self, poses: Poses, chart: Chart, screens: Sequence[PathScreen], tolerance: float, work: Work
+        self,
+        poses: Poses,
+        chart: Chart,
+        screens: Sequence[PathScreen],
+        samples: int,
+        tolerance: float,
+        work: Work,
     ) -> None:
         self.poses, self.chart, self.screens, self.tolerance, self.work = poses, chart, screens, tolerance, work
-        few = np.round(np.linspace(0, poses.samples - 1, min(SEARCH_SAMPLES, poses.samples)))
+        few = np.round(np.linspace(0, poses.samples - 1, min(samples, poses.samples)))
         self.few = few.astype(np.intp)
         self.thin = _some(poses, self.few)
         self.problem = JointProblem(self.thin, chart)
@@ -156,7 +160,7 @@ def search_path(
     screens: Sequence[PathScreen],
     tolerance: float,
     work: Work | None = None,
-    rounds: Sequence[Round] = PATH,
+    schedule: Schedule = PATH,
 ) -> PathResult:
     """Linkages whose body point passes positions in their order, the crank turning one way.
 
@@ -167,12 +171,12 @@ def search_path(
     chart : Chart
         Of the shapes that are sought; best with change points at its bounds.
     screens : sequence of PathScreen
-        As many as the rounds name, coarse and then finer.
+        As many as the schedule names, coarse and then finer.
     tolerance : float
         Stop when J is below it.
     work : Work, optional
         Once it has expired the best so far is returned, at the least the best of the first seeds.
-    rounds : sequence of Round
+    schedule : Schedule
 
     Returns
     -------
@@ -180,7 +184,7 @@ def search_path(
         Law: the same for the same request, where the work did not expire.
     """
     work = work or Work()
-    run = _PathSearch(poses, chart, screens, tolerance, work)
+    run = _PathSearch(poses, chart, screens, schedule.samples, tolerance, work)
     trace: list[tuple[float, float]] = []
     pool: Refined | None = None
 
@@ -191,7 +195,7 @@ def search_path(
         trace.append((work.elapsed, float(np.sqrt(merged.cost[0]))))
         return merged
 
-    for one in rounds:
+    for one in schedule.rounds:
         run.descend(one)
         if run.reached:
             pool = note()

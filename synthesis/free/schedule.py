@@ -48,24 +48,38 @@ class Round(NamedTuple):
     reason: str
 
 
+class Schedule(NamedTuple):
+    """A search, round by round."""
+
+    rounds: tuple[Round, ...]
+    samples: int
+    """That the rounds look at; longer requests are thinned for them and polished on all samples."""
+
+
 _HOPS = Hops(16, 6, 6)
 _STALL = 1e-2
 
-PATH = (
-    Round(Fresh(0, 0, 100), 100, _STALL, "more than half of all exact paths end here"),
-    Round(Fresh(0, 100, 200), 100, _STALL, "the next of the coarse types: nearly all end by the fourth round"),
-    Round(Fresh(0, 200, 400), 100, _STALL, "the next"),
-    Round(Fresh(0, 400, 600), 100, _STALL, "the rest"),
-    Round(_HOPS, 60, _STALL, "minima beside the best"),
-    Round(Fresh(1, 0, 300), 100, _STALL, "finer types, other spans"),
-    Round(_HOPS, 60, _STALL, "minima beside the new ones"),
-    Round(Best(12), 300, 1e-5, "where no linkage is exact: to the end of the best valleys"),
+PATH = Schedule(
+    (
+        Round(Fresh(0, 0, 100), 100, _STALL, "more than half of all exact paths end here"),
+        Round(Fresh(0, 100, 200), 100, _STALL, "the next of the coarse types: nearly all end by the fourth round"),
+        Round(Fresh(0, 200, 400), 100, _STALL, "the next"),
+        Round(Fresh(0, 400, 600), 100, _STALL, "the rest"),
+        Round(_HOPS, 60, _STALL, "minima beside the best"),
+        Round(Fresh(1, 0, 300), 100, _STALL, "finer types, other spans"),
+        Round(_HOPS, 60, _STALL, "minima beside the new ones"),
+        Round(Best(12), 300, 1e-5, "where no linkage is exact: to the end of the best valleys"),
+    ),
+    12,
 )
-"""Paths without crank angles."""
+"""Paths without crank angles: a few samples fix the linkage, and the fewer they are the fewer minima lie beside it."""
 
-GUESSED = (
-    Round(Fresh(0, 0, 600), 60, _STALL, "all coarse types: none is near"),
-    *(Round(_HOPS, 60, _STALL, "minima beside the best, and beside what the round before found"),) * 5,
-    Round(Best(12), 300, 1e-5, "to the end of the best valleys"),
+GUESSED = Schedule(
+    (
+        Round(Fresh(0, 0, 600), 60, _STALL, "all coarse types: none is near"),
+        *(Round(_HOPS, 60, _STALL, "minima beside the best, and beside what the round before found"),) * 5,
+        Round(Best(12), 300, 1e-5, "to the end of the best valleys"),
+    ),
+    32,
 )
-"""Poses that are far from any four-bar's, where pairs of dyads are no beginning."""
+"""Poses that are far from any four-bar's, where pairs of dyads are no beginning: the best valley of a few is not that of all."""

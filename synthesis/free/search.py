@@ -125,8 +125,8 @@ def search_free(
     elif not poses.ordered:
         raise FieldError("/order", "'any' needs rotation and position at three samples or more: a path has an order")
     if pool is None or (unfinished and poses.ordered and not work.expired()):
-        begin, rounds = work.elapsed, GUESSED if poses.full.size == poses.samples else PATH
-        found = search_path(poses, GrashofChart(), screens(limits.family), tolerance, work, rounds)
+        begin, schedule = work.elapsed, GUESSED if poses.full.size == poses.samples else PATH
+        found = search_path(poses, GrashofChart(), screens(limits.family), tolerance, work, schedule)
         for seconds, objective in found.trace if limits.only_family else ():
             if seconds >= begin and (not trace or objective < trace[-1][1]):
                 trace.append((seconds, objective))

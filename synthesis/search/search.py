@@ -199,7 +199,7 @@ class _Search:
         if not self.reached and self.pool.cost.min() < _NEARER**2:
             self.free_search(schedule.TO_THE_END[:1])
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
-        return self.polished(top + 4, 30 if near and not self.reached else _FEW_STEPS)
+        return self.polished(max(top + 4, _FINISHED), 30 if near and not self.reached else _FEW_STEPS)
 
     def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any], top: int) -> list[Any]:
         """Go on within the limits, in one chart after the other; what it finds, and of the solutions those that are better."""

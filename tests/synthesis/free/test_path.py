@@ -79,7 +79,9 @@ def test_mirrored_and_reversed_paths_are_reached_too(change: str, screens: list[
 def test_same_request_same_answer(screens: list[PathScreen]) -> None:
     poses = request(DOUBLE, 12, 150)
     noisy = replace(poses, position=poses.position + 0.01 * np.random.default_rng(1).standard_normal(12))
-    one, two = (search_path(noisy, CHART, screens, 1e-10, rounds=PATH[:3]) for _ in range(2))
+    one, two = (
+        search_path(noisy, CHART, screens, 1e-10, schedule=PATH._replace(rounds=PATH.rounds[:3])) for _ in range(2)
+    )
     np.testing.assert_array_equal(one.pool.cost, two.pool.cost)
     np.testing.assert_array_equal(one.pool.timed.angles, two.pool.timed.angles)
     assert np.all(np.diff(one.pool.cost) >= 0)
@@ -88,8 +90,8 @@ def test_same_request_same_answer(screens: list[PathScreen]) -> None:
 def test_the_few_samples_of_the_rounds_lead_to_all_of_them(screens: list[PathScreen]) -> None:
     # once A stayed counted from the mean of the few: the polish had to find the path again, and sometimes did not
     poses = request(DOUBLE, 40, 320)
-    run = path._PathSearch(poses, CHART, screens, 1e-10, Work())
-    run.descend(PATH[0])
+    run = path._PathSearch(poses, CHART, screens, PATH.samples, 1e-10, Work())
+    run.descend(PATH.rounds[0])
     assert run.reached and run.pool is not None
     problem = JointProblem(poses, CHART)
     timed = path.nearest(problem, run._spread(run.pool.timed.take(slice(0, 1)), 1.0), 6)
