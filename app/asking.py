@@ -53,6 +53,14 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
         default=[],
         help="a field of the request, as in top=3 or limits.pivot_box=[0,0,200,100]; may be given several times",
     )
+    if "refine_from" in query.request.model_fields:
+        parser.add_argument(
+            "--refine-from",
+            type=Path,
+            metavar="FILE",
+            help="search nowhere, but refine this linkage from just there: a solution as JSON, as --export FILE.json or --json "
+            "writes it (of a reply its first)",
+        ).complete = shtab.FILE  # type: ignore[attr-defined]
     parser.add_argument("--json", action="store_true", help="print the reply as JSON, not as a table")
     if query.reads_atlas:
         parser.add_argument(
@@ -108,7 +116,10 @@ def settings_of(options: argparse.Namespace) -> Settings:
 def _run(options: argparse.Namespace, query: Query) -> int:
     names = [_format_of(query, path) for path in getattr(options, "export", ())]
     practical = not (options.example or getattr(options, "no_preset", False))
-    request = read_request(query, _text(options, query), practical, options.set)
+    also = options.set
+    if getattr(options, "refine_from", None) is not None:
+        also = [*also, (["refine_from"], _solution_in(options.refine_from))]
+    request = read_request(query, _text(options, query), practical, also)
     rank = getattr(options, "rank", 1)
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
@@ -153,6 +164,19 @@ def _text(options: argparse.Namespace, query: Query) -> bytes:
             print("reading the request from this terminal; Ctrl-D ends it", file=sys.stderr)
         return sys.stdin.buffer.read()
     return Path(options.file).read_bytes()
+
+
+def _solution_in(path: Path) -> Any:
+    """The solution in a file: alone, beside its request, or the first of a reply."""
+    try:
+        content = _parsed(path.read_bytes())
+    except FieldError as error:
+        raise FieldError("/refine_from", f"{path.name}: {error.message}") from None
+    if isinstance(content, dict) and isinstance(content.get("solutions"), list):
+        if not content["solutions"]:
+            raise FieldError("/refine_from", f"{path.name} is a reply without solutions")
+        return content["solutions"][0]
+    return content.get("solution", content) if isinstance(content, dict) else content
 
 
 def read_request(query: Query, text: bytes, practical: bool, also: Sequence[tuple[list[str], Any]] = ()) -> Any:

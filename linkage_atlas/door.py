@@ -172,12 +172,12 @@ def synthesize(
     """
     if effort not in ("refine", "atlas"):
         raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
+    if effort == "atlas" and refine_from is not None:
+        raise FieldError("/refine_from", "rows of the atlas are not refined: only effort 'refine' does that")
     if effort == "atlas" and timing is not None:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     if effort == "atlas" and atlas is None:
         raise FieldError("/atlas", "effort 'atlas' needs one: linkage_atlas.load_atlas(path)")
-    if effort == "atlas" and refine_from is not None:
-        raise FieldError("/refine_from", "rows of the atlas are not refined: only effort 'refine' does that")
     check_top(top)
     check_above_zero(budget=budget, round_to=round_to)
     tolerance = number("tolerance", tolerance, 0.0)
