@@ -106,6 +106,11 @@ export function assessed(solution, motion) {
   };
 }
 
+/** A request to refine a solution from just there. */
+export function fromHere({ diverse: _diverse, ...request }, { links, branch, start_angle, body_offset, mount, crank_angle }) {
+  return { ...request, top: 1, refine_from: { links, branch, start_angle, body_offset, mount, crank_angle } };
+}
+
 /** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent, and of its family or any. */
 export function nearby(request, solution, share = 0.05) {
   const xs = request.position.filter(Boolean), extent = Math.max(...[0, 1].map((i) => Math.max(...xs.map((p) => p[i])) - Math.min(...xs.map((p) => p[i]))));

@@ -61,6 +61,11 @@ export async function solve(request, show, signal, same) {
   }
 }
 
+/** Refines from the linkage of a request: one answer, for a descent that was cut short begins anew. */
+export async function refine(request, signal) {
+  return (await ask("/v1/synthesize", { ...request, budget_ms: STAGES.at(-1) }, signal)).json();
+}
+
 /** Lets the browser save a blob as a file. */
 export function download(blob, name) {
   const link = document.createElement("a");

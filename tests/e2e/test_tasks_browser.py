@@ -21,11 +21,8 @@ from tests.e2e.test_page_browser import (  # noqa: F401
     By,
     Keys,
     Select,
-    address,
     asked,
-    browser,
     click_canvas,
-    downloads,
     drag,
     drawn,
     faults,
@@ -59,11 +56,11 @@ def taken(opened, downloads):  # noqa: F811
     return opened
 
 
-def text_of(browser, name: str) -> str:  # noqa: F811
+def text_of(browser, name: str) -> str:
     return find(browser, name).text
 
 
-def type_into(browser, name: str, entry: str) -> None:  # noqa: F811
+def type_into(browser, name: str, entry: str) -> None:
     """What a user does: click, select all, type."""
     field = find(browser, name)
     browser.execute_script("arguments[0].closest('details')?.setAttribute('open', '')", field)
@@ -77,7 +74,7 @@ def good_dxf(file: Path) -> None:
     assert {"GROUND", "LINKS", "BODY"} <= {layer.dxf.name for layer in drawing.layers}
 
 
-def take_dxf(browser, downloads, name: str = "linkage-1.dxf") -> None:  # noqa: F811
+def take_dxf(browser, downloads, name: str = "linkage-1.dxf") -> None:
     button = pick(browser, "#exports [data-format=dxf]")
     browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", button)
     button.click()
@@ -85,7 +82,7 @@ def take_dxf(browser, downloads, name: str = "linkage-1.dxf") -> None:  # noqa: 
     good_dxf(downloads / name)
 
 
-def found(browser) -> None:  # noqa: F811
+def found(browser) -> None:
     wait(browser, "document.querySelectorAll('#solutions li').length && !document.getElementById('results').hidden")
     browser.execute_script("const s = document.getElementById('stop'); if (!s.hidden) s.click()")
     wait(browser, IDLE)
@@ -146,7 +143,7 @@ def test_the_tour_leads_through_and_terms_are_explained(opened) -> None:  # noqa
 # -- tasks, from the empty page to DXF -----------------------------------------------------------------------------------
 
 
-def test_motion_by_mouse(taken, downloads) -> None:  # noqa: F811
+def test_motion_by_mouse(taken, downloads) -> None:
     find(taken, "new-motion").click()
     assert table(taken) == []
     click_canvas(taken, (-140, 40), (-20, -30), (110, -10))
@@ -157,7 +154,7 @@ def test_motion_by_mouse(taken, downloads) -> None:  # noqa: F811
     take_dxf(taken, downloads)
 
 
-def test_motion_by_keyboard(taken, downloads) -> None:  # noqa: F811
+def test_motion_by_keyboard(taken, downloads) -> None:
     find(taken, "new-motion").send_keys(Keys.ENTER)
     find(taken, "add-row").send_keys(Keys.ENTER)
     pose = pick(taken, "[data-pose='0']")
@@ -172,7 +169,7 @@ def test_motion_by_keyboard(taken, downloads) -> None:  # noqa: F811
     good_dxf(downloads / "linkage-1.dxf")
 
 
-def test_path_on_a_phone(taken, downloads) -> None:  # noqa: F811
+def test_path_on_a_phone(taken, downloads) -> None:
     resize(taken, 360, 740)
     find(taken, "new-path").click()
     canvas = find(taken, "canvas")
@@ -200,7 +197,7 @@ def test_path_on_a_phone(taken, downloads) -> None:  # noqa: F811
 
 
 @pytest.mark.parametrize("width", [360, 1280])
-def test_function_by_mouse_and_by_keyboard(taken, downloads, width) -> None:  # noqa: F811
+def test_function_by_mouse_and_by_keyboard(taken, downloads, width) -> None:
     resize(taken, width)
     pick(taken, ".tasks a").send_keys(Keys.ENTER) if width == 1280 else pick(taken, ".tasks a").click()
     wait(taken, "document.body.dataset.ready && location.pathname === '/function'")
@@ -213,7 +210,7 @@ def test_function_by_mouse_and_by_keyboard(taken, downloads, width) -> None:  # 
     assert not ezdxf.readfile(downloads / "function-1.dxf").audit().errors
 
 
-def test_the_tutorial(taken, downloads) -> None:  # noqa: F811
+def test_the_tutorial(taken, downloads) -> None:
     """The clicks of docs/tutorial.md, with the rows that it shows."""
     tutorial = (ROOT / "docs/tutorial.md").read_text()
     rows = re.search(r"((?:    [^\n]+\n){9})", tutorial).group(1)
