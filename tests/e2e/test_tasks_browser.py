@@ -143,71 +143,110 @@ def test_the_tour_leads_through_and_terms_are_explained(opened) -> None:  # noqa
 # -- tasks, from the empty page to DXF -----------------------------------------------------------------------------------
 
 
-def test_motion_by_mouse(taken, downloads) -> None:
-    find(taken, "new-motion").click()
-    assert table(taken) == []
-    click_canvas(taken, (-140, 40), (-20, -30), (110, -10))
-    mode(taken, "move")
-    drag(taken, pick(taken, "[data-pose='2'] circle.turner"), -20, -30)
-    find(taken, "solve").click()
-    found(taken)
-    take_dxf(taken, downloads)
+def tap(browser, x: float, y: float) -> None:
+    """A finger that comes and goes."""
+    for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchEnd", [])):
+        browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
 
-def test_motion_by_keyboard(taken, downloads) -> None:
-    find(taken, "new-motion").send_keys(Keys.ENTER)
-    find(taken, "add-row").send_keys(Keys.ENTER)
-    pose = pick(taken, "[data-pose='0']")
-    pose.send_keys(Keys.ENTER)
-    taken.switch_to.active_element.send_keys(Keys.SHIFT + Keys.ARROW_RIGHT + Keys.ARROW_UP + Keys.NULL + "[[[")
-    taken.switch_to.active_element.send_keys(Keys.ENTER)
-    assert len(table(taken)) == 3
-    ActionChains(taken).key_down(Keys.CONTROL).send_keys(Keys.ENTER).key_up(Keys.CONTROL).perform()
-    found(taken)
-    pick(taken, "#exports [data-format=dxf]").send_keys(Keys.ENTER)
-    saved(downloads, "linkage-1.dxf")
-    good_dxf(downloads / "linkage-1.dxf")
+def middle_of(browser, element) -> tuple[float, float]:
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
+    script = "const f = arguments[0].getBoundingClientRect(); return [f.x + f.width / 2, f.y + f.height / 2]"
+    return tuple(browser.execute_script(script, element))
 
 
-def test_path_on_a_phone(taken, downloads) -> None:
-    resize(taken, 360, 740)
-    find(taken, "new-path").click()
-    canvas = find(taken, "canvas")
-    taken.execute_script("arguments[0].scrollIntoView({block: 'center'})", canvas)
-    x, y = taken.execute_script(
-        "const f=arguments[0].getBoundingClientRect();return [f.x+f.width/2,f.y+f.height/2]", canvas
-    )
-    taken.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True})
+def press(browser, selector: str, way: str) -> None:
+    """A button, by mouse, by Enter or by a finger."""
+    element = pick(browser, selector)
+    if way == "keyboard":
+        element.send_keys(Keys.ENTER)
+    elif way == "phone":
+        tap(browser, *middle_of(browser, element))
+    else:
+        browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
+        element.click()
+
+
+def ask_motion(page, way: str) -> None:
+    press(page, "#new-motion", way)
+    wait(page, "!document.querySelectorAll('#poses tbody tr').length")
+    places = (-140, 40), (-20, -30), (110, -10)
+    if way == "mouse":
+        click_canvas(page, *places)
+        mode(page, "move")
+        drag(page, pick(page, "[data-pose='2'] circle.turner"), -20, -30)
+    elif way == "phone":
+        x, y = middle_of(page, find(page, "canvas"))
+        for dx, dy in places:
+            tap(page, x + dx, y + dy)
+    else:
+        press(page, "#add-row", way)
+        pick(page, "[data-pose='0']").send_keys(Keys.ENTER)
+        keys = Keys.SHIFT + Keys.ARROW_RIGHT + Keys.ARROW_UP + Keys.NULL + "[[["
+        page.switch_to.active_element.send_keys(keys)
+        page.switch_to.active_element.send_keys(Keys.ENTER)
+    assert len(table(page)) == 3
+
+
+def ask_path(page, way: str) -> None:
+    press(page, "#new-path", way)
+    if way == "keyboard":
+        press(page, "#add-row", way)
+        pick(page, "[data-pose='0']").send_keys(Keys.ENTER)
+        for keys in (Keys.ARROW_RIGHT, Keys.ARROW_UP, Keys.ARROW_LEFT + Keys.ARROW_UP):
+            page.switch_to.active_element.send_keys(Keys.SHIFT + keys + Keys.NULL)
+            page.switch_to.active_element.send_keys(Keys.ENTER)
+        assert len(table(page)) == 5
+        return
+    x, y = middle_of(page, find(page, "canvas"))
     turn = np.linspace(0, 2 * np.pi, 24)
-    for k, (u, v) in enumerate(zip(x + 90 * np.cos(turn), y + 50 * np.sin(turn), strict=True)):
-        kind = "touchStart" if k == 0 else "touchMove"
-        taken.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": u, "y": v}]})
-    taken.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    ring = [(x + 90 * np.cos(t), y + 50 * np.sin(t)) for t in turn]
+    if way == "phone":
+        for k, (u, v) in enumerate(ring):
+            kind = "touchMove" if k else "touchStart"
+            page.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": u, "y": v}]})
+        page.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    else:
+        for k, (u, v) in enumerate((*ring, ring[-1])):
+            kind = "mousePressed" if k == 0 else "mouseMoved" if k < len(ring) else "mouseReleased"
+            button = {"button": "left", "buttons": int(k < len(ring)), "clickCount": 1}
+            page.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": kind, "x": u, "y": v, **button})
+    assert len(table(page)) == 24 and find(page, "closed").is_selected()
+
+
+def ask_function(page, way: str) -> None:
+    press(page, ".tasks a", way)
+    wait(page, "document.body.dataset.ready && location.pathname === '/function'")
+
+
+ASK = {"motion": ask_motion, "path": ask_path, "function": ask_function}
+
+
+@pytest.mark.parametrize("way", ["mouse", "keyboard", "phone"])
+@pytest.mark.parametrize("task", ASK)
+def test_each_task_from_the_empty_page_to_dxf(taken, downloads, task, way) -> None:
+    """By mouse; by keys alone; and by fingers on a phone, where the linkage is in view after Solve."""
+    resize(taken, *((360, 740) if way == "phone" else (1280, 800)))
+    taken.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": way == "phone"})
+    ASK[task](taken, way)
+    press(taken, "#solve", way)
+    if task == "function":
+        wait(taken, "document.querySelectorAll('#solutions li').length", 60)
+    else:
+        found(taken)
+    if way == "phone":
+        edges = "const f = document.getElementById('canvas').getBoundingClientRect(); return [f.top, f.bottom]"
+        top, bottom = taken.execute_script(edges)
+        assert task == "function" or (-50 < top < 400 and bottom < 740), "the linkage is in view after Solve"
+        assert taken.execute_script("return document.documentElement.scrollWidth") <= 360
+    press(taken, "#exports [data-format=dxf]", way)
     taken.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
-    assert len(table(taken)) == 24 and find(taken, "closed").is_selected()
-    taken.execute_script("scrollTo(0, document.body.scrollHeight)")
-    find(taken, "solve").click()
-    found(taken)
-    top, bottom = taken.execute_script(
-        "const f=document.getElementById('canvas').getBoundingClientRect();return [f.top, f.bottom]"
-    )
-    assert -50 < top < 400 and bottom < 740, "the linkage is in view after Solve"
-    assert taken.execute_script("return document.documentElement.scrollWidth") <= 360
-    take_dxf(taken, downloads)
-
-
-@pytest.mark.parametrize("width", [360, 1280])
-def test_function_by_mouse_and_by_keyboard(taken, downloads, width) -> None:
-    resize(taken, width)
-    pick(taken, ".tasks a").send_keys(Keys.ENTER) if width == 1280 else pick(taken, ".tasks a").click()
-    wait(taken, "document.body.dataset.ready && location.pathname === '/function'")
-    find(taken, "solve").send_keys(Keys.ENTER) if width == 1280 else find(taken, "solve").click()
-    wait(taken, "document.querySelectorAll('#solutions li').length", 60)
-    button = pick(taken, "#exports [data-format=dxf]")
-    taken.execute_script("arguments[0].scrollIntoView({block: 'center'})", button)
-    button.send_keys(Keys.ENTER) if width == 1280 else button.click()
-    saved(downloads, "function-1.dxf")
-    assert not ezdxf.readfile(downloads / "function-1.dxf").audit().errors
+    name = f"{'function' if task == 'function' else 'linkage'}-1.dxf"
+    saved(downloads, name)
+    if task == "function":
+        assert not ezdxf.readfile(downloads / name).audit().errors
+    else:
+        good_dxf(downloads / name)
 
 
 def test_the_tutorial(taken, downloads) -> None:
