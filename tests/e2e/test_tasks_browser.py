@@ -346,6 +346,7 @@ def test_each_practical_limit_can_be_switched_off(opened) -> None:  # noqa: F811
         ("x y phi\n1,5 2,5 3\n4 5 6,5", [[1.5, 2.5, 3], [4, 5, 6.5]]),
         ("x,y,angle\n1.5,2,3\n4,5,6", [[1.5, 2, 3], [4, 5, 6]]),
         ("x in, y in\n1, 2\n3, 4", [[1, 2], [3, 4]]),
+        ("No\tx\ty\tphi\n1\t1\u00a0234,5\t2\t\u22128,3 °\n2\t3\t1'000\t5°", [[1234.5, 2, -8.3], [3, 1000, 5]]),
     ],
 )
 def test_rows_with_names_units_and_decimal_commas(opened, rows, wanted) -> None:  # noqa: F811
@@ -355,6 +356,34 @@ def test_rows_with_names_units_and_decimal_commas(opened, rows, wanted) -> None:
     assert text_of(opened, "paste-error") == ""
     assert [row[1 : 1 + len(wanted[0])] for row in table(opened)] == wanted
     assert find(opened, "length-unit").get_attribute("value") == ("in" if "x in" in rows else "mm")
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("x,y,phi\n1,2,3\n4,two,6", "Line 3, column 2: 'two' is not a number."),
+        (
+            "x\ty\tWinkel\n1\t2\t3",
+            "The first line names a column “winkel”, which is not known; x, y, angle and crank are.",
+        ),
+        ("x;y;phi\n1;2;5°30'", "Line 2, column 3: '5°30'' is not a number."),
+    ],
+)
+def test_rows_that_cannot_be_read_say_where(opened, rows, said) -> None:  # noqa: F811
+    before = table(opened)
+    find(opened, "paste").click()
+    opened.execute_script("document.getElementById('paste-text').value = arguments[0]", rows)
+    find(opened, "paste-use").click()
+    assert text_of(opened, "paste-error") == said and table(opened) == before
+
+
+def test_a_pose_that_is_there_twice_is_named(opened) -> None:  # noqa: F811
+    find(opened, "paste").click()
+    rows = "0,0,0\n10,4,6\n10,4,6\n20,5,15"
+    opened.execute_script("document.getElementById('paste-text').value = arguments[0]", rows)
+    find(opened, "paste-use").click()
+    said = "Pasted. Poses 2 and 3 are the same: a crank that turns on cannot meet both exactly."
+    assert text_of(opened, "example-note") == said
 
 
 def test_wrapped_angles_are_offered_unwrapped(opened) -> None:  # noqa: F811
