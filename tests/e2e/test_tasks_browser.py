@@ -420,6 +420,14 @@ def test_further_stages_take_no_cards_away(opened) -> None:  # noqa: F811
     assert kept == [[1, 4, 0.1], [2, 2, 0.3], [3, 5, 0.5]]
 
 
+def test_long_numbers_stay_within_a_phone(opened) -> None:  # noqa: F811
+    resize(opened, 360, 740)
+    opened.execute_script(
+        "for (const one of document.querySelectorAll('#solutions dd')) one.textContent = '0.0001234 mm (12)'"
+    )
+    assert opened.execute_script("return document.documentElement.scrollWidth") <= 360
+
+
 def test_status_and_errors_are_in_view(opened) -> None:  # noqa: F811
     resize(opened, 1280, 800)
     opened.execute_script("document.getElementById('limits').open = true; scrollTo(0, 0)")
