@@ -140,8 +140,10 @@ export class Results {
     $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
-    this.#select(this.solution, !further);
-    this.#drawTrace();
+    this.#select(this.solution, !further, false);
+    // the linkage first: charts take as long to draw as all the rest
+    clearTimeout(this.charts);
+    this.charts = setTimeout(() => { this.player.drawCurves(); this.#drawTrace(); });
   }
 
   /** Selects the solution that is like `wanted`; adds `wanted`, with errors computed here, where there is none. */
@@ -200,12 +202,12 @@ export class Results {
     [...$("solutions").children].forEach((item, k) => item.firstChild.setAttribute("aria-pressed", String(this.cards[k] === this.solution)));
   }
 
-  #select(solution, first = false) {
+  #select(solution, first = false, curves = true) {
     const { motion, reply } = this.answer;
     this.solution = solution;
     this.fields.forget();
     this.#press();
-    this.player.show(solution, motion, first);
+    this.player.show(solution, motion, first, curves);
     if (first) this.#fitAll(reply.solutions);
     else if (!this.board.holds(this.player.shown.used.filter(Boolean).flatMap((j) => [j.a, j.b, j.d, j.c]))) this.board.tell("Parts lie outside the view: Fit shows all");
     this.#showNumbers();
