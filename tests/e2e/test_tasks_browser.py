@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from contextlib import contextmanager
 from pathlib import Path
 
 import ezdxf
@@ -149,6 +150,14 @@ def tap(browser, x: float, y: float) -> None:
         browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
 
+@contextmanager
+def fingers(browser):
+    """Touches in place of a mouse."""
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True})
+    yield
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
+
+
 def middle_of(browser, element) -> tuple[float, float]:
     browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
     script = "const f = arguments[0].getBoundingClientRect(); return [f.x + f.width / 2, f.y + f.height / 2]"
@@ -156,12 +165,10 @@ def middle_of(browser, element) -> tuple[float, float]:
 
 
 def press(browser, selector: str, way: str) -> None:
-    """A button, by mouse, by Enter or by a finger."""
+    """A button, by mouse, by Enter or by a tap."""
     element = pick(browser, selector)
     if way == "keyboard":
         element.send_keys(Keys.ENTER)
-    elif way == "phone":
-        tap(browser, *middle_of(browser, element))
     else:
         browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
         element.click()
@@ -177,8 +184,9 @@ def ask_motion(page, way: str) -> None:
         drag(page, pick(page, "[data-pose='2'] circle.turner"), -20, -30)
     elif way == "phone":
         x, y = middle_of(page, find(page, "canvas"))
-        for dx, dy in places:
-            tap(page, x + dx, y + dy)
+        with fingers(page):
+            for dx, dy in places:
+                tap(page, x + dx, y + dy)
     else:
         press(page, "#add-row", way)
         pick(page, "[data-pose='0']").send_keys(Keys.ENTER)
@@ -202,10 +210,11 @@ def ask_path(page, way: str) -> None:
     turn = np.linspace(0, 2 * np.pi, 24)
     ring = [(x + 90 * np.cos(t), y + 50 * np.sin(t)) for t in turn]
     if way == "phone":
-        for k, (u, v) in enumerate(ring):
-            kind = "touchMove" if k else "touchStart"
-            page.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": u, "y": v}]})
-        page.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        with fingers(page):
+            for k, (u, v) in enumerate(ring):
+                kind = "touchMove" if k else "touchStart"
+                page.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": u, "y": v}]})
+            page.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     else:
         for k, (u, v) in enumerate((*ring, ring[-1])):
             kind = "mousePressed" if k == 0 else "mouseMoved" if k < len(ring) else "mouseReleased"
@@ -227,7 +236,6 @@ ASK = {"motion": ask_motion, "path": ask_path, "function": ask_function}
 def test_each_task_from_the_empty_page_to_dxf(taken, downloads, task, way) -> None:
     """By mouse; by keys alone; and by fingers on a phone, where the linkage is in view after Solve."""
     resize(taken, *((360, 740) if way == "phone" else (1280, 800)))
-    taken.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": way == "phone"})
     ASK[task](taken, way)
     press(taken, "#solve", way)
     if task == "function":
@@ -240,7 +248,6 @@ def test_each_task_from_the_empty_page_to_dxf(taken, downloads, task, way) -> No
         assert task == "function" or (-50 < top < 400 and bottom < 740), "the linkage is in view after Solve"
         assert taken.execute_script("return document.documentElement.scrollWidth") <= 360
     press(taken, "#exports [data-format=dxf]", way)
-    taken.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
     name = f"{'function' if task == 'function' else 'linkage'}-1.dxf"
     saved(downloads, name)
     if task == "function":
