@@ -28,8 +28,7 @@ from linkage_atlas import FieldError
 
 _FILE_HELP = (
     "the request as JSON; - or nothing: standard input",
-    "the request as JSON, or the samples as a table with x, y, angle (CSV, or pasted from a spreadsheet); - or nothing: "
-    "standard input",
+    "the request as JSON, or its samples as a table (CSV, or pasted from a spreadsheet); - or nothing: standard input",
 )
 
 
@@ -53,6 +52,20 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
         default=[],
         help="a field of the request, as in top=3 or limits.pivot_box=[0,0,200,100]; may be given several times",
     )
+    if "refine_from" in query.request.model_fields:
+        parser.add_argument(
+            "--refine-from",
+            type=Path,
+            metavar="FILE",
+            help="search nowhere, but refine this linkage from just there: a solution as JSON, as --export FILE.json or --json "
+            "writes it (of a reply its first)",
+        ).complete = shtab.FILE  # type: ignore[attr-defined]
+    if query.from_csv is not None:
+        parser.add_argument(
+            "--unwrap",
+            action="store_true",
+            help="take each angle of a table within half a turn of the one before: 350, 10, 30 as 350, 370, 390",
+        )
     parser.add_argument("--json", action="store_true", help="print the reply as JSON, not as a table")
     if query.reads_atlas:
         parser.add_argument(
@@ -108,7 +121,10 @@ def settings_of(options: argparse.Namespace) -> Settings:
 def _run(options: argparse.Namespace, query: Query) -> int:
     names = [_format_of(query, path) for path in getattr(options, "export", ())]
     practical = not (options.example or getattr(options, "no_preset", False))
-    request = read_request(query, _text(options, query), practical, options.set)
+    also = options.set
+    if getattr(options, "refine_from", None) is not None:
+        also = [*also, (["refine_from"], _solution_in(options.refine_from))]
+    request = read_request(query, _text(options, query), practical, also, getattr(options, "unwrap", False))
     rank = getattr(options, "rank", 1)
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
@@ -155,15 +171,33 @@ def _text(options: argparse.Namespace, query: Query) -> bytes:
     return Path(options.file).read_bytes()
 
 
-def read_request(query: Query, text: bytes, practical: bool, also: Sequence[tuple[list[str], Any]] = ()) -> Any:
+def _solution_in(path: Path) -> Any:
+    """The solution in a file: alone, beside its request, or the first of a reply."""
+    try:
+        content = _parsed(path.read_bytes())
+    except FieldError as error:
+        raise FieldError("/refine_from", f"{path.name}: {error.message}") from None
+    if isinstance(content, dict) and isinstance(content.get("solutions"), list):
+        if not content["solutions"]:
+            raise FieldError("/refine_from", f"{path.name} is a reply without solutions")
+        return content["solutions"][0]
+    return content.get("solution", content) if isinstance(content, dict) else content
+
+
+def read_request(
+    query: Query, text: bytes, practical: bool, also: Sequence[tuple[list[str], Any]] = (), unwrap: bool = False
+) -> Any:
     """The request of a JSON text, or of a table where the query takes one.
 
-    Fields in ``also`` go before those of the text; ``practical`` asks for practical limits where the request leaves it open.
+    Fields in ``also`` go before those of the text; ``practical`` asks for practical limits where the request leaves it open;
+    ``unwrap`` takes the angles of a table as continuous.
     """
     is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b'"', b"")
     request: RequestModel
+    if unwrap and is_json:
+        raise FieldError("", "--unwrap is for a table of samples, and this is JSON")
     if query.from_csv is not None and not is_json:
-        request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also)))
+        request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also), unwrap))
     elif also:
         request = query.request.model_validate(_with(_parsed(text), also))
     else:
@@ -202,7 +236,8 @@ def decoded(text: bytes) -> str:
 
 
 def _units(query: Query, request: Any, options: argparse.Namespace) -> tuple[Units, ...]:
-    return (Units(request.angle_unit, options.length_unit or ""),) if query.shows_units else ()
+    unit = getattr(request, "angle_unit", "deg")  # a question without angles has none
+    return (Units(unit, options.length_unit or ""),) if query.shows_units else ()
 
 
 def _format_of(query: Query, path: Path) -> str:

@@ -116,7 +116,7 @@ class Query:
         ``file_of(request, reply, rank, format, length_unit) -> bytes``: a solution of a reply that is there as a file, so that
         the command answers once, whatever it writes. Without it the exports are taken.
     from_csv : callable, optional
-        ``from_csv(text, also) -> request body``, with fields ``also``, of a table of samples (CSV, or pasted from a spreadsheet),
+        ``from_csv(text, also, unwrap) -> request body``, with fields ``also``, of a table of samples (CSV or pasted),
         which the command then takes too.
     practical : callable, optional
         ``practical(request) -> request`` within limits that one can build, which the command asks for unless told otherwise.
@@ -138,7 +138,7 @@ class Query:
     table: Callable[..., str]
     examples: Mapping[str, dict[str, Any]]
     exports: Mapping[str, Export] = field(default_factory=dict)
-    from_csv: Callable[[str, dict[str, Any]], dict[str, Any]] | None = None
+    from_csv: Callable[[str, dict[str, Any], bool], dict[str, Any]] | None = None
     practical: Callable[[Any], Any] | None = None
     is_long: Callable[[Any], bool] = lambda _: False
     file_of: Callable[[Any, Any, int, str, str], bytes] | None = None

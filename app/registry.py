@@ -8,7 +8,7 @@ from importlib.resources import files
 from typing import Any
 
 from app.fourbar.answers import answer_match, answer_synthesize, is_long, practical_request
-from app.fourbar.csv_request import request_from_csv
+from app.fourbar.csv_request import function_from_csv, match_from_csv, request_from_csv
 from app.fourbar.export import SYNTHESIZE_EXPORTS, synthesize_file
 from app.fourbar.function import QUERY as FUNCTION
 from app.fourbar.function_export import function_file
@@ -40,6 +40,7 @@ def fourbar_queries() -> tuple[Query, ...]:
                 "worked_example": {**rotation_only, "top": 5},
                 "rocker": {**rotation_only, "curve": "rocker", "top": 5},
             },
+            from_csv=match_from_csv,
             is_long=is_long,
             shows_units=True,
             reads_atlas=True,
@@ -78,7 +79,7 @@ def fourbar_queries() -> tuple[Query, ...]:
             shows_units=True,
             reads_atlas=True,
         ),
-        replace(FUNCTION, file_of=function_file),
+        replace(FUNCTION, file_of=function_file, from_csv=function_from_csv),
     )
 
 

@@ -18,9 +18,13 @@ class Units:
         """The head of a column."""
         return f"{word} {unit}" if unit else word
 
+    def behind(self, unit: str) -> str:
+        """A unit as it stands behind a number; nothing where it is not known."""
+        return f" {unit}" if unit else ""
+
     def value(self, number: float | None, unit: str, digits: int = 3) -> str:
         """An error with its unit."""
-        return "-" if number is None else f"{number:.{digits}g}{' ' if unit else ''}{unit}"
+        return "-" if number is None else f"{number:.{digits}g}{self.behind(unit)}"
 
 
 DEGREES = Units()

@@ -14,6 +14,7 @@ from linkage_atlas.atlases import Atlas
 from linkage_atlas.finish import Wishes, cognate_notes, finished, read_lengths, read_tolerances, status_of
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, number, read_limits
+from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, check_against, read_beginning, refined
 from linkage_atlas.relaxation import what_excludes
 from linkage_atlas.studies import check_rows, read_drive, read_manufacture, study_notes
 from synthesis.atlas.best import best_rows
@@ -81,6 +82,7 @@ def synthesize(
     round_to: float | None = None,
     lengths_from: ArrayLike | None = None,
     diverse: bool = False,
+    refine_from: Given | None = None,
     sensitivity: bool = False,
     analysis: Mapping[str, Any] | None = None,
     tolerance_study: Mapping[str, Any] | None = None,
@@ -137,6 +139,9 @@ def synthesize(
         Instead: with each link of one of these lengths, in the best combination.
     diverse : bool
         Spread the solutions over families, branches and places, the objective at most twice the best, in place of the best ones.
+    refine_from : FourBar, Solution or mapping, optional
+        Search nowhere, but refine this linkage (or its plain values, as `Solution.to_dict` gives them) from just there: one
+        solution, its nearest optimum within the limits, of which nothing says that it is the best there is.
     sensitivity : bool
         Also give the change of the motion per unit of each length.
     analysis : mapping, optional
@@ -167,6 +172,8 @@ def synthesize(
     """
     if effort not in ("refine", "atlas"):
         raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
+    if effort == "atlas" and refine_from is not None:
+        raise FieldError("/refine_from", "rows of the atlas are not refined: only effort 'refine' does that")
     if effort == "atlas" and timing is not None:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     if effort == "atlas" and atlas is None:
@@ -174,8 +181,9 @@ def synthesize(
     check_top(top)
     check_above_zero(budget=budget, round_to=round_to)
     tolerance = number("tolerance", tolerance, 0.0)
+    begin = None if refine_from is None else read_beginning(refine_from, degrees)
     # made once, by whoever asks first: no part of this request's time
-    prepared = atlas.scan if effort == "atlas" and atlas is not None else seed_tables()
+    prepared = begin or (atlas.scan if effort == "atlas" and atlas is not None else seed_tables())
     watch = work(budget)
     motion = Motion.of(
         rotation,
@@ -201,6 +209,9 @@ def synthesize(
         None if tolerance_study is None else read_manufacture(tolerance_study),
     )
     wishes.check_against(motion)
+    if begin is not None:
+        check_against(begin, motion)
+        notes.append(LOCAL)
     if wishes.drive is not None:
         check_rows(top, None if motion.free else motion.target.interval)
     found, went = _searched(motion, kept, _VARIETY * top if diverse else top, tolerance, watch, prepared)
@@ -216,17 +227,19 @@ def synthesize(
     notes += study_notes(wishes.manufacture, solutions)
     notes += cognate_notes(solutions) if motion.samples.rotation is None else []
     cut_short = went.stopped_by == "budget"
-    if not solutions and not kept.only_family and effort == "refine" and not cut_short:
+    if not solutions and begin is not None and not cut_short:
+        notes.append(NOWHERE)
+    elif not solutions and not kept.only_family and effort == "refine" and not cut_short:
         notes += what_excludes(
             kept, motion, lambda limits, some: _searched(motion, limits, 3, tolerance, some, prepared), watch
         )
-    if not solutions and cut_short:
+    elif not solutions and cut_short:
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     if len(solutions) < len(found):
         notes.append(f"the time was up: of {len(found)} linkages found the best {len(solutions)} are reported")
     total = watch.elapsed
     return Result(
-        status_of(solutions, tolerance, allowed, cut_short),
+        status_of(solutions, tolerance, allowed, cut_short or begin is not None),
         solutions,
         Report(
             elapsed_ms={
@@ -253,12 +266,14 @@ class _Went(NamedTuple):
 
 
 def _searched(
-    motion: Motion, limits: Limits, top: int, tolerance: float, work: Work, prepared: SeedTables | Scan
+    motion: Motion, limits: Limits, top: int, tolerance: float, work: Work, prepared: SeedTables | Scan | Beginning
 ) -> tuple[list[answers.Solution], _Went]:
-    """The best linkages: by the search with free crank angles, by the search with given ones, or from the atlas."""
+    """The best linkages: by the search with free crank angles or with given ones, from the atlas, or from a given linkage."""
     counts: dict[str, Any] = {"seeds": None, "windows": None, "exhaustive": None}
-    if isinstance(prepared, SeedTables):
-        if isinstance(motion.samples, Poses):
+    if not isinstance(prepared, Scan):
+        if isinstance(prepared, Beginning):
+            found, went = refined(motion, limits, prepared, tolerance, work)
+        elif isinstance(motion.samples, Poses):
             found, went = search_free(motion.samples, limits, top, tolerance, work, screens, prepared.windows)
         else:
             found, went = search(prepared, motion.target, limits, top, tolerance, work)

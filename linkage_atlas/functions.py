@@ -14,12 +14,14 @@ from linkage_atlas.door import check_above_zero, check_top, seed_tables
 from linkage_atlas.generators import Asked, FunctionResult, described, rounded
 from linkage_atlas.motions import column, number, radians_in
 from linkage_atlas.named import Dials, read_dials
+from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, named, read_beginning
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import ANGLES
 from synthesis.fourbar.practical import LINK_RATIO, TRANSMISSION_ANGLE, TRANSMISSION_ANGLE_TURN
 from synthesis.function.bounds import FunctionLimits
 from synthesis.function.search import generate
 from synthesis.function.wanted import Wanted
+from synthesis.local.function import refine_function
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.target import make_target
@@ -50,6 +52,7 @@ def function(
     tolerance: float = DEFAULT_TOLERANCE,
     budget: float | None = None,
     round_to: float | None = None,
+    refine_from: Given | None = None,
     sensitivity: bool = False,
     curves: bool = False,
     work: Callable[[float | None], Work] = Work,
@@ -92,6 +95,9 @@ def function(
         Seconds; the best found by then is returned.
     round_to : float, optional
         Also give each solution with its links on this grid and the zeros fitted anew; needs limits.links.ground.
+    refine_from : FourBar, FunctionSolution or mapping, optional
+        Search nowhere, but refine this linkage (or its plain values, as `FunctionSolution.to_dict` gives them) from just
+        there: one solution, its nearest optimum within the limits, of which nothing says that it is the best there is.
     sensitivity : bool
         Also give the change of the output per unit of each length.
     curves : bool
@@ -121,7 +127,8 @@ def function(
     check_top(top)
     check_above_zero(budget=budget, round_to=round_to)
     tolerance = number("tolerance", tolerance, 0.0)
-    tables = seed_tables()
+    begin = None if refine_from is None else read_beginning(refine_from, degrees)
+    tables = begin or seed_tables()
     watch = work(budget)
     wanted, dials = read_wanted(
         output,
@@ -140,7 +147,11 @@ def function(
         _check_one_way(wanted, "/function" if function is not None else "/output")
         kept = replace(kept, one_way=True)
     largest = objective == "max"
-    found, went = generate(tables, wanted, kept, largest, top, tolerance, watch)
+    if isinstance(tables, Beginning):
+        with named():
+            found, went = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
+    else:
+        found, went = generate(tables, wanted, kept, largest, top, tolerance, watch)
     searched = watch.elapsed
     asked = Asked(wanted, dials, degrees, largest, tolerance)
     solutions = described(asked, found, sensitivity, curves)
@@ -149,7 +160,7 @@ def function(
             replace(one, rounded=rounded(asked, generator, round_to, watch), asked_to_round=True)
             for one, generator in zip(solutions, found)
         ]
-    notes = _notes(wanted)
+    notes = [*_notes(wanted), *([] if begin is None else [LOCAL])]
     if not went.settled:
         notes.append(
             "the best linkage was still getting better, by little, when the steps of the search were used up"
@@ -162,7 +173,10 @@ def function(
     if solutions and solutions[0].determination.ill_posed:
         notes.append("the problem is ill-posed: quite different linkages make this function to within the resolution")
     status = Status.of(found, tolerance).value
-    if not solutions and went.stopped_by == "budget":
+    if not solutions and begin is not None:
+        status = "unknown"
+        notes.append(NOWHERE)
+    elif not solutions and went.stopped_by == "budget":
         status = "unknown"
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     total, radian = watch.elapsed, radians_in(degrees)

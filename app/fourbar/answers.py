@@ -60,6 +60,7 @@ def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
         tolerances=None if request.tolerances is None else request.tolerances.model_dump(exclude_none=True),
         limits=request.limits.model_dump(exclude_none=True),
         diverse=request.diverse,
+        refine_from=None if request.refine_from is None else request.refine_from.model_dump(),
         top=request.top,
         effort=request.effort,
         tolerance=request.tolerance,

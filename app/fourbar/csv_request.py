@@ -3,24 +3,59 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from linkage_atlas import FieldError
 
-COLUMNS = {
-    **dict.fromkeys(("crank", "crank_angle", "theta1", "t"), "crank_angle"),
-    "x": "x",
-    "y": "y",
-    **dict.fromkeys(("angle", "rotation", "gamma", "phi", "theta", "\u03b3", "\u03c6", "\u03b8"), "rotation"),
-    **dict.fromkeys(("no", "nr", "n", "pose", "point", "sample", "index"), None),
-}
-"""Names of columns and what each holds; None: a number of the row, which is not read."""
-KNOWN = "x, y; rotation, angle, phi, theta, gamma; crank_angle, crank, theta1, t"
-BY_NUMBER = {1: ("rotation",), 2: ("x", "y"), 3: ("x", "y", "rotation"), 4: ("crank_angle", "x", "y", "rotation")}
-"""What the columns of a table without names hold, by how many there are."""
-ANGLES = ("crank_angle", "rotation")
+CRANK = ("crank", "crank_angle", "theta1", "t")
+TURN = ("angle", "rotation", "gamma", "phi", "theta", "\u03b3", "\u03c6", "\u03b8")
+NUMBER = dict.fromkeys(("no", "nr", "n", "pose", "point", "sample", "index"), None)
+"""Names of columns that number the rows, and are not read."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What tables of one question hold."""
+
+    columns: Mapping[str, str | None]
+    """Names of columns and what each holds; None: it is not read."""
+    known: str
+    """The names, for people."""
+    by_number: Mapping[int, tuple[str, ...]]
+    """What the columns of a table without names hold, by how many there are."""
+    angles: tuple[str, ...]
+    gaps: bool = False
+    """Whether a cell may be empty."""
+
+
+POSES = Kind(
+    {**dict.fromkeys(CRANK, "crank_angle"), "x": "x", "y": "y", **dict.fromkeys(TURN, "rotation"), **NUMBER},
+    "x, y; rotation, angle, phi, theta, gamma; crank_angle, crank, theta1, t",
+    {1: ("rotation",), 2: ("x", "y"), 3: ("x", "y", "rotation"), 4: ("crank_angle", "x", "y", "rotation")},
+    ("crank_angle", "rotation"),
+    gaps=True,
+)
+TURNS = Kind(
+    {**dict.fromkeys(CRANK, "crank_angle"), **dict.fromkeys(TURN, "rotation"), **NUMBER},
+    "rotation, angle, phi, theta, gamma; crank_angle, crank, theta1, t",
+    {1: ("rotation",), 2: ("crank_angle", "rotation")},
+    ("crank_angle", "rotation"),
+)
+ROCKERS = Kind(
+    {
+        **dict.fromkeys(("input", *CRANK), "input"),
+        **dict.fromkeys(("output", "rocker", "rocker_angle", "theta3", "psi", "\u03c8", "angle"), "output"),
+        **{"x": "x", "y": "y"},
+        **NUMBER,
+    },
+    "output, rocker, rocker_angle, theta3, psi, angle; input, crank, crank_angle, theta1, t; x, y",
+    {1: ("output",), 2: ("input", "output")},
+    ("input", "output"),
+)
 
 
 class _Row(NamedTuple):
@@ -29,7 +64,7 @@ class _Row(NamedTuple):
     cells: list[str]
 
 
-def request_from_csv(text: str, also: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False) -> dict[str, Any]:
     """The body of /v1/synthesize that a table asks for, angles in degrees unless the heads of their columns say rad.
 
     The first line names the columns: x and y, rotation (or angle, phi, theta, gamma), crank_angle (or crank, theta1, t), each
@@ -38,19 +73,16 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None) -> dict[s
     Without crank angles in either they are free.
 
     Cells are separated by tabs, semicolons, commas or spaces. A comma in a number is its decimal point where cells are not
-    separated by commas, or where it is quoted; a table that writes some numbers so and others with a point is refused.
+    separated by commas, or where it is quoted; a table that writes some numbers so and others with a point is refused. With
+    ``unwrap`` each angle is moved by whole turns to within half a turn of the one before.
 
     Raises
     ------
     FieldError
-        Naming the line.
+        Naming the line, and the column where one cell is wrong.
     """
-    separator, rows = _rows(text)
-    names, unit = _names(rows)
-    if not rows:
-        raise FieldError("", "the table has no rows: wanted a line for each sample, perhaps below a line of names")
-    columns = _numbers(names, rows, separator)
-    request: dict[str, Any] = {name: values for name, values in columns.items() if name in ANGLES}
+    columns, rows, unit = _read(text, POSES, unwrap)
+    request: dict[str, Any] = {name: values for name, values in columns.items() if name in POSES.angles}
     if ("x" in columns) != ("y" in columns):
         raise FieldError("", "line 1: wanted both x and y, or neither")
     if "x" in columns:
@@ -60,14 +92,62 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None) -> dict[s
         request["position"] = [None if None in pair else list(pair) for pair in pairs]
     if not request.keys() & {"rotation", "position"}:
         raise FieldError("", "line 1: wanted x and y, or rotation, or both")
-    if unit == "rad":
-        request["angle_unit"] = unit
-    request |= also or {}
+    request |= unit | dict(also or {})
     return request if request.keys() & {"crank_angle", "crank_span"} else {"timing": "free"} | request
 
 
-def _rows(text: str) -> tuple[str, list[_Row]]:
-    """What separates the cells, and the lines that are neither empty nor a comment."""
+def match_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False) -> dict[str, Any]:
+    """The body of /v1/match that a table asks for: rotation, and perhaps crank_angle before it; see `request_from_csv`."""
+    columns, _, unit = _read(text, TURNS, unwrap)
+    if "rotation" not in columns:
+        raise FieldError("", "line 1: wanted a column of rotation")
+    return {**columns, **unit, **(also or {})}
+
+
+def function_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False) -> dict[str, Any]:
+    """The body of /v1/function that a table asks for; see `request_from_csv`.
+
+    Columns are output, and perhaps input before it; or x and y, named, which make the table of a function.
+    """
+    columns, _, unit = _read(text, ROCKERS, unwrap)
+    given = dict(also or {})
+    if {"x", "y"} <= columns.keys():
+        pairs = [list(pair) for pair in zip(columns.pop("x"), columns.pop("y"))]
+        dials = given.get("function")
+        given["function"] = {"table": pairs} | (dials if isinstance(dials, dict) else {})
+    elif "output" not in columns or columns.keys() & {"x", "y"}:
+        raise FieldError("", "line 1: wanted a column of output, or both x and y")
+    return {**columns, **unit, **given}
+
+
+def _read(text: str, kind: Kind, unwrap: bool) -> tuple[dict[str, list[float | None]], list[_Row], dict[str, str]]:
+    """The columns of a table, its rows, and the unit of its angles where that is not the degree."""
+    rows = _rows(text)
+    heads = rows[0].cells if rows and any(map(_is_head, rows[0].cells)) else []
+    names, unit = _names(rows, kind)
+    if not rows:
+        raise FieldError("", "the table has no rows: wanted a line for each sample, perhaps below a line of names")
+    columns = _numbers(names, heads, rows, kind.gaps)
+    if unwrap:
+        turn = 2 * math.pi if unit == "rad" else 360.0
+        columns |= {name: _unwrapped(columns[name], turn) for name in kind.angles if name in columns}
+    return columns, rows, {"angle_unit": unit} if unit == "rad" else {}
+
+
+def _unwrapped(angles: list[float | None], turn: float) -> list[float | None]:
+    """Angles moved by whole turns to within half a turn of the one before; gaps are passed over."""
+    out: list[float | None] = []
+    before = None
+    for angle in angles:
+        if angle is not None and before is not None:
+            angle -= turn * round((angle - before) / turn)
+        before = before if angle is None else angle
+        out.append(angle)
+    return out
+
+
+def _rows(text: str) -> list[_Row]:
+    """The lines that are neither empty nor a comment, in cells."""
     lines = [
         (number, line)
         for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1)
@@ -83,8 +163,8 @@ def _rows(text: str) -> tuple[str, list[_Row]]:
         spaced = not _is_head(first) and re.search(r"[^,\s]\s+[^,\s]", first)
         separator = " " if spaced or "," not in first else ","
     if separator == " ":
-        return separator, [_Row(number, _words(line)) for number, line in lines]
-    return separator, [_Row(number, _cells(line, separator, number)) for number, line in lines]
+        return [_Row(number, _words(line)) for number, line in lines]
+    return [_Row(number, _cells(line, separator, number)) for number, line in lines]
 
 
 def _cells(line: str, separator: str, number: int) -> list[str]:
@@ -106,30 +186,31 @@ def _words(line: str) -> list[str]:
     return re.sub(r"\s+([(\[])", r"\1", line).split()
 
 
-def _names(rows: list[_Row]) -> tuple[list[str | None], str]:
+def _names(rows: list[_Row], kind: Kind) -> tuple[list[str | None], str]:
     """What each column holds, and the unit of angles; takes the line of names from the rows."""
     if not rows:
         return [], "deg"
     head = rows[0]
     if not any(map(_is_head, head.cells)):
-        if len(head.cells) not in BY_NUMBER:
+        if len(head.cells) not in kind.by_number:
+            most = max(kind.by_number)
             raise FieldError(
-                "", f"line {head.line}: wanted 1 to 4 columns, or names above them, found {len(head.cells)}"
+                "", f"line {head.line}: wanted 1 to {most} columns, or names above them, found {len(head.cells)}"
             )
-        return list(BY_NUMBER[len(head.cells)]), "deg"
+        return list(kind.by_number[len(head.cells)]), "deg"
     rows.pop(0)
     names: list[str | None] = []
     units = set()
     for cell in _trimmed(head.cells, 1):
         found = re.fullmatch(r"(\w+)(|[\s(\[/].*)", cell.lower())  # a name, and perhaps a unit
-        if found is None or found[1] not in COLUMNS:
-            raise FieldError("", f"line {head.line}: there is no column '{cell[:20]}'; there are {KNOWN}")
+        if found is None or found[1] not in kind.columns:
+            raise FieldError("", f"line {head.line}: there is no column '{cell[:20]}'; there are {kind.known}")
         word, behind = found.groups()
-        name = COLUMNS[word]
+        name = kind.columns[word]
         if name is not None and name in names:
             raise FieldError("", f"line {head.line}: two columns hold {name.replace('_', ' ')}")
         names.append(name)
-        if name in ANGLES:
+        if name in kind.angles:
             units.add("rad" if re.search(r"\brad", behind) else "deg")
     if len(units) > 1:
         raise FieldError("", f"line {head.line}: wanted all angles in one unit, found degrees and radians")
@@ -143,7 +224,9 @@ def _trimmed(cells: list[str], least: int) -> list[str]:
     return cells
 
 
-def _numbers(names: list[str | None], rows: list[_Row], separator: str) -> dict[str, list[float | None]]:
+def _numbers(
+    names: list[str | None], heads: list[str], rows: list[_Row], gaps: bool
+) -> dict[str, list[float | None]]:
     """The columns that are read; a mark for decimals is one mark in the whole table."""
     columns: dict[str, list[float | None]] = {name: [] for name in names if name is not None}
     mark = ""
@@ -151,25 +234,27 @@ def _numbers(names: list[str | None], rows: list[_Row], separator: str) -> dict[
         cells = _trimmed(cells, len(names))
         if len(cells) != len(names):
             raise FieldError("", f"line {line}: wanted {len(names)} cells, found {len(cells)}")
-        for name, cell in zip(names, cells):
+        for k, (name, cell) in enumerate(zip(names, cells)):
             if name is None:
                 continue
             found = "".join(sorted(set(cell) & set(".,")))
+            place = f"line {line}, column {k + 1}{f' ({heads[k][:20]})' if heads else ''}: "
             if (found and mark and found != mark) or len(found) > 1:
-                raise FieldError(
-                    "",
-                    f"line {line}: '{cell[:20]}': wanted one decimal mark in the whole table, found comma and point",
-                )
+                wanted = "wanted one decimal mark in the whole table, found comma and point"
+                raise FieldError("", f"{place}'{cell[:20]}': {wanted}")
             mark = mark or found
-            columns[name].append(_number(cell, line))
+            value = _number(cell, place)
+            if value is None and not gaps:
+                raise FieldError("", f"{place}wanted a number, found an empty cell")
+            columns[name].append(value)
     return columns
 
 
-def _number(cell: str, line: int) -> float | None:
+def _number(cell: str, place: str) -> float | None:
     cell = cell.replace("\u2212", "-").removesuffix("\u00b0").strip()
     if not cell:
         return None
-    plain = cell.replace(",", ".")
+    plain = re.sub("(?<=\\d)[\u00a0\u202f\u2009'\u2019](?=\\d{3})", "", cell).replace(",", ".")
     if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", plain, re.ASCII):
-        raise FieldError("", f"line {line}: '{cell[:20]}' is not a number")
+        raise FieldError("", f"{place}'{cell[:20]}' is not a number")
     return float(plain)

@@ -8,69 +8,31 @@ from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI, Response
-from pydantic import ConfigDict, Field, Strict
+from pydantic import Field, Strict
 
 import linkage_atlas as la
 from app import computed
 from app.bodies import Reply
 from app.fourbar.answers import analysis_of, is_long, motion_of, solve
+from app.fourbar.given import FarLength, GivenSolution
 from app.fourbar.models import SynthesizeReply, SynthesizeRequest
-from app.query import Export, Number, RequestModel, Resources
-from linkage_atlas.motions import MAX_SAMPLES, MIN_POSES
+from app.query import Export, RequestModel, Resources
 
 LengthUnit = Literal["mm", "cm", "m", "in"]
-Length = Annotated[Number, Field(ge=1e-100, le=1e100)]
-Coordinate = Annotated[Number, Field(ge=-1e100, le=1e100)]
-Angle = Annotated[Number, Field(ge=-1e9, le=1e9)]
-
-
-class _ReplyPart(RequestModel):
-    """A part of a reply that is sent back: what is not needed is ignored, so that a solution can be sent as it came."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class ExportLinks(_ReplyPart):
-    crank: Length
-    coupler: Length
-    rocker: Length
-    ground: Length
-
-
-class ExportCouplerPoint(_ReplyPart):
-    radius: Annotated[Number, Field(ge=0, le=1e100)]
-    angle: Angle
-
-
-class ExportMount(_ReplyPart):
-    ground_angle: Angle
-    pivot_a: Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-    coupler_point: ExportCouplerPoint
-
-
-class ExportSolution(_ReplyPart):
-    """One of the `solutions` of a reply, as it came."""
-
-    links: ExportLinks
-    branch: Literal[-1, 1]
-    start_angle: Angle
-    body_offset: Angle | None = None
-    mount: ExportMount | None = None
-    crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
 
 
 class PlatesRequest(RequestModel):
     """Sizes of link plates, in the unit of the request's lengths."""
 
-    hole: Length | None = Field(None, description="Diameter of the holes.")
-    width: Length | None = Field(None, description="Width of the plates.")
+    hole: FarLength | None = Field(None, description="Diameter of the holes.")
+    width: FarLength | None = Field(None, description="Width of the plates.")
 
 
 class ExportRequest(RequestModel):
     """A motion, one of its solutions, and the kind of file that is wanted."""
 
     request: SynthesizeRequest = Field(description="The request of /v1/synthesize; angles are in its unit.")
-    solution: ExportSolution | None = Field(
+    solution: GivenSolution | None = Field(
         None, description="One of the reply's solutions. Without it the request is solved."
     )
     rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(1, description="Which solution, if none is given.")
@@ -131,7 +93,7 @@ def synthesize_file(
     """A solution of a reply as a file; the name is the ending, or ``json``."""
     kinds = {ending: kind for kind, ending in ENDINGS.items()}
     body = {"format": kinds.get(name, name), "length_unit": length_unit, "request": request}
-    solution = ExportSolution.model_validate(reply.solutions[rank - 1].model_dump())
+    solution = GivenSolution.model_validate(reply.solutions[rank - 1].model_dump())
     return answer_export(ExportRequest(**body, solution=solution), None)[0]
 
 

@@ -8,6 +8,7 @@ from pydantic import Field
 
 import linkage_atlas as la
 from app.fourbar.answers import SHORT_MS, budget_of
+from app.fourbar.given import GivenGenerator
 from app.fourbar.models import (
     Curve,
     Length,
@@ -118,6 +119,11 @@ class FunctionRequest(RequestModel):
     round_to: Length | None = Field(
         None, description="Also report each solution with its links on this grid and the zeros fitted anew."
     )
+    refine_from: GivenGenerator | None = Field(
+        None,
+        description="Search nowhere, but refine this linkage from just there: one solution, its nearest optimum within the "
+        "limits.",
+    )
     sensitivity: Flag = Field(False, description="Also report the change of the output per unit of each length.")
     curves: Flag = Field(False, description="Also report each solution's error over the interval.")
     angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
@@ -208,6 +214,7 @@ def solve_function(request: FunctionRequest, resources: Resources, top: int | No
     return la.function(
         **{name: getattr(request, name) for name in names},
         function=asked,
+        refine_from=None if request.refine_from is None else request.refine_from.model_dump(),
         limits=request.limits.model_dump(exclude_none=True),
         top=max(request.top, top or 0),
         budget=budget_of(request.budget_ms, resources),

@@ -7,34 +7,24 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 from fastapi import FastAPI, Response
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 import linkage_atlas as la
 from app import computed
 from app.bodies import Reply
-from app.fourbar.export import Angle, ExportLinks, LengthUnit
+from app.fourbar.export import LengthUnit
 from app.fourbar.function import MEDIA_TYPES, FunctionReply, FunctionRequest
+from app.fourbar.given import GivenGenerator
 from app.query import RequestModel, Resources
 from linkage_atlas.functions import read_wanted
 from linkage_atlas.generators import render_function
-
-
-class ExportGenerator(RequestModel):
-    """One of the `solutions` of a reply, as it came."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-    links: ExportLinks
-    branch: Literal[-1, 1]
-    start_angle: Angle
-    output_offset: Angle
 
 
 class FunctionExportRequest(RequestModel):
     """A function, one of its linkages, and the kind of file that is wanted."""
 
     request: FunctionRequest = Field(description="The request of /v1/function; angles are in its unit.")
-    solution: ExportGenerator
+    solution: GivenGenerator
     format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
     length_unit: LengthUnit = Field("mm", description="The unit of the lengths, for DXF and MJCF.")
 
@@ -65,7 +55,7 @@ def answer_export(body: FunctionExportRequest, resources: Resources | None) -> t
 
 def function_file(request: FunctionRequest, reply: FunctionReply, rank: int, name: str, length_unit: str) -> bytes:
     """A solution of a reply as a file; the name is the ending, which is the format."""
-    solution = ExportGenerator.model_validate(reply.solutions[rank - 1].model_dump())
+    solution = GivenGenerator.model_validate(reply.solutions[rank - 1].model_dump())
     body = FunctionExportRequest(request=request, solution=solution, format=name, length_unit=length_unit)
     return answer_export(body, None)[0]
 

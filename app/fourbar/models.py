@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from app.fourbar.given import GivenSolution
 from app.fourbar.study_models import AnalysisReply, AnalysisRequest, ToleranceStudyReply, ToleranceStudyRequest
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel
 from linkage_atlas.finish import MOST_STOCK
@@ -209,6 +210,11 @@ class SynthesizeRequest(CrankMotion):
     diverse: Flag = Field(
         False,
         description="Solutions spread over families, branches and places, J at most twice the best, in place of the best ones.",
+    )
+    refine_from: GivenSolution | None = Field(
+        None,
+        description="Search nowhere, but refine this linkage from just there: one solution, its nearest optimum within the "
+        "limits. With free timing with its `mount`, and with its `crank_angle` where it has one.",
     )
     sensitivity: Flag = Field(False, description="Also report the change of the motion per unit of each length.")
     analysis: AnalysisRequest | None = Field(

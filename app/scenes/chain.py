@@ -264,6 +264,7 @@ QUERIES = (
         reply=ChainSlotReply,
         answer=answer_slot,
         table=table_slot,
+        shows_units=True,
         examples={
             "published": {"pitch": 131, "links": 16, "upper_radius": 181.78, "samples": 91},
             "as-printed": {
@@ -295,6 +296,7 @@ QUERIES = (
         reply=ChainTrackReply,
         answer=answer_track,
         table=table_track,
+        shows_units=True,
         examples={
             "stadium": {"pitch": 50, "links": 16, "stadium": {"radius": 60}},
             "four-arcs": {

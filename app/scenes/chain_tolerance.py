@@ -9,7 +9,7 @@ from pydantic import Field
 
 from app.query import Export, Number, Query, ReplyModel, RequestModel, Resources
 from app.scenes.chain_models import MAX_LENGTH, Length, Links
-from app.tables import table
+from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError
 from synthesis.sheet import csv_text
 
@@ -136,9 +136,15 @@ def wear_columns(reply: ChainToleranceReply) -> dict[str, list[Any]]:
     return {name: [getattr(row, name) for row in reply.wear] for name in WornReply.model_fields}
 
 
-def table_tolerance(reply: ChainToleranceReply) -> str:
+def _head(name: str, units: Units) -> str:
+    """The head of a column; all but what is true or not are lengths."""
+    word = name.replace("_", " ")
+    return word if name == "stretched" else units.head(word, units.length)
+
+
+def table_tolerance(reply: ChainToleranceReply, units: Units = DEGREES) -> str:
     """Wear and tolerances as text."""
-    columns = wear_columns(reply)
+    columns, length = wear_columns(reply), units.behind(units.length)
     rows = [
         [
             f"{value:+.6g}" if isinstance(value, float) else "-" if value is None else "yes" if value else "no"
@@ -149,10 +155,10 @@ def table_tolerance(reply: ChainToleranceReply) -> str:
     made = reply.tolerance
     lines = [
         f"layout within its tolerances: {reply.status}",
-        f"just stretched at a pitch error of {reply.pitch_error_min:+.6g}",
-        table([name.replace("_", " ") for name in columns], rows),
-        f"{made.corners} corners: slack {made.slack_min:.6g} .. {made.slack_max:.6g}, by the sensitivities from "
-        f"{made.slack_min_linear:.6g}",
+        f"just stretched at a pitch error of {reply.pitch_error_min:+.6g}{length}",
+        table([_head(name, units) for name in columns], rows),
+        f"{made.corners} corners: slack {made.slack_min:.6g} .. {made.slack_max:.6g}{length}, by the sensitivities from "
+        f"{made.slack_min_linear:.6g}{length}",
         *(f"  least slack per {name.replace('_', ' ')}: {value:+.4f}" for name, value in made.sensitivity.items()),
     ]
     return "\n".join(lines)
@@ -166,6 +172,7 @@ TOLERANCE = Query(
     reply=ChainToleranceReply,
     answer=answer_tolerance,
     table=table_tolerance,
+    shows_units=True,
     examples={
         "published": {"pitch": 131, "links": 16, "upper_radius": 181.78},
         "with_reserve": {

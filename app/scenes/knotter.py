@@ -176,6 +176,7 @@ QUERIES = (
         reply=ScanReply,
         answer=answer_scan,
         table=scan_table,
+        shows_units=True,
         examples={
             "reference": {},
             "wrap_only": {"conditions": ["wrap"], "grid": {"alpha1": [10], "alpha3": [20, 25, 30]}},
@@ -192,6 +193,7 @@ QUERIES = (
         reply=LimitReply,
         answer=answer_limit,
         table=limit_table,
+        shows_units=True,
         examples={
             "reference": {},
             "bill_angle": {"condition": "clearance", "parameter": "alpha3", "between": [15, 35]},
@@ -206,6 +208,7 @@ QUERIES = (
         reply=NeedleReply,
         answer=answer_needle,
         table=needle_table,
+        shows_units=True,
         examples={"reference": {}, "steep": {"alpha2": 9, "d5": 57.8}},
     ),
     FIT,

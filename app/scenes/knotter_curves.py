@@ -18,7 +18,7 @@ from app.scenes.knotter_models import (
     Provenance,
     Range,
 )
-from app.tables import table
+from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError
 from synthesis.sheet import csv_text
 
@@ -181,13 +181,15 @@ def _axes(mechanism: Any, frame: str) -> dict[str, list[list[float]]]:
     }
 
 
-def curves_table(reply: CurvesReply) -> str:
+def curves_table(reply: CurvesReply, units: Units = DEGREES) -> str:
     """Verdict and crossings as text."""
     before = reply.step_before
-    lines = [f"alpha1 {reply.alpha1:g}, alpha3 {reply.alpha3:g}: {reply.status}"]
+    lines = [f"alpha1 {reply.alpha1:g}, alpha3 {reply.alpha3:g} {units.angle}: {reply.status}"]
     for name in ("wrap", "clearance", "bite"):
         part = getattr(reply, name)
-        lines.append(f"{name:<10}{'holds' if part.holds else 'fails'}, margin {part.margin:+.4f}")
+        lines.append(
+            f"{name:<10}{'holds' if part.holds else 'fails'}, margin {part.margin:+.4f}{units.behind(units.length)}"
+        )
     if before.point is not None:
         lines.append(
             f"E1 one step of {before.step:g} before the hit: {before.alpha:g}, {before.point[1]:.4f}, {before.point[2]:.4f}"
@@ -197,7 +199,18 @@ def curves_table(reply: CurvesReply) -> str:
         places = [crossing.point[k] if crossing.on_rope[k] else None for crossing in (reply.E1, reply.E2)]
         if any(places):
             rows.append([f"{alpha:g}", *("-" if at is None else " ".join(f"{x:.4f}" for x in at) for at in places)])
-    return "\n".join([*lines, table(["alpha", "E1 in u4", "E2 in u5"], rows)])
+    return "\n".join(
+        [
+            *lines,
+            table(
+                [
+                    units.head("alpha", units.angle),
+                    *(units.head(one, units.length) for one in ("E1 in u4", "E2 in u5")),
+                ],
+                rows,
+            ),
+        ]
+    )
 
 
 def curves_csv(reply: CurvesReply) -> bytes:
@@ -221,6 +234,7 @@ CURVES = Query(
     reply=CurvesReply,
     answer=answer_curves,
     table=curves_table,
+    shows_units=True,
     examples={
         "chosen_pair": {"alpha1": 10, "alpha3": 25},
         "fails_to_wrap": {"alpha1": 0, "alpha3": 20},

@@ -15,7 +15,7 @@ from app.scenes.knotter_models import (
     MachineRequest,
     Provenance,
 )
-from app.tables import table
+from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError
 
 MAX_UNKNOWNS, MAX_ENTRIES = 40, 200
@@ -240,7 +240,7 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
     )
 
 
-def fit_table(reply: PatternFitReply) -> str:
+def fit_table(reply: PatternFitReply, units: Units = DEGREES) -> str:
     """The set, and how far each unknown may move."""
     held = sum(entry.margin > 0 for entry in reply.entries)
     alone = reply.alone or {}
@@ -248,8 +248,9 @@ def fit_table(reply: PatternFitReply) -> str:
         [name, f"{value:.6g}", *(f"{bound:.6g}" for bound in alone.get(name, ("", "")) if bound != "")]
         for name, value in reply.values.items()
     ]
+    margin = units.value(reply.margin, units.length, 4)
     lines = [
-        f"{reply.status}: {held} of {len(reply.entries)} verdicts, smallest margin {reply.margin:.4g}",
+        f"{reply.status}: {held} of {len(reply.entries)} verdicts, smallest margin {margin}",
         table(["unknown", "value", *(["kept from", "to"] if alone else [])], rows),
     ]
     if reply.directions is not None:
@@ -259,7 +260,8 @@ def fit_table(reply: PatternFitReply) -> str:
         )
         lines.append("  " + ", ".join(ends) + " of the ranges")
     lines += [
-        f"another set: margin {one.margin:.4g}, " + ", ".join(f"{k} {v:.5g}" for k, v in one.values.items())
+        f"another set: margin {one.margin:.4g}{units.behind(units.length)}, "
+        + ", ".join(f"{k} {v:.5g}" for k, v in one.values.items())
         for one in reply.others
     ]
     return "\n".join(lines)
@@ -284,6 +286,7 @@ FIT = Query(
     reply=PatternFitReply,
     answer=answer_fit,
     table=fit_table,
+    shows_units=True,
     examples={
         "published_pattern": {"seed": 1},
         "defaults": {

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from app.scenes.knotter_models import ClearanceReply, EntryReply, LimitReply, NeedleReply, PairReply, ScanReply
+from app.tables import DEGREES, Units
 from synthesis.sheet import csv_text
 
 
-def scan_table(reply: ScanReply) -> str:
+def scan_table(reply: ScanReply, units: Units = DEGREES) -> str:
     """The pairs as rows: of each condition the verdict, where, and the margin."""
     labels = ["  ".join(reply.axes), *("  ".join(f"{value:g}" for value in _place(pair)) for pair in reply.pairs)]
     width = max(map(len, labels)) + 2
@@ -16,22 +17,24 @@ def scan_table(reply: ScanReply) -> str:
     for label, pair in zip(labels[1:], reply.pairs):
         verdicts = "  ".join(_verdict(part) for part in (pair.wrap, pair.clearance, pair.bite))
         lines.append(f"{label:<{width}}{verdicts}  {'yes' if pair.feasible else 'no'}")
-    return "\n".join([*lines, f"feasible: {len(reply.feasible)} of {len(reply.pairs)}", _assumed(reply)])
+    return "\n".join(
+        [*lines, f"feasible: {len(reply.feasible)} of {len(reply.pairs)}", _measured(units), _assumed(reply)]
+    )
 
 
-def limit_table(reply: LimitReply) -> str:
+def limit_table(reply: LimitReply, units: Units = DEGREES) -> str:
     """The limits as rows."""
     lines = [
         f"  {row.value:.9f}, holds {row.holds}  {_verdict(row.wrap or row.clearance or row.bite)}"
         for row in reply.limits
     ]
-    return "\n".join([f"{reply.parameter}: {reply.status}", *lines, _assumed(reply)])
+    return "\n".join([f"{reply.parameter}: {reply.status}", *lines, _measured(units), _assumed(reply)])
 
 
-def needle_table(reply: NeedleReply) -> str:
+def needle_table(reply: NeedleReply, units: Units = DEGREES) -> str:
     """The needle's figures, one a row."""
     rows = reply.model_dump(exclude={"assumed", "published", "given"})
-    return "\n".join(f"{name:<22}{value}" for name, value in rows.items())
+    return "\n".join([*(f"{name:<22}{value}" for name, value in rows.items()), _measured(units, "lengths")])
 
 
 def scan_csv(reply: ScanReply) -> str:
@@ -52,6 +55,10 @@ def _place(pair: PairReply) -> list[float]:
 
 def _cell(value: Any) -> Any:
     return " ".join(map(repr, value)) if isinstance(value, list) else value
+
+
+def _measured(units: Units, what: str = "margins and lengths") -> str:
+    return f"angles in {units.angle}, {what} in {units.length or 'the unit of the lengths'}"
 
 
 def _assumed(reply: ScanReply | LimitReply) -> str:

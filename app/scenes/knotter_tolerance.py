@@ -10,7 +10,7 @@ from pydantic import Field
 from app.query import Angles, Count, Query, ReplyModel, Resources
 from app.scenes.knotter_machine import DECIMALS, machine_of, pair_of, provenance, unit_of
 from app.scenes.knotter_models import Bounded, BoundedPositive, MachineRequest, Provenance
-from app.tables import table
+from app.tables import DEGREES, Units, table
 
 
 class KnotterToleranceRequest(MachineRequest):
@@ -112,7 +112,7 @@ def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> 
     )
 
 
-def tolerance_table(reply: KnotterToleranceReply) -> str:
+def tolerance_table(reply: KnotterToleranceReply, units: Units = DEGREES) -> str:
     """The conditions as rows, and what contributes most."""
     rows, most = [], []
     for name in ("wrap", "clearance", "bite"):
@@ -120,9 +120,15 @@ def tolerance_table(reply: KnotterToleranceReply) -> str:
         factor = "-" if one.factor is None else f"{one.factor:.3g}"
         rows.append([name, *(f"{x:+.4f}" for x in (one.margin, one.corner, one.least)), f"{one.share:.1%}", factor])
         leading = list(one.sensitivity.items())[:4]
-        most.append(f"  {name}: " + ", ".join(f"{key} {value:+.3g}" for key, value in leading) + " per unit")
-    head = ["condition", "margin", "worse corner", "least sample", "hold", "tolerances times"]
-    title = f"alpha1 {reply.alpha1:g}, alpha3 {reply.alpha3:g}: {reply.status}; {reply.share:.1%} of {reply.samples} samples tie"
+        most.append(
+            f"  {name}: "
+            + ", ".join(f"{key} {value:+.3g}" for key, value in leading)
+            + f" per {units.length or 'unit of length'} or {units.angle}"
+        )
+    lengths = [units.head(word, units.length) for word in ("margin", "worse corner", "least sample")]
+    head = ["condition", *lengths, "hold", "tolerances times"]
+    pair = f"alpha1 {reply.alpha1:g}, alpha3 {reply.alpha3:g} {units.angle}"
+    title = f"{pair}: {reply.status}; {reply.share:.1%} of {reply.samples} samples tie"
     return "\n".join([title, table(head, rows), "what matters most:", *most])
 
 
@@ -134,6 +140,7 @@ TOLERANCE = Query(
     reply=KnotterToleranceReply,
     answer=answer_tolerance,
     table=tolerance_table,
+    shows_units=True,
     examples={
         "chosen_pair": {"alpha1": 10, "alpha3": 25},
         "coarse": {"alpha1": 10, "alpha3": 25, "lengths": 0.5, "angles": 0.5},

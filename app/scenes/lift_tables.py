@@ -12,22 +12,22 @@ LENGTHS = ("l2", "l3", "l4", "l5", "b")
 def motion_table(reply: MotionReply) -> str:
     """The motion as text: the figures first, then at most `TABLE_ROWS` times."""
     lines = [
-        f"{reply.direction} from {reply.height_start:.6g} to {reply.height_end:.6g} in {reply.rise_time:.6f} s",
-        f"dead point at cylinder length {reply.dead_point_length:.6g} (height {reply.dead_point_height:.6g}), "
-        f"top at {reply.length_top:.6g}",
+        f"{reply.direction} from {reply.height_start:.6g} to {reply.height_end:.6g} mm in {reply.rise_time:.6f} s",
+        f"dead point at cylinder length {reply.dead_point_length:.6g} mm (height {reply.dead_point_height:.6g} mm), "
+        f"top at {reply.length_top:.6g} mm",
         f"condition: start {reply.condition.start:.4g}, top {reply.condition.top:.4g}, min {reply.condition.min:.4g}",
     ]
     if reply.residual is not None:
-        lines.append(f"largest loop residual {reply.residual:.2g}")
+        lines.append(f"largest loop residual {reply.residual:.2g} mm")
     for pose in reply.assemblies or []:
-        lines.append(f"assembly at height {pose.height:.6g}{' (working branch)' if pose.working else ''}")
+        lines.append(f"assembly at height {pose.height:.6g} mm{' (working branch)' if pose.working else ''}")
     if reply.forces is not None:
         lines.append(
             f"cylinder force {reply.forces.cylinder_min:.6g} to {reply.forces.cylinder_max:.6g} N, pressure up to "
             f"{reply.forces.pressure_max:.4g} bar ({'enough' if reply.forces.pressure_is_enough else 'not enough'}), "
             f"least bore {reply.forces.bore_min:.4g} mm"
         )
-    lines += ["", f"{'time':>12} {'height':>14} {'velocity':>14} {'acceleration':>14} {'cylinder':>14}"]
+    lines += ["", f"{'time s':>12} {'height mm':>14} {'velocity mm/s':>14} {'acc. mm/s^2':>14} {'cylinder mm':>14}"]
     last = len(reply.time) - 1
     rows = sorted({round(k * last / (TABLE_ROWS - 1)) for k in range(TABLE_ROWS)})
     for k in rows:
@@ -43,7 +43,7 @@ def optimize_table(reply: OptimizeReply) -> str:
     columns: list[tuple[str, DesignReply, float]] = [("optimum", reply.design, reply.objective)]
     if reply.published:
         columns.append(("published", reply.published.design, reply.published.objective))
-    lines = [f"{'':>10} " + " ".join(f"{name:>14}" for name, _, _ in columns)]
+    lines = [f"{'mm':>10} " + " ".join(f"{name:>14}" for name, _, _ in columns)]
     for name in LENGTHS:
         lines.append(f"{name:>10} " + " ".join(f"{getattr(design, name):14.6f}" for _, design, _ in columns))
     lines.append(f"{'objective':>10} " + " ".join(f"{value:14.7g}" for _, _, value in columns))
@@ -51,8 +51,8 @@ def optimize_table(reply: OptimizeReply) -> str:
         f"{'closed l1':>10} {reply.closed_length:14.6f}",
         "",
         f"active: {', '.join(reply.active) or 'none'}",
-        f"rise time {reply.motion.rise_time:.6f} s, speed at the start {reply.motion.velocity_start:.6g}, "
-        f"mean over height {reply.motion.velocity_mean:.6g}",
+        f"rise time {reply.motion.rise_time:.6f} s, speed at the start {reply.motion.velocity_start:.6g} mm/s, "
+        f"mean over height {reply.motion.velocity_mean:.6g} mm/s",
     ]
     if reply.published:
         lines.append(f"published: {reply.published.reason}")

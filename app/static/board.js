@@ -14,7 +14,7 @@ const HELP = {
   add: "Click the place of the next pose; drag one to move it. Keys: Add a pose, then arrows move it, and Enter adds the next.",
   path: `Drag along the way that a point of the body shall take: it becomes ${PATH_POINTS} points of a new motion. Or click point after point. Keys: Path, then Add a point, arrows and Enter.`,
   box: "Drag a box that must contain both fixed pivots; drag its corners to change it, or type it under Limits.",
-  hand: "Drag a joint of the selected linkage and see its error change. Keys: Tab selects a joint, arrows move it.",
+  hand: "Drag a joint of the selected linkage, or type its place, and see its error change. Keys: Tab selects a joint, arrows move it.",
   outline: "Click the corners of the body at its selected pose; Enter, or a click on the first corner, closes the outline.",
 };
 const SMALL = 1e-9;
@@ -26,7 +26,7 @@ const SMALL = 1e-9;
  */
 export class Board {
   constructor(svg, help, actions) {
-    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, stale: false, others: [], corners: [], redrawn: [] });
+    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, stale: false, others: [], corners: [], redrawn: [], seen: [] });
     Object.assign(this, { motion: null, linkage: null, joints: null, ghosts: false, snap: false });
     for (const layer of LAYERS) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
     this.shape = new LinkageShape(this.linkageLayer);
@@ -108,6 +108,7 @@ export class Board {
     this.joints = joints;
     this.shape.show(this.linkage ? joints : null, this.view);
     if (this.motion?.outline || this.bodyLayer.childElementCount) drawBody(this.bodyLayer, this.motion?.outline, this.linkage && joints, this.view);
+    for (const after of this.seen) after();
   }
 
   get hasPlaces() { return this.motion && wantsPlaces(this.motion); }

@@ -6,6 +6,7 @@ const COLUMNS = {
   crank: "t", crank_angle: "t", theta1: "t", t: "t", x: "x", y: "y", angle: "angle", rotation: "angle", gamma: "angle", theta: "angle", phi: "angle",
   weight: "w", weight_rotation: "wr", weight_position: "wp", tolerance_rotation: "er", tolerance_position: "ep",
 };
+const NUMBERING = ["no", "nr", "n", "pose", "point", "sample", "index"]; // columns that count the rows, and are not read
 const ANGLES = ["t", "angle", "er"];
 const UNITS = ["mm", "cm", "m", "in"];
 const GREEK = { "θ": "theta", "φ": "phi", "ϕ": "phi", "γ": "gamma" };
@@ -27,6 +28,12 @@ function readName(cell) {
   return name === undefined ? null : { name, unit: unit === "°" || unit === "degrees" ? "deg" : unit };
 }
 
+/** A number as spreadsheets show it, in plain characters: grouped thousands, a minus of its own, a degree sign behind it. */
+function plainNumber(cell, decimalComma) {
+  const plain = cell.replace(/\s*°$/, "").replace("\u2212", "-").replace(/(?<=\d)[\u00a0\u202f\u2009'’](?=\d{3})/g, "").trim();
+  return decimalComma ? plain.replace(",", ".") : plain;
+}
+
 /** The rows of a text: {names of the columns, unit of each, rows of cells as text, the line of each row}. */
 function readTable(text) {
   const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.replace(/^ +| +$/g, ""), k + 1])
@@ -43,6 +50,8 @@ function readTable(text) {
     if (!lines.length) throw new Error("There are no rows.");
     names = head.map((one) => one && COLUMNS[one.name]);
     units = head.map((one) => one?.unit ?? "");
+    const unknown = head.find((one, k) => one && !names[k] && !NUMBERING.includes(one.name));
+    if (unknown && names.some(Boolean)) throw new Error(`The first line names a column “${unknown.name}”, which is not known; x, y, angle and crank are.`);
     if (!names.some(Boolean)) throw new Error("The first line names none of the columns crank, x, y, angle.");
     const twice = names.findIndex((name, k) => name && names.indexOf(name) < k);
     if (twice >= 0) throw new Error(`Two columns of the first line mean the same: ${head[names.indexOf(names[twice])].name} and ${head[twice].name}.`);
@@ -51,7 +60,7 @@ function readTable(text) {
     names = { 4: ["t", "x", "y", "angle"], 3: ["x", "y", "angle"], 2: ["x", "y"] }[length];
     if (!names) throw new Error("Each row must hold crank, x, y, angle; or x, y, angle; or x, y.");
   }
-  const rows = lines.map(([line]) => cells(line).map((cell) => (decimalComma ? cell.replace(",", ".") : cell)));
+  const rows = lines.map(([line]) => cells(line).map((cell) => plainNumber(cell, decimalComma)));
   return { names, units, rows, at: lines.map(([, line]) => line) };
 }
 
@@ -80,7 +89,7 @@ export function fromCsv(text, motion = emptyMotion()) {
     const pose = { t: 0, x: 0, y: 0, angle: 0 };
     for (const [column, name] of used) {
       const cell = row[column] ?? "", value = cell ? Number((Number(cell) * scale[column]).toPrecision(15)) : NaN;
-      if (!Number.isFinite(value) && (cell || name === "t")) throw new Error(`Line ${at[k]}: '${cell.slice(0, 20)}' is not a number.`);
+      if (!Number.isFinite(value) && (cell || name === "t")) throw new Error(`Line ${at[k]}, column ${column + 1}: '${cell.slice(0, 20)}' is not a number.`);
       if (["x", "y", "angle"].includes(name)) pose[name] = cell ? value : null;
       else if (name === "t") pose.t = value;
       else if (cell) for (const one of name === "w" ? ["wr", "wp"] : [name]) pose[one] = value;

@@ -159,6 +159,7 @@ export function fromRequest(body) {
   if (tolerance_study) motion.study = { links, pivots, clearance, extra: how };
   motion.top = top ?? 8;
   delete extra.budget_ms;
+  delete extra.refine_from; // a linkage, and no part of the motion
   motion.extra = extra;
   return motion;
 }

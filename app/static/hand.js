@@ -9,6 +9,7 @@ const DEG = 180 / Math.PI;
 const BEYOND = 40; // degrees beyond the former crank angles within which new ones are looked for
 const GRID = 1; // degrees between crank angles that are compared
 const REFINEMENTS = 30; // golden sections of one step of the grid
+const COINCIDE = 1e-9; // joints this part of the longest link apart are one
 const GOLDEN = (Math.sqrt(5) - 1) / 2;
 
 const argument = (from, to) => Math.atan2(to[1] - from[1], to[0] - from[0]);
@@ -21,12 +22,13 @@ const wrap = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
  */
 export function fromJoints({ a, b, c, d, p, rotation }, travel, before) {
   const links = { crank: distance(a, d), coupler: distance(d, c), rocker: distance(b, c), ground: distance(a, b) };
-  if (!Object.values(links).every((length) => length > 0)) return null;
+  const lengths = Object.values(links);
+  if (!(Math.min(...lengths) > COINCIDE * Math.max(...lengths))) return null;
   const turn = argument(a, b), side = (b[0] - d[0]) * (c[1] - d[1]) - (b[1] - d[1]) * (c[0] - d[0]);
   const made = {
     ...before, source: "hand", rank: null, links, branch: side < 0 ? -1 : 1, start_angle: wrap(argument(a, d) - turn) * DEG - travel, body_offset: 0,
     mount: { ground_angle: turn * DEG, pivot_a: a, pivot_b: b, coupler_point: p ? { radius: distance(d, p), angle: wrap(argument(d, p) - argument(d, c)) * DEG } : null },
-    family: family(Object.values(links)), verdict: null, rounded: null, analysis: null, tolerance_study: null, excursion: null,
+    family: family(lengths), verdict: null, rounded: null, analysis: null, tolerance_study: null, excursion: null,
     transmission_angle_min_turn: null, determination: { ill_posed: false, at_limits: [] },
   };
   const now = new Linkage(made).at(travel / DEG);
@@ -104,6 +106,11 @@ export function assessed(solution, motion) {
       errors: { position_rms: rms(fit.places), position_max: largest(fit.places), rotation_rms: rms(fit.turns), rotation_max: largest(fit.turns), objective: Math.sqrt(squares[0] + squares[1]) },
     },
   };
+}
+
+/** A request to refine a solution from just there. */
+export function fromHere({ diverse: _diverse, ...request }, { links, branch, start_angle, body_offset, mount, crank_angle }) {
+  return { ...request, top: 1, refine_from: { links, branch, start_angle, body_offset, mount, crank_angle } };
 }
 
 /** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent, and of its family or any. */

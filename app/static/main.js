@@ -4,10 +4,10 @@ import { Editor } from "./editor.js";
 import { alike, fitOf, limitName, worstRows } from "./fit.js";
 import { fromRequest, requestText, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
-import { nearby } from "./hand.js";
+import { fromHere, nearby } from "./hand.js";
 import { fault, wantsAngles } from "./motion.js";
 import { Results, copy } from "./results.js";
-import { STAGES, solve } from "./service.js";
+import { STAGES, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
 import { $, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
@@ -152,22 +152,46 @@ function showCanvas() {
   if (matchMedia("(max-width: 900px)").matches && (bottom < 120 || top > innerHeight - 120)) $("canvas").scrollIntoView({ block: "start" });
 }
 
-/** Searches for the motion; `near` a solution only for linkages whose pivots lie near its own. */
-async function startSearch(near = null) {
+/** The motion as it is, or null after saying what is wrong with it. */
+function soundMotion() {
   const motion = structuredClone(editor.motion), wrong = editor.fault ?? fault(motion);
-  if (wrong) {
-    const [sentence, id] = wrong;
-    say(sentence, true);
-    $(id)?.closest("details")?.setAttribute("open", "");
-    $(id)?.focus?.();
-    return;
-  }
+  if (!wrong) return motion;
+  const [sentence, id] = wrong;
+  say(sentence, true);
+  $(id)?.closest("details")?.setAttribute("open", "");
+  $(id)?.focus?.();
+  return null;
+}
+
+/** Runs what asks the service, `work(control, begin)`, with Stop and progress; what ran before ends. */
+async function run(work) {
   stopSearch();
-  const request = toRequest(motion), control = new AbortController(), begin = performance.now();
+  const control = new AbortController(), begin = performance.now();
   running = control;
   const endProgress = startProgress(begin);
-  let further = false;
   try {
+    await work(control, begin);
+  } catch (error) {
+    if (error.name !== "AbortError") say(error.message, true);
+  } finally {
+    endProgress();
+    if (running === control) {
+      running = null; // it has ended, so that there is nothing to abort
+      linkedCard = null;
+      stopSearch();
+    }
+    updateStale();
+    editor.board.draw();
+  }
+}
+
+/** Searches for the motion; `near` a solution only for linkages whose pivots lie near its own. */
+async function startSearch(near = null) {
+  const motion = soundMotion();
+  if (!motion) return;
+  const request = toRequest(motion);
+  await run(async (control, begin) => {
+    let further = false;
     await solve(near ? nearby(request, near) : request, (reply, last) => {
       if (running !== control) return;
       // what is shown stays until there is something in its place
@@ -191,23 +215,38 @@ async function startSearch(near = null) {
       if (linkedCard && answer.reply.solutions.length) results.choose(linkedCard);
       sayAnswer();
     } else if (running === control && answer && !near) sayAnswer();
-  } catch (error) {
-    if (error.name !== "AbortError") say(error.message, true);
-  } finally {
-    endProgress();
-    if (running === control) {
-      running = null; // it has ended, so that there is nothing to abort
-      linkedCard = null;
-      stopSearch();
+  });
+}
+
+/** Lets the service refine the selected linkage from just there; what it becomes takes the place of the one changed by hand. */
+async function startRefinement() {
+  const motion = soundMotion(), begun = results.solution;
+  if (!motion || !begun) return;
+  const request = toRequest(motion), same = !editor.board.stale, before = begun.errors.objective;
+  await run(async (control, begin) => {
+    const reply = await refine(fromHere(request, begun), control.signal), [refined] = reply.solutions;
+    if (running !== control) return;
+    if (!refined) {
+      say("No linkage within the limits was reached from there; that proves nothing. Move it, loosen a limit, or search near here.", true);
+      return;
     }
-    updateStale();
-    editor.board.draw();
-  }
+    const others = same ? answer.reply.solutions.filter((one) => one.source !== "hand") : [];
+    reply.solutions = together(others, reply, others.length + 1, alike);
+    answer = { request, reply, motion, seconds: (performance.now() - begin) / 1000, refined: true };
+    editor.board.stale = false;
+    results.show(answer, true);
+    results.choose(refined);
+    const gained = !same || refined.errors.objective < before * (1 - 1e-6);
+    const near = howNear({ reply: { ...reply, solutions: [refined] }, motion });
+    const up = reply.report.stopped_by === "budget" ? ` The time was up after ${answer.seconds.toFixed(1)} s.` : "";
+    say(`Refined from there: ${near}.${gained ? "" : " The descent gained nothing."}${up} Linkages elsewhere were not looked at.`);
+  });
 }
 
 function bindButtons() {
   $("form").addEventListener("submit", (event) => { event.preventDefault(); startSearch(); });
   document.addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); startSearch(); } });
+  document.addEventListener("refinehere", startRefinement);
   document.addEventListener("searchnear", () => { const { solution } = results; startSearch(solution); });
   $("stop").addEventListener("click", () => { stopSearch(); $("solve").focus(); say(answer?.reply.solutions.length ? "Stopped; these are the best found so far." : "Stopped."); });
   $("request").addEventListener("toggle", showRequest);

@@ -148,3 +148,10 @@ export function jump(motion) {
   const at = rows.findIndex(([angle], k) => k > 0 && Math.abs(angle - rows[k - 1][0]) > 180);
   return at < 0 ? null : [rows[at - 1][1], rows[at][1]];
 }
+
+/** The first two neighbouring poses, from 1, that ask for the same place and angle; null without such. */
+export function repeated(motion) {
+  const same = (one, other) => ["x", "y", "angle"].every((name) => one[name] === other[name]);
+  const at = motion.poses.findIndex((pose, k) => k > 0 && same(pose, motion.poses[k - 1]));
+  return at < 0 ? null : [at, at + 1];
+}

@@ -3,8 +3,9 @@
 import { card, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { element, signed, text } from "./drawing.js";
-import { alike, errorText, fitOf, limitName } from "./fit.js";
+import { alike, errorText, fitOf, limitName, worstRows } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
+import { JointFields } from "./joints.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $ } from "./shell.js";
@@ -85,9 +86,13 @@ function crankBlock(solution, motion) {
 /** What can be done with a linkage that was changed by hand. */
 function handBlock() {
   const block = element("div", "judged");
-  const button = Object.assign(element("button", "", "Search near here"), { type: "button", id: "search-near" });
-  block.append(element("p", "note", "Changed by hand: its errors are computed in this page. The service judges what it finds itself: let it search with both pivots near where you put them."), button);
-  button.addEventListener("click", () => document.dispatchEvent(new Event("searchnear")));
+  const choices = [["refine-here", "Refine from there", "refinehere"], ["search-near", "Search near here", "searchnear"]], group = element("div", "group wrap");
+  for (const [id, words, event] of choices) {
+    const button = Object.assign(element("button", "", words), { type: "button", id });
+    button.addEventListener("click", () => document.dispatchEvent(new Event(event)));
+    group.append(button);
+  }
+  block.append(element("p", "note", "Changed by hand: its errors are computed in this page, and nothing is judged. The service can refine it to the nearest optimum from just there, or search anew with both pivots near where you put them."), group);
   return block;
 }
 
@@ -106,6 +111,7 @@ export async function copy(content, done) {
 export class Results {
   constructor(board) {
     Object.assign(this, { answer: null, solution: null, board, player: new Player(board), picked: false });
+    this.fields = new JointFields(board, (name, place) => this.drag(name, place), () => this.player.stop());
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
     $("sort").addEventListener("change", () => this.#list());
@@ -131,11 +137,13 @@ export class Results {
     const { report } = answer.reply;
     answer.size = report.length_scale ?? 1;
     $("results-note").textContent = `largest errors, at pose (no.) · ${answer.stored ? "searched beforehand" : `${Math.round(report.elapsed_ms.total)} ms`}`;
-    $("trace-note").textContent = [`Search ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
+    $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
-    this.#select(this.solution, !further);
-    this.#drawTrace();
+    this.#select(this.solution, !further, false);
+    // the linkage first: charts take as long to draw as all the rest
+    clearTimeout(this.charts);
+    this.charts = setTimeout(() => { this.player.drawCurves(); this.#drawTrace(); });
   }
 
   /** Selects the solution that is like `wanted`; adds `wanted`, with errors computed here, where there is none. */
@@ -151,13 +159,13 @@ export class Results {
     this.#list();
   }
 
-  /** A joint of the selected linkage is dragged to a place: its errors are computed anew. */
+  /** A joint of the selected linkage is dragged, or typed, to a place: its errors are computed anew. Returns what hinders it, or null. */
   drag(name, place) {
     const { motion, reply } = this.answer ?? {};
-    if (!this.solution?.mount || !this.board.joints) return;
+    if (!this.solution?.mount || !this.board.joints) return "there is no linkage in the plane.";
     this.player.stop();
     const joints = { ...this.board.joints, [name]: place }, made = fromJoints(joints, this.player.travel, this.solution);
-    if (!made) return;
+    if (!made) return "two joints would coincide there.";
     const { solution, shift, closes } = assessed(made, motion), travel = this.player.travel - shift;
     const old = reply.solutions.findIndex((one) => one.source === "hand");
     if (old >= 0) reply.solutions[old] = solution;
@@ -170,6 +178,7 @@ export class Results {
     this.#showNumbers();
     this.#list();
     this.board.tell(closes ? [errorText(solution.errors.position_max, 1e-300, ` ${motion.unit}`), errorText(solution.errors.rotation_max, 1e-300, "°")].filter(Boolean).join(", ") : "does not close at every pose");
+    return null;
   }
 
   /** The numbers to be copied, with all digits. */
@@ -193,11 +202,12 @@ export class Results {
     [...$("solutions").children].forEach((item, k) => item.firstChild.setAttribute("aria-pressed", String(this.cards[k] === this.solution)));
   }
 
-  #select(solution, first = false) {
+  #select(solution, first = false, curves = true) {
     const { motion, reply } = this.answer;
     this.solution = solution;
+    this.fields.forget();
     this.#press();
-    this.player.show(solution, motion, first);
+    this.player.show(solution, motion, first, curves);
     if (first) this.#fitAll(reply.solutions);
     else if (!this.board.holds(this.player.shown.used.filter(Boolean).flatMap((j) => [j.a, j.b, j.d, j.c]))) this.board.tell("Parts lie outside the view: Fit shows all");
     this.#showNumbers();
@@ -222,6 +232,8 @@ export class Results {
   }
 
   #showNumbers() {
+    const rows = worstRows(fitOf(this.solution, this.answer.motion), this.answer.motion, this.answer.size);
+    $("joints-note").textContent = rows.length ? `Off by at most ${rows.map(([, error, pose]) => (pose === null ? error : `${error} (pose ${pose})`)).join(" and ")}.` : "";
     const table = document.createElement("table");
     for (const [name, value] of numberRows(this.solution, this.answer, 8)) {
       const row = table.insertRow();

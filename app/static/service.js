@@ -1,7 +1,7 @@
 // HTTP calls to the service: one request, the staged search, error replies as sentences, downloads.
 
 /** Budgets of the search in milliseconds, one after the other: a first answer soon, then better ones. */
-export const STAGES = [120, 1000, 5000];
+export const STAGES = [100, 1000, 5000];
 const LONGER = 20000; // of a last stage, where nothing was found by then
 
 /** An error reply (problem+json) of the service; the message names at most three wrong fields. */
@@ -59,6 +59,11 @@ export async function solve(request, show, signal, same) {
     show(reply, last);
     if (last) return;
   }
+}
+
+/** Refines from the linkage of a request: one answer, for a descent that was cut short begins anew. */
+export async function refine(request, signal) {
+  return (await ask("/v1/synthesize", { ...request, budget_ms: STAGES.at(-1) }, signal)).json();
 }
 
 /** Lets the browser save a blob as a file. */

@@ -2,7 +2,7 @@
 
 import { fromCsv, toCsv } from "./csv.js";
 import { fromFragment, fromRequest, toFragment, toRequest } from "./formats.js";
-import { emptyMotion, jump, unwrapped } from "./motion.js";
+import { emptyMotion, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, say } from "./shell.js";
 
@@ -75,7 +75,8 @@ export class Sources {
 
   #take(motion, { note = "", ...how }) {
     this.shown = null;
-    $("example-note").textContent = note;
+    const twice = note && repeated(motion);
+    $("example-note").textContent = twice ? `${note} Poses ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.` : note;
     this.#offerUnwrapped(motion);
     this.use(motion, how);
   }

@@ -46,7 +46,7 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Ali
     along = way * (timed.angles - timed.angles[:, :1])
     grid = np.arange(_GRID) * (TURN / _GRID)
     at = timed._replace(angles=timed.angles[:, :1] + way * grid)
-    costs = _costs(problem, at)
+    costs = squared_errors(problem, at)
     samples = problem.poses.samples
     if not problem.poses.ordered:
         place = costs.argmin(axis=2)
@@ -83,7 +83,7 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Ali
     return Aligned(timed._replace(angles=timed.angles[:, :1] + way * turned), least + off)
 
 
-def _costs(problem: JointProblem, at: Timed) -> Floats:
+def squared_errors(problem: JointProblem, at: Timed) -> Floats:
     """Squared errors of every sample at every angle of the grid, (n, N, grid)."""
     crank, body = problem.turned(at, derivatives=False)
     total = np.zeros((len(at.branch), problem.poses.samples, at.angles.shape[1]))

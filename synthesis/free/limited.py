@@ -225,8 +225,12 @@ def within_limits(poses: Poses, limits: Limits, pool: Pool, windows: Windows, wo
     windows : Windows
     work : Work
     """
+    return refined_within(poses, limits, pool.best(_BEFORE).timed.joined(*_guessed(poses, limits, windows)), work)
+
+
+def refined_within(poses: Poses, limits: Limits, timed: Timed, work: Work) -> Pool:
+    """Candidates refined within limits and moved onto those that they still break; their costs are J squared."""
     chart, constraints = chart_of(limits.family), ways(poses, limits, posed=True)[-1].constraints
-    timed = pool.best(_BEFORE).timed.joined(*_guessed(poses, limits, windows))
     for weight, steps, most in _PLAN:
         if not timed.branch.size or work.expired():
             break

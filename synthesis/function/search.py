@@ -57,7 +57,7 @@ _LEAST_RADIUS = 1e-5
 _EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
 
 
-class _Search:
+class FunctionSearch:
     """One request that the search for motions does not serve."""
 
     def __init__(self, wanted: Wanted, limits: FunctionLimits, largest: bool, top: int, tolerance: float, work: Work):
@@ -360,14 +360,14 @@ def generate(
         if not given or Status.of(found, tolerance) is Status.REACHED or work.expired():
             return found, report
         # with given zeros the search for motions ends with full cranks
-        run = _Search(wanted, other, False, top, tolerance, work)
+        run = FunctionSearch(wanted, other, False, top, tolerance, work)
         found = distinct(found + run.run(tables), top, APART)
         trace = report.trace + [
             (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
         ]
         stopped = _stopped_by(found, tolerance, work)
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
-    run = _Search(wanted, other, largest, top, tolerance, work)
+    run = FunctionSearch(wanted, other, largest, top, tolerance, work)
     found = run.run(tables)
     stopped = _stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
@@ -387,7 +387,7 @@ def refit(
         found = refit(wanted.mirrored(), generator.mirrored(), links, largest, tolerance, work)
         return None if found is None else found.mirrored()
     crank, coupler, rocker, ground = (float(one) for one in links)
-    run = _Search(wanted, FunctionLimits(links=(crank, rocker, coupler, ground)), largest, 1, tolerance, work)
+    run = FunctionSearch(wanted, FunctionLimits(links=(crank, rocker, coupler, ground)), largest, 1, tolerance, work)
     start = generator.linkage.start + _AROUND
     if wanted.start is not None:
         start = np.array([wanted.start])

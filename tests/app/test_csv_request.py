@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 
 import pytest
 from hypothesis import given
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from app import cli
 from app.asking import decoded
-from app.fourbar.csv_request import request_from_csv
+from app.fourbar.csv_request import function_from_csv, match_from_csv, request_from_csv
 from linkage_atlas import FieldError
 
 PLACES = {"position": [[1.5, 2.0], [3.0, 4.0]], "timing": "free"}
@@ -66,14 +67,15 @@ def test_tables_of_any_country(text, wanted) -> None:
         ("1,2,3,4,5\n", "line 1: wanted 1 to 4 columns"),
         ("x,y\n1,2\n3\n", "line 3: wanted 2 cells"),
         ("# a comment\n\nx,y\n1,2\n\n3\n", "line 6: wanted 2 cells"),
-        ("x,y\n1,two\n", "line 2: 'two' is not a number"),
-        ("x,y\n1,nan\n", "line 2: 'nan' is not a number"),
-        ("x,y\n1,1_0\n", "line 2: '1_0' is not a number"),
-        ("x;y\n1.000,5;2\n", "line 2: '1.000,5': wanted one decimal mark"),
-        ("x;y\n1,5;2\n2.250;3\n", "line 3: '2.250': wanted one decimal mark"),
+        ("x,y\n1,two\n", "line 2, column 2 (y): 'two' is not a number"),
+        ("x,y\n1,nan\n", "line 2, column 2 (y): 'nan' is not a number"),
+        ("1 2\n3 4\n5 a\n", "line 3, column 2: 'a' is not a number"),
+        ("x,y\n1,1_0\n", "line 2, column 2 (y): '1_0' is not a number"),
+        ("x;y\n1.000,5;2\n", "line 2, column 1 (x): '1.000,5': wanted one decimal mark"),
+        ("x;y\n1,5;2\n2.250;3\n", "line 3, column 1 (x): '2.250': wanted one decimal mark"),
         ("x,rotation\n1,2\n", "wanted both x and y"),
         ("x,y,rotation\n1,,2\n", "line 2: wanted both x and y"),
-        ('x;y\n1;"2\n3;4\n5;x\n', "line 4: 'x' is not a number"),
+        ('x;y\n1;"2\n3;4\n5;x\n', "line 4, column 2 (y): 'x' is not a number"),
         ("x;y\n1;" + "2" * 200_000, "line 2: field larger than"),
         ("t\n1\n2\n", "wanted x and y, or rotation"),
         ("t [rad];x;y;phi [deg]\n1;2;3;4\n", "wanted all angles in one unit"),
@@ -84,6 +86,76 @@ def test_csv_errors_name_the_line(text, words, tmp_path, capsys) -> None:
     path.write_text(text)
     assert cli.main(["synthesize", str(path)]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_tables_of_turns_and_of_rockers() -> None:
+    assert match_from_csv("crank [deg];phi\n0;350°\n10,5;10\n", {"top": 2}) == {
+        "crank_angle": [0.0, 10.5],
+        "rotation": [350.0, 10.0],
+        "top": 2,
+    }
+    assert match_from_csv("5\n6,5\n") == {"rotation": [5.0, 6.5]}
+    assert function_from_csv("0\t0\n10\t5,5\n") == {"input": [0.0, 10.0], "output": [0.0, 5.5]}
+    assert function_from_csv("no;output (rad);crank (rad)\n1;2;3\n") == {
+        "output": [2.0],
+        "input": [3.0],
+        "angle_unit": "rad",
+    }
+    dials = {"function": {"output_span": 90}, "crank_span": 60}
+    assert function_from_csv("x,y\n1,2\n3,4\n", dials) == {
+        "function": {"table": [[1.0, 2.0], [3.0, 4.0]], "output_span": 90},
+        "crank_span": 60,
+    }
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "words"),
+    [
+        (match_from_csv, "x,y\n1,2\n", "line 1: there is no column 'x'; there are rotation"),
+        (match_from_csv, "crank\n1\n", "line 1: wanted a column of rotation"),
+        (match_from_csv, "crank,phi\n1,2\n3,\n", "line 3, column 2 (phi): wanted a number, found an empty cell"),
+        (match_from_csv, "1,2,3\n", "line 1: wanted 1 to 2 columns"),
+        (function_from_csv, "x\n1\n", "line 1: wanted a column of output, or both x and y"),
+        (function_from_csv, "output,x\n1,2\n", "line 1: wanted a column of output, or both x and y"),
+        (function_from_csv, "input;output\n1,5;2\n2;a\n", "line 3, column 2 (output): 'a' is not a number"),
+    ],
+)
+def test_errors_of_such_tables_name_line_and_column(read, text, words) -> None:
+    with pytest.raises(FieldError) as error:
+        read(text)
+    assert words in error.value.message
+
+
+def test_angles_are_unwrapped_where_that_is_asked_for() -> None:
+    assert request_from_csv("x,y,phi\n0,0,350\n1,1,\n2,2,10\n3,3,-320\n", {}, True)["rotation"] == [
+        350,
+        None,
+        370,
+        400,
+    ]
+    assert match_from_csv("crank,phi\n350,170\n10,-170\n", {}, True) == {
+        "crank_angle": [350, 370],
+        "rotation": [170, 190],
+    }
+    turned = match_from_csv("phi [rad]\n3\n-3\n", {}, True)["rotation"]
+    assert turned == pytest.approx([3, 2 * math.pi - 3])
+
+
+def test_the_command_unwraps_and_answers_tables_of_every_question(tmp_path, capsys) -> None:
+    table = tmp_path / "turns.csv"
+    table.write_text("crank;rocker\n350;0\n5;12\n25;31\n50;62\n70;90\n")
+    assert cli.main(["function", str(table)]) == 2
+    assert "input" in capsys.readouterr().err
+    assert cli.main(["function", str(table), "--unwrap", "--set", "top=1", "--no-preset"]) == 0
+    assert capsys.readouterr().out.startswith("reached: 1 linkage")
+    table.write_text("{}")
+    assert cli.main(["synthesize", str(table), "--unwrap"]) == 2
+    assert "--unwrap is for a table" in capsys.readouterr().err
+
+
+def test_thousands_are_grouped_as_spreadsheets_do() -> None:
+    grouped = "x;y\n1\u00a0234,5;-12'345,25\n1\u202f000;2\n"
+    assert request_from_csv(grouped)["position"] == [[1234.5, -12345.25], [1000.0, 2.0]]
 
 
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: round(value, 4))

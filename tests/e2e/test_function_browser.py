@@ -10,9 +10,6 @@ from tests.e2e.test_page_browser import (  # noqa: F401
     ActionChains,
     By,
     Select,
-    address,
-    browser,
-    downloads,
     find,
     pytestmark,
     resize,
@@ -21,7 +18,7 @@ from tests.e2e.test_page_browser import (  # noqa: F401
 
 
 @pytest.fixture
-def opened(browser, address):  # noqa: F811
+def opened(browser, address):
     """The page, freshly loaded; afterwards its console must be free of errors."""
     browser.get("about:blank")
     resize(browser, 1280)
@@ -38,7 +35,7 @@ def solve(page) -> None:
     wait(page, "!document.getElementById('status').textContent.startsWith('Searching')", 60)
 
 
-def test_a_chosen_function_shows_linkage_and_error_and_is_saved(opened, downloads) -> None:  # noqa: F811
+def test_a_chosen_function_shows_linkage_and_error_and_is_saved(opened, downloads) -> None:
     solve(opened)
     assert "come closest" in find(opened, "status").text
     assert len(opened.find_elements(By.CSS_SELECTOR, "#solutions button")) >= 1

@@ -16,9 +16,6 @@ from tests.e2e.test_page_browser import (  # noqa: F401
     ActionChains,
     By,
     Select,
-    address,
-    browser,
-    downloads,
     faults,
     find,
     pytestmark,
@@ -36,7 +33,7 @@ ANSWERED = "document.getElementById('status').textContent.startsWith('Answered')
 
 
 @pytest.fixture
-def at(browser, address):  # noqa: F811
+def at(browser, address):
     """Opens a machine's page; afterwards the console must be free of errors."""
 
     def go(scene: str, width: int = 1280, fragment: str = ""):

@@ -1,0 +1,93 @@
+// The joints of the selected linkage as numbers: each can be typed while the crank stands where it does.
+
+import { text } from "./drawing.js";
+import { typed } from "./fields.js";
+import { $ } from "./shell.js";
+
+const JOINTS = [["a", "A", "crank pivot"], ["b", "B", "rocker pivot"], ["d", "D", "crank pin"], ["c", "C", "rocker pin"], ["p", "P", "body point"]];
+const SAME = 1e-9; // of the linkage's size: a field keeps its entry while the joint is there
+const FARTHEST = 1e50;
+
+export class JointFields {
+  /** `move(joint, place)` puts a joint at a place and returns null, or says in a sentence why it cannot; `hold()` stops the crank. */
+  constructor(board, move, hold) {
+    Object.assign(this, { board, move, fields: [], faults: new Map() });
+    for (const joint of JOINTS) {
+      const [name, letter, what] = joint, group = document.createElement("fieldset");
+      group.append(Object.assign(document.createElement("legend"), { textContent: `${letter}, ${what}` }));
+      ["x", "y"].forEach((axis, k) => {
+        const input = Object.assign(document.createElement("input"), { id: `joint-${name}-${axis}`, inputMode: "decimal", autocomplete: "off" }), label = document.createElement("label");
+        input.setAttribute("aria-label", `${letter}, ${what}, ${axis}`);
+        label.append(axis, input);
+        group.append(label);
+        const field = { input, name, k, letter: `${letter}, ${axis}` };
+        this.fields.push(field);
+        input.addEventListener("focus", () => { hold(); this.#fill(field); });
+        input.addEventListener("blur", () => this.show());
+        input.addEventListener("change", () => this.#read(field));
+        input.addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); this.#read(field); } });
+      });
+      $("joint-fields").append(group);
+    }
+    board.seen.push(() => this.show());
+  }
+
+  /** Shows the joints where they are; an entry that stands for the same number stays as it was typed. */
+  show() {
+    const { joints, mode } = this.board, shown = mode === "hand" && Boolean(joints?.p);
+    if ($("joints-panel").hidden === shown) this.#toggle(shown);
+    if (shown) for (const field of this.fields) if (field.input !== document.activeElement) this.#fill(field);
+  }
+
+  /** The panel takes its room from the canvas: what was all in view stays in view. */
+  #toggle(shown) {
+    const { board } = this;
+    $("joints-panel").hidden = !shown;
+    if (board.fitted) board.fit();
+  }
+
+  /** Writes a joint's coordinate into its field, all digits where it is being edited; an entry that still stands for it as it was typed. */
+  #fill({ input, name, k, entry }) {
+    const { joints } = this.board, [a, b, c] = [joints.a, joints.b, joints.c], value = joints[name][k];
+    if ([...this.faults.keys()].some((one) => one.input === input)) return;
+    const size = Math.hypot(b[0] - a[0], b[1] - a[1]) + Math.hypot(c[0] - b[0], c[1] - b[1]);
+    const stands = entry && Math.abs(entry.value - value) <= SAME * Math.max(size, Math.abs(value));
+    const words = stands ? entry.text : input === document.activeElement ? String(Number(value.toPrecision(14))) : text(value, 5);
+    if (input.value !== words) input.value = words;
+  }
+
+  /** Entries are forgotten: another linkage is there. */
+  forget() {
+    for (const field of this.fields) {
+      field.entry = null;
+      this.#blame(field, null);
+    }
+    this.show();
+  }
+
+  #read(field) {
+    const { input, name, k, letter } = field, { joints } = this.board;
+    if (!joints) return;
+    const value = typed(input.value), size = Math.abs(joints[name][k]);
+    if (value === null || !Number.isFinite(value) || Math.abs(value) > FARTHEST) {
+      this.#blame(field, `${letter}: “${input.value.trim().slice(0, 20)}” is not a number; ${text(joints[name][k])} is still in use.`);
+      return;
+    }
+    this.#blame(field, null);
+    if (Math.abs(value - joints[name][k]) <= 1e-13 * size) return;
+    const place = [...joints[name]];
+    place[k] = value;
+    field.entry = { value, text: input.value };
+    const fault = this.move(name, place);
+    if (fault) this.#blame(field, `${letter}: ${fault}`);
+  }
+
+  #blame(field, sentence) {
+    const { input } = field;
+    if (sentence) this.faults.set(field, sentence);
+    else this.faults.delete(field);
+    input.classList.toggle("invalid", Boolean(sentence));
+    if (sentence) { input.setAttribute("aria-invalid", "true"); input.setAttribute("aria-describedby", "joints-error"); } else { input.removeAttribute("aria-invalid"); input.removeAttribute("aria-describedby"); }
+    $("joints-error").textContent = [...this.faults.values()][0] ?? "";
+  }
+}

@@ -1,0 +1,1 @@
+"""Refinement of one given four-bar: to the nearest optimum from just there, which may not be the best there is."""

@@ -1,0 +1,152 @@
+"""A linkage to refine, in Python, over HTTP and on the command line: the same answer, honest words, errors at their fields."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas as la
+from app import cli
+from app.registry import worked_example
+from linkage_atlas.refining import LOCAL, NOWHERE
+
+EXAMPLE = worked_example()
+FREE = {name: value for name, value in EXAMPLE.items() if name != "crank_span"} | {"timing": "free"}
+
+
+@pytest.fixture(scope="module")
+def exact() -> la.Solution:
+    return la.synthesize(**EXAMPLE, top=1).best
+
+
+def changed(solution: la.Solution, **parts) -> dict:
+    """The solution as plain values, its crank a little longer and its first pivot a little aside."""
+    values = json.loads(json.dumps(solution.to_dict()))
+    values["links"]["crank"] *= 1.02
+    values["mount"]["pivot_a"][0] += 0.3
+    return values | parts
+
+
+@pytest.mark.parametrize("request_of", [EXAMPLE, FREE], ids=["timed", "free"])
+def test_python_and_http_refine_alike(request_of, exact, client: TestClient) -> None:
+    begin = changed(exact)
+    found = la.synthesize(**request_of, refine_from=begin)
+    assert found.status == "reached" and len(found.solutions) == 1 and found.report.seeds == 1
+    assert found.best.errors.objective < 1e-9 and found.report.notes[0] == LOCAL
+    assert found.linkage.links == pytest.approx(exact.linkage.links, rel=1e-5)
+    reply = client.post("/v1/synthesize", json={**request_of, "refine_from": begin})
+    assert reply.status_code == 200
+    assert reply.json()["solutions"][0]["links"] == found.best.to_dict()["links"]
+    assert reply.json()["report"]["notes"] == found.report.notes
+
+
+def test_a_linkage_a_solution_and_its_values_are_the_same_beginning(exact) -> None:
+    links = [
+        la.synthesize(**EXAMPLE, refine_from=one).linkage.links
+        for one in (exact, exact.linkage, exact.to_dict(), exact.linkage.to_dict())
+    ]
+    assert all(np.array_equal(one, links[0]) for one in links)
+    radians = {name: np.deg2rad(EXAMPLE[name]) for name in ("rotation", "crank_span")}
+    found = la.synthesize(**{**EXAMPLE, **radians}, degrees=False, refine_from=exact)
+    assert found.status == "reached" and found.linkage.links == pytest.approx(links[0])
+
+
+def test_a_free_answer_is_refined_from_its_own_crank_angles() -> None:
+    wanted = {"position": [[0, 0], [30, 10], [50, 35], [40, 60], [10, 70]], "rotation": [0, 10, 30, 50, 80]}
+    first = la.synthesize(**wanted, timing="free", top=1, limits={"link_max": 90})
+    again = la.synthesize(**wanted, timing="free", limits={"link_max": 90}, refine_from=first.best)
+    assert again.best.errors.objective <= first.best.errors.objective * (1 + 1e-9)
+    assert max(again.linkage.links) <= 90
+
+
+def test_what_no_descent_leads_to_is_unknown_and_nothing_is_claimed(exact) -> None:
+    limits = {"link_min": 4e4, "link_max": 5e4}
+    found = la.synthesize(**EXAMPLE, limits=limits, refine_from=exact)
+    assert found.status == "unknown" and not found.solutions
+    assert found.report.notes == [LOCAL, NOWHERE]
+    found = la.synthesize(**EXAMPLE, limits=limits, refine_from=exact, budget=1e-6)
+    assert found.status == "unknown" and found.report.stopped_by == "budget"
+
+
+def wrong(path: list[str], value, exact) -> dict:
+    values = changed(exact)
+    at = values
+    for name in path[:-1]:
+        at = at[name]
+    at[path[-1]] = value
+    return values
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (["links", "crank"], 0),
+        (["links", "rocker"], 1e60),
+        (["links", "ground"], 1e-9),
+        (["branch"], 2),
+        (["start_angle"], "thirty"),
+        (["mount", "pivot_a"], [1e30, 0]),
+        (["mount", "pivot_a"], [1]),
+        (["mount", "coupler_point"], None),
+        (["crank_angle"], [0, 1]),
+        (["mount"], None),
+    ],
+)
+def test_errors_name_the_field(path, value, exact, client: TestClient) -> None:
+    begin = wrong(path, value, exact)
+    reply = client.post("/v1/synthesize", json={**FREE, "refine_from": begin})
+    assert reply.status_code == 422
+    assert reply.json()["errors"][0]["pointer"].startswith("#/refine_from/" + path[0])
+    with pytest.raises(la.FieldError) as error:
+        la.synthesize(**FREE, refine_from=begin)
+    assert error.value.field.startswith("/refine_from")
+
+
+@pytest.mark.parametrize("begin", [{}, {"links": {}}, {"links": 3, "branch": 1}, 5, None])
+def test_what_is_no_linkage_is_named(begin) -> None:
+    if begin is None:
+        with pytest.raises(la.FieldError, match="refine_from"):
+            la.synthesize(**EXAMPLE, effort="atlas", refine_from=la.FourBar(1, 2, 2, 2))
+        return
+    with pytest.raises(la.FieldError, match="refine_from"):
+        la.synthesize(**EXAMPLE, refine_from=begin)
+
+
+def test_functions_are_refined_too(client: TestClient) -> None:
+    wanted = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}
+    first = client.post("/v1/function", json={**wanted, "top": 1}).json()["solutions"][0]
+    first["links"]["crank"] *= 1.01
+    reply = client.post("/v1/function", json={**wanted, "refine_from": first}).json()
+    assert reply["status"] == "reached" and reply["report"]["notes"][0] == LOCAL and reply["report"]["seeds"] == 1
+    links = [reply["solutions"][0]["links"][name] for name in ("crank", "coupler", "rocker", "ground")]
+    begin = la.FourBar(*links, branch=first["branch"], start_angle=reply["solutions"][0]["start_angle"])
+    assert la.function(wanted["output"], input=wanted["input"], refine_from=begin).status == "reached"
+    far = la.function(
+        wanted["output"], input=wanted["input"], refine_from=begin, limits={"transmission_angle_min": 89}
+    )
+    assert far.status == "unknown" and NOWHERE in far.report.notes
+    first["links"]["crank"] = 1e9
+    reply = client.post("/v1/function", json={**wanted, "refine_from": first})
+    assert reply.json()["errors"][0]["pointer"].startswith("#/refine_from/links/")
+
+
+def test_the_command_refines_what_was_written(tmp_path, capsys, exact) -> None:
+    request, begin = tmp_path / "request.json", tmp_path / "begin.json"
+    request.write_text(json.dumps(EXAMPLE))
+    for content in (
+        {"request": EXAMPLE, "solution": changed(exact)},
+        changed(exact),
+        {"solutions": [changed(exact)]},
+    ):
+        begin.write_text(json.dumps(content))
+        assert cli.main(["synthesize", str(request), "--no-preset", "--refine-from", str(begin)]) == 0
+        out = capsys.readouterr().out
+        assert out.startswith("reached: 1 solution") and f"note: {LOCAL}" in out
+    for content, words in (('{"solutions": []}', "without solutions"), ("{", "Invalid JSON"), ("3", "refine_from")):
+        begin.write_text(content)
+        assert cli.main(["synthesize", str(request), "--refine-from", str(begin)]) == 2
+        assert words in capsys.readouterr().err
+    assert cli.main(["synthesize", str(request), "--refine-from", str(tmp_path / "none.json")]) == 2

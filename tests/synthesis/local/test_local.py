@@ -1,0 +1,241 @@
+"""A given linkage refined: back to the exact one it was moved from, never worse than it began, within the limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.fourbar.limits import FAMILIES, Limits, in_family
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.practical import practical_limits
+from synthesis.fourbar.solution import assess
+from synthesis.fourbar.within import within
+from synthesis.free.align import squared_errors
+from synthesis.free.motion import chart_of
+from synthesis.free.poses import make_poses
+from synthesis.free.rows import JointProblem
+from synthesis.function.answers import exchanged, finished, rocker_angles
+from synthesis.function.bounds import FunctionLimits
+from synthesis.function.wanted import Wanted
+from synthesis.local import poses as free
+from synthesis.local.beginning import turning_fully
+from synthesis.local.function import refine_function
+from synthesis.local.motion import refine_motion
+from synthesis.local.poses import refine_poses
+from synthesis.target import TURN, make_target
+from synthesis.work import Work
+
+TRUE = {
+    "crank_rocker": Linkage((19.0, 72.0, 144.0, 165.0), 1, 0.6, 3 + 4j, 0.4, (50.0, 0.7), 0.3),
+    "double_crank": Linkage((60.0, 75.0, 70.0, 20.0), -1, 2.0, -30 + 4j, -1.4, (40.0, -0.7), 0.3),
+    "any": Linkage((50.0, 60.0, 65.0, 100.0), 1, 0.3, 30 + 4j, 1.0, (40.0, 1.7), -0.3),
+}
+CRANK = np.linspace(0.0, 1.1, 9)
+LIMITS = (
+    Limits(),
+    Limits(transmission_angle_min=np.deg2rad(40)),
+    Limits(pivot_box=(-40.0, -40.0, 120.0, 120.0), link_min=15.0, link_max=170.0),
+    Limits(family="any", link_ratio_max=4.0, pivot_a=3 + 4j),
+)
+
+
+def moved(linkage: Linkage, size: float, random: np.random.Generator) -> Linkage:
+    """The linkage with every number moved by about a part of itself."""
+    stretch = np.exp(size * random.standard_normal(5))
+    turn, place = size * random.standard_normal(3), 50 * size * random.standard_normal(2)
+    links = tuple(float(length * by) for length, by in zip(linkage.links, stretch))
+    radius, angle = linkage.coupler_point
+    point = float(radius * stretch[4]), float(angle + turn[2])
+    at = linkage.pivot_a + complex(*place)
+    return replace(
+        linkage, links=links, start=linkage.start + turn[0], ground_angle=linkage.ground_angle + turn[1],
+        pivot_a=at, coupler_point=point,
+    )  # fmt: skip
+
+
+def motion_of(linkage: Linkage, crank=CRANK) -> dict:
+    joints = linkage.joints(crank)
+    return {"rotation": joints.rotation, "position": joints.body_point}
+
+
+@pytest.mark.parametrize("family", TRUE)
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_moved_linkage_comes_back(family: str, sense: int) -> None:
+    true = TRUE[family] if sense > 0 else TRUE[family].mirrored()
+    random = np.random.default_rng(3)
+    asked = motion_of(true, sense * CRANK)
+    for size in (1e-3, 0.02):
+        begin = moved(true, size, random)
+        target = make_target(**asked, crank_angle=sense * CRANK)
+        (found,), report = refine_motion(target, Limits(family=family), begin, 1e-10, Work())
+        assert np.allclose(found.linkage.links, true.links, rtol=1e-9) and found.errors.objective < 1e-12
+        assert report.stopped_by == "tolerance" and report.trace[-1][1] == found.errors.objective
+        for crank in (sense * CRANK, None):
+            (found,), _ = refine_poses(make_poses(**asked), Limits(family=family), begin, crank, 1e-10, Work())
+            assert found.errors.objective < 1e-10
+            assert np.allclose(found.crank, sense * CRANK, atol=1e-6)
+
+
+@pytest.mark.parametrize("part", ["rotation", "position"])
+def test_a_moved_linkage_comes_back_where_a_part_is_asked_for(part: str) -> None:
+    true = TRUE["crank_rocker"]
+    begin = moved(true, 0.01, np.random.default_rng(5))
+    target = make_target(**{part: motion_of(true)[part]}, crank_angle=CRANK)
+    for linkage in (begin, replace(begin, coupler_point=None)):
+        (found,), _ = refine_motion(target, Limits(), linkage, 1e-10, Work())
+        assert found.errors.objective < 1e-10
+
+
+def asked_and_begun(seed: int) -> tuple[dict, Limits, Linkage]:
+    """A motion that no linkage makes, limits, and a linkage somewhere."""
+    random = np.random.default_rng(seed)
+    asked = motion_of(moved(TRUE["crank_rocker"], 0.05, random))
+    asked["position"] = asked["position"] + 3 * (random.standard_normal(9) + 1j * random.standard_normal(9))
+    return asked, LIMITS[seed % len(LIMITS)], moved(TRUE["crank_rocker"], 0.3, random)
+
+
+def kept_at(target, limits: Limits, linkage: Linkage) -> list:
+    """The linkage with its errors, if it keeps the limits."""
+    return within(target, limits, assess(target, [linkage])) if linkage.joints(CRANK).closed else []
+
+
+@settings(max_examples=12)
+@given(st.integers(0, 10**6))
+def test_no_refinement_is_worse_than_its_beginning_and_each_keeps_the_limits(seed: int) -> None:
+    asked, limits, begin = asked_and_begun(seed)
+    target = make_target(**asked, crank_angle=CRANK)
+    found, report = refine_motion(target, limits, begin, 1e-10, Work())
+    assert within(target, limits, found) == found
+    if kept := kept_at(target, limits, begin):
+        assert found[0].errors.objective <= kept[0].errors.objective
+    assert not found or report.trace[-1][1] == found[0].errors.objective
+
+
+@settings(max_examples=3)
+@given(st.integers(0, 10**6))
+def test_the_same_holds_where_crank_angles_are_free(seed: int) -> None:
+    asked, limits, begin = asked_and_begun(seed)
+    target = make_target(**asked, crank_angle=CRANK)
+    found, _ = refine_poses(make_poses(**asked), limits, begin, CRANK, 1e-10, Work())
+    for one in found:
+        assert within(replace(target, crank=one.crank, found=True), limits, [one])
+        assert np.all(np.diff(one.crank) > 0) or np.all(np.diff(one.crank) < 0)
+    if kept := kept_at(target, limits, begin):
+        assert found[0].errors.objective <= kept[0].errors.objective * (1 + 1e-9)
+
+
+def test_practical_limits_are_kept_from_a_linkage_that_breaks_them() -> None:
+    asked = motion_of(TRUE["crank_rocker"])
+    for samples in (make_target(**asked, crank_angle=CRANK), make_poses(**asked)):
+        limits = Limits(**practical_limits(samples, {"link_min": 30.0}))
+        if hasattr(samples, "crank"):
+            found, _ = refine_motion(samples, limits, TRUE["crank_rocker"], 1e-10, Work())
+        else:
+            found, _ = refine_poses(samples, limits, TRUE["crank_rocker"], CRANK, 1e-10, Work())
+        assert min(found[0].linkage.links) >= 30 and found[0].transmission_angle_min >= np.deg2rad(35) - 1e-9
+
+
+def test_time_that_is_up_leaves_the_linkage_itself() -> None:
+    asked, begin = motion_of(TRUE["crank_rocker"]), moved(TRUE["crank_rocker"], 0.01, np.random.default_rng(1))
+    (found,), report = refine_motion(make_target(**asked, crank_angle=CRANK), Limits(), begin, 1e-10, Work(0.0))
+    assert found.linkage.links == begin.links and report.stopped_by == "budget"
+    (found,), report = refine_poses(make_poses(**asked), Limits(), begin, CRANK, 1e-10, Work(0.0))
+    shapes = [np.array(one.links) / one.links[3] for one in (found.linkage, begin)]
+    assert np.allclose(*shapes) and report.stopped_by == "budget", "in its best pose"
+
+
+@given(st.lists(st.floats(0.01, 10), min_size=4, max_size=4), st.sampled_from(FAMILIES[:3]))
+def test_a_linkage_is_made_to_turn_fully(lengths: list[float], family: str) -> None:
+    linkage = Linkage(tuple(lengths), 1, 0.5, 1j, 0.2, (1.0, 0.0), 0.0)
+    near = turning_fully(linkage, family)
+    assert in_family(family, np.array([near.links]))[0]
+    assert near == linkage or not in_family(family, np.array([linkage.links]))[0]
+    assert replace(near, links=linkage.links) == linkage
+
+
+def all_ways(costs: np.ndarray, closes: np.ndarray, most: int) -> float:
+    """The least sum of costs over places on a ring that go one way: every choice is tried."""
+    samples, size = costs.shape
+    best = np.inf
+    for begin, steps in product(range(size), product(range(most), repeat=samples)):
+        if list(steps) == sorted(steps) and all(closes[(begin + k) % size] for k in range(steps[-1] + 1)):
+            best = min(best, sum(costs[k, (begin + step) % size] for k, step in enumerate(steps)))
+    return best
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 10**6))
+def test_the_way_of_least_errors_is_the_best_of_all(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    costs, closes = random.random((3, 7)), random.random(7) < 0.8
+    costs = np.where(closes, costs, np.inf)
+    most = int(random.integers(1, 8))
+    begin, steps = free._one_way(costs, closes, most)
+    assert np.all(np.diff(steps) >= 0) and steps[-1] < most
+    total = sum(costs[k, (begin + step) % 7] for k, step in enumerate(steps))
+    assert total == pytest.approx(all_ways(costs, closes, most)) or not closes.any()
+
+
+def test_lengths_that_never_close_are_made_to_turn_fully() -> None:
+    asked = motion_of(TRUE["crank_rocker"])
+    open_one = replace(TRUE["crank_rocker"], links=(1.0, 1.0, 1.0, 165.0))
+    for family in ("any", "full_crank"):
+        limits = Limits(family=family)
+        assert refine_poses(make_poses(**asked), limits, open_one, None, 1e-10, Work())[0]
+        assert refine_motion(make_target(**asked, crank_angle=CRANK), limits, open_one, 1e-10, Work())[0]
+
+
+def test_errors_at_a_grid_of_crank_angles_are_those_of_the_linkage() -> None:
+    one, asked = TRUE["crank_rocker"], motion_of(TRUE["crank_rocker"])
+    poses = make_poses(**asked)
+    begun = free._begun(poses, Limits(), one, CRANK)
+    problem = JointProblem(poses, chart_of("full_crank"))
+    grid = np.linspace(0, TURN, 10)
+    own = squared_errors(problem, begun._replace(angles=grid[None]))[0]
+    joints = one.joints(grid - one.start)
+    gap = np.angle(np.exp(1j * (asked["rotation"][:, None] - joints.rotation)))
+    away = np.abs(asked["position"][:, None] - joints.body_point) / poses.length_scale
+    assert np.allclose(own * 9, gap**2 + away**2, atol=1e-12)
+
+
+@pytest.mark.parametrize("largest", [False, True])
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_function_generator_is_refined(largest: bool, sense: int) -> None:
+    true = TRUE["any"] if sense > 0 else TRUE["any"].mirrored()
+    random, crank = np.random.default_rng(7), sense * np.linspace(0, 0.9, 12)
+    output = rocker_angles([true], crank)[0]
+    wanted = Wanted(crank, output)
+    for limits in (FunctionLimits(), FunctionLimits(transmission_angle_min=0.5, link_ratio_max=8.0)):
+        begin = moved(true, 0.01, random)
+        (found,), _ = refine_function(wanted, limits, largest, begin, None, 1e-10, Work())
+        links = np.array(found.linkage.links)
+        if largest:  # between its samples the wanted curve is a spline
+            before = finished(wanted, [begin], True)[0]
+            assert found.errors.objective < 0.01 * before.errors.objective
+        else:
+            assert np.allclose(links / links[3], np.array(true.links) / true.links[3], rtol=1e-6)
+            assert found.errors.objective < 1e-10
+        lengths = np.array([exchanged(found.linkage).links])
+        assert (
+            limits.exchanged().kept_by(lengths, np.array([found.linkage.start]), wanted.interval).all() or sense < 0
+        )
+
+
+@settings(max_examples=8)
+@given(st.integers(0, 10**6))
+def test_no_refined_generator_is_worse_than_its_beginning(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    crank, begin = np.linspace(0, 0.9, 12), moved(TRUE["any"], 0.3, random)
+    wanted = Wanted(crank, np.cumsum(np.abs(random.standard_normal(12))) * 0.1)
+    largest, offset = bool(seed % 2), float(random.standard_normal())
+    limits = FunctionLimits(transmission_angle_min=0.2)
+    found, report = refine_function(wanted, limits, largest, begin, offset, 1e-10, Work())
+    if begin.transmission_angle_min(wanted.interval) >= 0.2:
+        own = finished(wanted, [begin], largest, np.array([offset]) if largest else None)[0]
+        assert found[0].errors.objective <= own.errors.objective * (1 + 1e-9)
+        assert report.trace[0][1] == pytest.approx(own.errors.objective, rel=1e-9)
