@@ -133,7 +133,7 @@ class Descent:
             if not some.any():
                 return None
             places, squared, keep = places[some], squared[some], keep[some]
-            squared = self._lowered(squared, bucket.error[places, None]) ** 2
+            squared = self._lowered(squared, gather(bucket.error, places)[:, None]) ** 2
         if self.phasors is not None:
             squared = squared + self.position_error(self.phasors, places)
             keep = squared <= limit**2
@@ -141,7 +141,7 @@ class Descent:
             squared = np.zeros((places.size, self.windows))
             keep = squared <= limit**2
         place, window = np.nonzero(keep)
-        return bucket.rows[places[place]] * self.windows + window, np.sqrt(squared[place, window])
+        return gather(bucket.rows, places[place]) * self.windows + window, np.sqrt(squared[place, window])
 
     def _lowered(self, squared: Floats, error: Floats) -> Floats:
         """Lower bound of the rms rotation error from D and the error of the series."""
@@ -220,7 +220,7 @@ class Descent:
             bound = np.sqrt(bound**2 + left[inside, place, column])
             own = bound <= limit
             group, place, column, bound = group[own], place[own], column[own], bound[own]
-        return self.bucket.rows[types[group, place]] * self.windows + window[group, column], bound
+        return gather(self.bucket.rows, types[group, place]) * self.windows + window[group, column], bound
 
     def _near(self, types: Ints, window: Ints, error: Floats, limit: float) -> tuple[Ints, Ints, Ints, Floats]:
         """Group, place and column of the windows whose D allows an error of at most ``limit``, and that D."""

@@ -9,12 +9,15 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import mmap
+import os
 import stat
 import unicodedata
 import zlib
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -165,9 +168,9 @@ def _check_inflation(dataset: h5py.Dataset) -> None:
             _refuse(AtlasFault.SCHEMA, f"{dataset.name} has a chunk that does not inflate to its size")
 
 
-def check_bytes(data: bytes) -> memoryview:
+def check_bytes(data: bytes | memoryview) -> memoryview:
     """The HDF5 image behind a header that it matches; AtlasError otherwise. Costs one SHA-256 and parses nothing."""
-    head, body = data[:HEADER_BYTES], memoryview(data)[HEADER_BYTES:]
+    head, body = bytes(data[:HEADER_BYTES]), memoryview(data)[HEADER_BYTES:]
     if len(head) < HEADER_BYTES or not head.startswith(MAGIC.encode()):
         _refuse(AtlasFault.SCHEMA, "its header is not an atlas's")
     if not head.startswith(f"{MAGIC} {SCHEMA}\n".encode()):
@@ -175,6 +178,35 @@ def check_bytes(data: bytes) -> memoryview:
     if _header(body) != head:
         _refuse(AtlasFault.CHECKSUM, f"{len(body)} bytes behind the header")
     return body
+
+
+def file_hash(path: Path, max_bytes: int | None = None) -> str:
+    """The SHA-256 in an atlas file's header, which all behind it has been compared with; nothing is parsed.
+
+    Raises
+    ------
+    AtlasError
+        Missing, larger than allowed, or not what was written.
+    """
+    with _open(path, max_bytes) as file:
+        if not os.fstat(file.fileno()).st_size:
+            _refuse(AtlasFault.SCHEMA, "its header is not an atlas's")
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data, memoryview(data) as view:
+            with check_bytes(view):
+                return view[:HEADER_BYTES].tobytes().split()[3].decode()
+
+
+def _open(path: Path, max_bytes: int | None) -> BinaryIO:
+    """A regular file of at most so many bytes, open for reading."""
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            _refuse(AtlasFault.MISSING, f"{path} is no regular file")
+        if max_bytes is not None and status.st_size > max_bytes:
+            _refuse(AtlasFault.LIMIT, f"{status.st_size} bytes, at most {max_bytes}")
+        return path.open("rb")
+    except OSError as error:
+        raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
 
 
 def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
@@ -217,7 +249,7 @@ def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
     if (found := atlas.content_hash()) != claimed:
         _refuse(AtlasFault.CONTENT, "the content hash differs")
     _check_sample(atlas, found)
-    return atlas
+    return replace(atlas, known_hash=found)
 
 
 def _check_sample(atlas: Atlas, seed: str) -> None:
@@ -243,15 +275,11 @@ def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TY
     AtlasError
         Missing, larger than allowed, damaged, foreign, or inconsistent.
     """
-    try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            _refuse(AtlasFault.MISSING, f"{path} is no regular file")
-        if max_bytes is not None and status.st_size > max_bytes:
-            _refuse(AtlasFault.LIMIT, f"{status.st_size} bytes, at most {max_bytes}")
-        data = path.read_bytes()
-    except OSError as error:
-        raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
+    with _open(path, max_bytes) as file:
+        try:
+            data = file.read()
+        except OSError as error:
+            raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
     return decode_atlas(data, max_types)
 
 

@@ -25,6 +25,7 @@ import stat
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from threading import Event, Lock
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,8 @@ from synthesis.atlas.stored import PAGE, DamagedError, File, Region, Stored, pag
 LAYOUT = 1
 """Version of how the file is laid out."""
 _MAGIC = "linkage-atlas prepared"
+_PATIENCE = 0.01
+"""Seconds between two looks at whether another process has finished."""
 
 log = logging.getLogger("linkage_atlas")
 
@@ -143,6 +146,7 @@ class Writer:
     def __init__(self, handle: int) -> None:
         self._handle = handle
         self._end = PAGE
+        self._lock = Lock()
         self._arrays: dict[str, tuple[str, tuple[int, ...], int]] = {}
 
     def new(self, name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
@@ -153,16 +157,18 @@ class Writer:
         OSError
             The disk is full.
         """
-        if name in self._arrays:
-            raise ValueError(f"there is an array {name!r}")
         kind = np.dtype(dtype).newbyteorder("<")
         count = math.prod(shape)
-        offset, self._end = self._end, self._end + _up(count * kind.itemsize)
-        self._arrays[name] = (kind.str, shape, offset)
+        with self._lock:
+            if name in self._arrays:
+                raise ValueError(f"there is an array {name!r}")
+            offset, self._end = self._end, self._end + _up(count * kind.itemsize)
+            self._arrays[name] = (kind.str, shape, offset)
+        end = offset + _up(count * kind.itemsize)
         if not count:
             return np.empty(shape, dtype=kind)
-        os.posix_fallocate(self._handle, offset, self._end - offset)  # writing to a map of a full disk would be fatal
-        pages = mmap.mmap(self._handle, self._end - offset, access=mmap.ACCESS_WRITE, offset=offset)
+        os.posix_fallocate(self._handle, offset, end - offset)  # writing to a map of a full disk would be fatal
+        pages = mmap.mmap(self._handle, end - offset, access=mmap.ACCESS_WRITE, offset=offset)
         return np.frombuffer(pages, kind, count).reshape(shape)
 
     def put(self, name: str, values: NDArray[Any]) -> None:
@@ -197,6 +203,7 @@ def make_prepared(
     path: Path,
     key: Mapping[str, Any],
     fill: Callable[[Writer], Mapping[str, Any]],
+    go_on: Callable[[], None] = lambda: None,
 ) -> Prepared:
     """The arrays of a file, written first where there is no whole one of this key.
 
@@ -210,6 +217,8 @@ def make_prepared(
         JSON values.
     fill : callable
         ``fill(writer)`` puts the arrays in and returns what is to be known about them, JSON values.
+    go_on : callable
+        Called again and again while another process writes; what it raises ends the waiting.
 
     Raises
     ------
@@ -221,7 +230,7 @@ def make_prepared(
         temporary = path.with_name(f".{path.name}.tmp")
         handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX)
+            _lock(handle, go_on)
             with contextlib.suppress(*_UNUSABLE):
                 return Prepared(path, key)  # another process has written it meanwhile
             try:
@@ -234,6 +243,15 @@ def make_prepared(
         finally:
             os.close(handle)
     return found
+
+
+def _lock(handle: int, go_on: Callable[[], None]) -> None:
+    while True:
+        with contextlib.suppress(BlockingIOError):
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        go_on()
+        Event().wait(_PATIENCE)
 
 
 def _fill(

@@ -1,0 +1,232 @@
+"""The index of an atlas file: what its scan needs, prepared once and kept in files that processes map and share.
+
+Two files of `prepared`: cells with the table itself, made when the scan is first wanted, and the series for positions beside
+it (``.positions``), made when those are first wanted. Both name the SHA-256 of the atlas file and the code that made them.
+Where they cannot be written everything is prepared in memory; where a page turns out damaged they are removed and made
+anew from the atlas file, and whatever was being answered is answered again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Callable
+from functools import cache, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from synthesis.atlas.cells import Cells, Level
+from synthesis.atlas.preparation import Key, Kind, Preparation, Progress, all_cells, all_phasors
+from synthesis.atlas.prepared import Prepared, Writer, log, make_prepared, open_prepared
+from synthesis.atlas.series import COLUMNS, PHASOR_COLUMNS, Bucket, New, Phasors
+from synthesis.atlas.stored import DamagedError
+from synthesis.atlas.table import COLUMNS as TABLE_COLUMNS
+from synthesis.atlas.table import Atlas, AtlasRule, Table
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule
+from synthesis.mechanism import Mechanism
+from synthesis.work import Work
+
+_POSITIONS = ".positions"
+
+
+class _OutOfTime(Exception):
+    """A request's time was up before the series for positions were there."""
+
+
+@cache
+def code_version() -> dict[str, str]:
+    """What computes the arrays: the package's version, and a digest of the code beneath them."""
+    here = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted([*here.glob("*.py"), *here.parent.glob("fourbar/[km]*.py")]):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return {"linkage-atlas": version("linkage-atlas"), "numpy": np.__version__, "code": digest.hexdigest()}
+
+
+class Index:
+    """The files of one table.
+
+    Parameters
+    ----------
+    place : Path
+        Of the first file; the one for positions lies beside it.
+    source : str
+        What the table comes from: the SHA-256 of the atlas file.
+    mechanism : Mechanism
+    load : callable
+        The table itself, where it is needed to make the files.
+    kind : Kind
+    progress : callable
+        ``progress(done, total)`` while cells are made.
+    """
+
+    def __init__(
+        self,
+        place: Path,
+        source: str,
+        mechanism: Mechanism,
+        load: Callable[[], Table],
+        kind: Kind,
+        progress: Progress = lambda done, total: None,
+    ) -> None:
+        self.place, self.kind, self.load, self.progress = place, kind, load, progress
+        self._mechanism = mechanism
+        self._key = {"atlas": source, "body": type(mechanism).__name__, "series": list(kind), **code_version()}
+        self._files: list[Prepared] = []
+
+    @property
+    def _positions(self) -> Path:
+        return self.place.with_name(self.place.name + _POSITIONS)
+
+    def open(self) -> tuple[Table, list[Cells]] | None:
+        """The table and its cells, mapped; None where there is no index of this table."""
+        file = open_prepared(self.place, self._key)
+        return None if file is None else self._opened(file)
+
+    def _opened(self, file: Prepared) -> tuple[Table, list[Cells]]:
+        self._files.append(file)
+        return self._table_of(file), _cells_of(file)
+
+    def make(self, table: Table, threads: int = 1) -> tuple[Table, list[Cells]]:
+        """The same, made first; in memory where the files cannot be written."""
+
+        def fill(writer: Writer) -> dict[str, Any]:
+            for name in TABLE_COLUMNS:
+                writer.put(f"table.{name}", np.asarray(getattr(table, name)))
+            made = all_cells(table, self.kind, threads, _namer(writer), self.place.parent, self.progress)
+            buckets = [(one.bucket.winding, one.bucket.harmonics, len(one.levels)) for one in made]
+            return {"buckets": buckets, **_about(table)}
+
+        try:
+            return self._opened(make_prepared(self.place, self._key, fill))
+        except OSError as error:
+            log.warning("no index is written, everything is prepared in memory: %s", error)
+            return table, list(all_cells(table, self.kind, threads, progress=self.progress))
+
+    def positions(self, table: Table, cells: list[Cells], threads: int, work: Work) -> list[Phasors]:
+        """The series for positions, mapped; none where the work's time ran out."""
+
+        def go_on() -> None:
+            if work.expired():
+                raise _OutOfTime
+
+        def fill(writer: Writer) -> dict[str, Any]:
+            made = all_phasors(table, cells, threads, work, _namer(writer))
+            if len(made) < len(cells):
+                raise _OutOfTime
+            return {"reach": [phasors.reach for phasors in made]}
+
+        if not self._files:  # the cells are in memory
+            return all_phasors(table, cells, threads, work)
+        try:
+            file = make_prepared(self._positions, self._key, fill, go_on)
+        except _OutOfTime:
+            return []
+        except OSError as error:
+            log.warning("series for positions are prepared in memory: %s", error)
+            return all_phasors(table, cells, threads, work)
+        self._files.append(file)
+        return [
+            Phasors(reach, **{name: file.arrays[f"{_bucket_name(one.bucket)}.{name}"] for name in PHASOR_COLUMNS})
+            for one, reach in zip(cells, file.about["reach"])
+        ]
+
+    def drop(self) -> None:
+        """Remove the files that are open."""
+        for file in self._files:
+            file.drop()
+        self._files.clear()
+
+    def _table_of(self, file: Prepared) -> Table:
+        columns: dict[str, Any] = {name: file.arrays[f"table.{name}"] for name in TABLE_COLUMNS}
+        if "rule" not in file.about:
+            return Table(mechanism=self._mechanism, **columns)
+        rule = file.about["rule"]
+        types = TypeRule(rule["perimeter"], rule["smallest"], OrderRule(rule["order"]))
+        known = {name: file.about[name] for name in ("generator", "schema", "known_hash")}
+        return Atlas(rule=AtlasRule(types, rule["samples"]), **known, **columns)
+
+
+def _about(table: Table) -> dict[str, Any]:
+    """What there is to know of a table beside its arrays."""
+    if not isinstance(table, Atlas):
+        return {}
+    return {
+        "rule": table.rule.as_json(),
+        "generator": table.generator,
+        "schema": table.schema,
+        "known_hash": table.content_hash(),
+    }
+
+
+def _bucket_name(bucket: Bucket) -> str:
+    return f"{bucket.winding}.{bucket.harmonics}"
+
+
+def _namer(writer: Writer) -> Callable[[Key], New]:
+    """Where the arrays of a bucket lie in a file."""
+
+    def new_of(key: Key) -> New:
+        return lambda name, dtype, shape: writer.new(f"{key[0]}.{key[1]}.{name}", dtype, shape)
+
+    return new_of
+
+
+def _cells_of(file: Prepared) -> list[Cells]:
+    """The cells of a file."""
+    found = []
+    for winding, harmonics, levels in file.about["buckets"]:
+        bucket = partial(_bucket_of, file, winding, harmonics)
+        own = partial("{}.{}.level{}.{}".format, winding, harmonics)
+        coarse_to_fine = [
+            Level(bucket(f"level{k}."), file.arrays[own(k, "bounds")], file.arrays[own(k, "largest")])
+            for k in reversed(range(levels))
+        ]
+        found.append(Cells(bucket(), file.arrays[f"{winding}.{harmonics}.first"], coarse_to_fine))
+    return found
+
+
+def _bucket_of(file: Prepared, winding: int, harmonics: int, prefix: str = "") -> Bucket:
+    columns: dict[str, Any] = {name: file.arrays[f"{winding}.{harmonics}.{prefix}{name}"] for name in COLUMNS}
+    return Bucket(winding=winding, harmonics=harmonics, **columns)
+
+
+class IndexedPreparation(Preparation):
+    """Cells and position series in the files of an index.
+
+    Parameters
+    ----------
+    index : Index
+    threads : int
+        Threads of the preparation.
+    table : Table, optional
+        Where it is at hand, and the index may have to be made.
+
+    Raises
+    ------
+    AtlasError
+        Of ``index.load``.
+    """
+
+    def __init__(self, index: Index, threads: int = 1, table: Table | None = None) -> None:
+        self.index = index
+        self.kind, self.threads = index.kind, threads
+        self.phasors = []
+        self._lock = threading.Lock()
+        self.table, self.cells = index.open() or index.make(table or index.load(), threads)
+
+    def _positions(self, work: Work) -> list[Phasors]:
+        return self.index.positions(self.table, self.cells, self.threads, work)
+
+    def renew(self, seen: list[Cells], damage: DamagedError) -> None:
+        """Make the files anew from the atlas, unless that has been done since ``seen`` were the cells."""
+        with self._lock:
+            if self.cells is not seen:
+                return
+            log.warning("the index is made anew: %s", damage)
+            self.index.drop()
+            self.table, self.cells = self.index.make(self.index.load(), self.threads)
+            self.phasors = []
