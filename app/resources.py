@@ -14,6 +14,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
+from app.cache import open_atlas
 from app.settings import Settings
 
 
@@ -40,7 +41,7 @@ class ServiceResources:
             raise la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
         place = self._find_atlas(self.settings)
         begin = time.perf_counter()
-        atlas = la.load_atlas(place, self.settings.atlas_max_bytes, self.settings.atlas_max_types)
+        atlas = open_atlas(place, self.settings)
         # Prepared by all cores; a scan is of one request among several, and its budget is one of processor time too.
         atlas.prepare(positions=False, threads=1)
         self.load_seconds = time.perf_counter() - begin

@@ -28,6 +28,11 @@ class Settings(BaseSettings):
         gt=0,
         description="Most dimension types of an atlas that is loaded (a scan takes about 2.2 kB a type).",
     )
+    index: bool = Field(
+        True,
+        description="Whether what the scan needs is kept in files beside the atlas (or in the user's cache folder), which later "
+        "starts and other processes map instead of computing it (about 3.1 kB a type of the default atlas).",
+    )
     prepare_positions: bool = Field(
         True,
         description="Whether a background thread makes the series that only atlas requests with positions need (about "

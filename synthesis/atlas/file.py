@@ -9,8 +9,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import mmap
-import os
 import stat
 import unicodedata
 import zlib
@@ -56,8 +54,8 @@ _CURVE = (
 )
 
 
-def _header(body: bytes | memoryview) -> bytes:
-    text = f"{MAGIC} {SCHEMA}\nsha256 {hashlib.sha256(body).hexdigest()}\nbytes {len(body)}\n"
+def _header(sha256: str, size: int) -> bytes:
+    text = f"{MAGIC} {SCHEMA}\nsha256 {sha256}\nbytes {size}\n"
     return text.encode().ljust(HEADER_BYTES - 1, b" ") + b"\n"
 
 
@@ -88,7 +86,7 @@ def encode_atlas(atlas: Atlas) -> bytes:
             dataset.attrs["units"] = _UNITS[name]
         file.flush()
         body = file.id.get_file_image()
-    return _header(body) + body
+    return _header(hashlib.sha256(body).hexdigest(), len(body)) + body
 
 
 def _refuse(fault: AtlasFault, detail: str) -> None:
@@ -168,16 +166,20 @@ def _check_inflation(dataset: h5py.Dataset) -> None:
             _refuse(AtlasFault.SCHEMA, f"{dataset.name} has a chunk that does not inflate to its size")
 
 
-def check_bytes(data: bytes | memoryview) -> memoryview:
+def check_bytes(data: bytes) -> memoryview:
     """The HDF5 image behind a header that it matches; AtlasError otherwise. Costs one SHA-256 and parses nothing."""
-    head, body = bytes(data[:HEADER_BYTES]), memoryview(data)[HEADER_BYTES:]
+    body = memoryview(data)[HEADER_BYTES:]
+    _check_header(data[:HEADER_BYTES], hashlib.sha256(body).hexdigest(), len(body))
+    return body
+
+
+def _check_header(head: bytes, sha256: str, size: int) -> None:
     if len(head) < HEADER_BYTES or not head.startswith(MAGIC.encode()):
         _refuse(AtlasFault.SCHEMA, "its header is not an atlas's")
     if not head.startswith(f"{MAGIC} {SCHEMA}\n".encode()):
         _refuse(AtlasFault.SCHEMA, f"its header names another schema than {SCHEMA}")
-    if _header(body) != head:
-        _refuse(AtlasFault.CHECKSUM, f"{len(body)} bytes behind the header")
-    return body
+    if _header(sha256, size) != head:
+        _refuse(AtlasFault.CHECKSUM, f"{size} bytes behind the header")
 
 
 def file_hash(path: Path, max_bytes: int | None = None) -> str:
@@ -189,11 +191,13 @@ def file_hash(path: Path, max_bytes: int | None = None) -> str:
         Missing, larger than allowed, or not what was written.
     """
     with _open(path, max_bytes) as file:
-        if not os.fstat(file.fileno()).st_size:
-            _refuse(AtlasFault.SCHEMA, "its header is not an atlas's")
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data, memoryview(data) as view:
-            with check_bytes(view):
-                return view[:HEADER_BYTES].tobytes().split()[3].decode()
+        try:
+            head = file.read(HEADER_BYTES)
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]  # it has readinto
+            _check_header(head, sha256, file.tell() - len(head))
+        except OSError as error:
+            raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
+    return sha256
 
 
 def _open(path: Path, max_bytes: int | None) -> BinaryIO:
@@ -267,8 +271,10 @@ def _check_sample(atlas: Atlas, seed: str) -> None:
             _refuse(AtlasFault.CONTENT, f"{name} is not what the lengths give")
 
 
-def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TYPES) -> Atlas:
-    """The verified atlas of a file; nothing of the file stays open.
+def load_atlas(
+    path: Path, max_bytes: int | None = None, max_types: int = MAX_TYPES, sha256: str | None = None
+) -> Atlas:
+    """The verified atlas of a file, of the one whose header says ``sha256`` if that is given; nothing of it stays open.
 
     Raises
     ------
@@ -280,6 +286,8 @@ def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TY
             data = file.read()
         except OSError as error:
             raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
+    if sha256 is not None and f"sha256 {sha256}\n".encode() not in data[:HEADER_BYTES]:
+        _refuse(AtlasFault.CHECKSUM, "it has been replaced meanwhile")
     return decode_atlas(data, max_types)
 
 

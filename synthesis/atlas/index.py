@@ -74,24 +74,38 @@ class Index:
     ) -> None:
         self.place, self.kind, self.load, self.progress = place, kind, load, progress
         self._mechanism = mechanism
-        self._key = {"atlas": source, "body": type(mechanism).__name__, "series": list(kind), **code_version()}
+        self._key: dict[str, Any] = {
+            "atlas": source,
+            "body": type(mechanism).__name__,
+            "series": list(kind),
+            **code_version(),
+        }
         self._files: list[Prepared] = []
 
     @property
     def _positions(self) -> Path:
         return self.place.with_name(self.place.name + _POSITIONS)
 
-    def open(self) -> tuple[Table, list[Cells]] | None:
-        """The table and its cells, mapped; None where there is no index of this table."""
-        file = open_prepared(self.place, self._key)
-        return None if file is None else self._opened(file)
+    def beside(self, name: str, mechanism: Mechanism, load: Callable[[], Table]) -> Index:
+        """Of another table from the same source, in a file beside this one."""
+        place = self.place.with_name(f"{self.place.name}.{name}")
+        return Index(place, self._key["atlas"], mechanism, load, self.kind)
 
-    def _opened(self, file: Prepared) -> tuple[Table, list[Cells]]:
+    def opened(self, threads: int) -> IndexedPreparation | None:
+        """Of the files that are there; None where there are none of this table."""
+        file = open_prepared(self.place, self._key)
+        return None if file is None else IndexedPreparation(self, *self._mapped(file), threads)
+
+    def _mapped(self, file: Prepared) -> tuple[Table, list[Cells]]:
         self._files.append(file)
         return self._table_of(file), _cells_of(file)
 
+    def prepared(self, table: Table, threads: int) -> IndexedPreparation:
+        """Of the files, which are made first where there are none of this table."""
+        return IndexedPreparation(self, *self.make(table, threads), threads)
+
     def make(self, table: Table, threads: int = 1) -> tuple[Table, list[Cells]]:
-        """The same, made first; in memory where the files cannot be written."""
+        """The table and its cells, mapped; made first where there is no file of them, in memory where none can be written."""
 
         def fill(writer: Writer) -> dict[str, Any]:
             for name in TABLE_COLUMNS:
@@ -101,7 +115,7 @@ class Index:
             return {"buckets": buckets, **_about(table)}
 
         try:
-            return self._opened(make_prepared(self.place, self._key, fill))
+            return self._mapped(make_prepared(self.place, self._key, fill))
         except OSError as error:
             log.warning("no index is written, everything is prepared in memory: %s", error)
             return table, list(all_cells(table, self.kind, threads, progress=self.progress))
@@ -133,6 +147,11 @@ class Index:
             Phasors(reach, **{name: file.arrays[f"{_bucket_name(one.bucket)}.{name}"] for name in PHASOR_COLUMNS})
             for one, reach in zip(cells, file.about["reach"])
         ]
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files that are open; none where everything is in memory."""
+        return [file.path for file in self._files]
 
     def drop(self) -> None:
         """Remove the files that are open."""
@@ -200,23 +219,18 @@ class IndexedPreparation(Preparation):
     Parameters
     ----------
     index : Index
+    table, cells : Table, list of Cells
+        As the index opened or made them.
     threads : int
         Threads of the preparation.
-    table : Table, optional
-        Where it is at hand, and the index may have to be made.
-
-    Raises
-    ------
-    AtlasError
-        Of ``index.load``.
     """
 
-    def __init__(self, index: Index, threads: int = 1, table: Table | None = None) -> None:
+    def __init__(self, index: Index, table: Table, cells: list[Cells], threads: int = 1) -> None:
         self.index = index
         self.kind, self.threads = index.kind, threads
         self.phasors = []
         self._lock = threading.Lock()
-        self.table, self.cells = index.open() or index.make(table or index.load(), threads)
+        self.table, self.cells = table, cells
 
     def _positions(self, work: Work) -> list[Phasors]:
         return self.index.positions(self.table, self.cells, self.threads, work)

@@ -225,7 +225,9 @@ def make_prepared(
     OSError
         The place cannot be written, or the disk is full; ``path`` is as it was.
     """
-    found = open_prepared(path, key)
+    with contextlib.suppress(*_UNUSABLE):
+        return Prepared(path, key)
+    found = None
     while found is None:
         temporary = path.with_name(f".{path.name}.tmp")
         handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)

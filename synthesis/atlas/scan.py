@@ -56,6 +56,8 @@ STARTS = 360
 """Starts of a window: every whole degree."""
 HARMONICS = (5, 8, 12, 16, 24, 32, 64)
 SERIES_ERROR = 3e-7
+KIND = Kind(SERIES_ERROR, HARMONICS)
+"""Series of a scan unless others are asked for."""
 _LARGEST_WAVE = 16
 """Blocks between two looks at the limit: the same on every machine, or reports would differ. Of each, all windows may be left."""
 _FIRST_COUNT = 4096
@@ -118,7 +120,7 @@ class Scan:
 
     def lengths_of(self, rows: Ints) -> Floats:
         """Lengths of some types, (n, d)."""
-        found: Floats = self._intact(lambda: gather(self.prepared.table.lengths, rows)).astype(np.float64)
+        found: Floats = self.intact(lambda: gather(self.prepared.table.lengths, rows)).astype(np.float64)
         return found
 
     def has_family(self, family: str) -> bool:
@@ -142,9 +144,9 @@ class Scan:
 
     def prepare_positions(self, work: Work) -> bool:
         """Make the series that requests with positions need, see `Preparation.prepare_positions`."""
-        return self._intact(lambda: self.prepared.prepare_positions(work))
+        return self.intact(lambda: self.prepared.prepare_positions(work))
 
-    def _intact(self, answer: Callable[[], Answer]) -> Answer:
+    def intact(self, answer: Callable[[], Answer]) -> Answer:
         """An answer that no damaged page of an index had a part in."""
         while True:
             seen = self.prepared.cells
@@ -259,7 +261,7 @@ class Scan:
             for part in self._requested(target, Work()):
                 table[np.asarray(part.cells.bucket.rows)] = part.squared(slice(None))
 
-        self._intact(fill)
+        self.intact(fill)
         np.maximum(table, 0.0, out=table)
         return table.reshape(-1, 2, self.starts)
 
@@ -301,7 +303,7 @@ class Scan:
         """
         work = work or Work()
         evaluate = exact or (lambda windows: self.errors(target, windows))
-        return self._intact(lambda: self._best(target, top, evaluate, max_windows, work, enough))
+        return self.intact(lambda: self._best(target, top, evaluate, max_windows, work, enough))
 
     def _best(
         self,

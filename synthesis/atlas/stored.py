@@ -22,6 +22,8 @@ Ints = NDArray[np.int64]
 PAGE = 4096
 """Bytes of a page: arrays begin at one, and each has its checksum."""
 _READ_AT_ONCE = 1 << 20
+_TOGETHER = 16
+"""Pages that are checked together when single rows are asked for: their neighbours will be, too."""
 _SMALL = 64
 """An array of at most so many pages is checked whole when it is first asked for something."""
 
@@ -95,7 +97,9 @@ class Region:
             last = np.minimum(first[:, None] + np.arange(1, row_bytes // PAGE + 2), last[:, None]).ravel()
         missing = [pages[~self.checked[pages]] for pages in (first, last)]
         if any(pages.size for pages in missing):
-            self.check(np.unique(np.concatenate(missing)))
+            together = np.unique(np.concatenate(missing) // _TOGETHER)
+            pages = (together[:, None] * _TOGETHER + np.arange(_TOGETHER)).ravel()
+            self.check(pages[pages < len(self.sums)])
 
 
 class Stored:

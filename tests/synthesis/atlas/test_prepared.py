@@ -153,6 +153,7 @@ def test_a_file_cut_off_while_it_is_open_is_an_error_and_no_bus_error(path, writ
 @pytest.mark.parametrize("size", [0, 1, PAGE - 1, PAGE, 5 * PAGE, -1, 7])
 def test_a_file_of_another_size_is_written_again(path, written, size, caplog) -> None:
     path.write_bytes(written[:size] if size < 7 or size >= PAGE - 1 else written + b"\0" * size)
+    assert open_prepared(path, KEY) is None
     assert equal(read_all(make_prepared(path, KEY, fill)))
     assert path.read_bytes() == written and len(caplog.records) == 1
 
