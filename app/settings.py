@@ -26,7 +26,7 @@ class Settings(BaseSettings):
     atlas_max_types: int = Field(
         1_500_000,
         gt=0,
-        description="Most dimension types of an atlas that is loaded (a scan takes about 2.2 kB a type).",
+        description="Most dimension types of an atlas that is loaded (without an index a scan takes about 2.2 kB a type).",
     )
     index: bool = Field(
         True,
