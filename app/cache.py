@@ -47,9 +47,9 @@ def find_atlas(settings: Settings) -> Path:
 
 
 def index_of(atlas: Path) -> Path:
-    """The file of an atlas's index: beside it, or in the user's cache folder where nothing can be written beside it."""
+    """The file of an atlas's index: beside it, or in the user's cache folder where there is none and none can be written."""
     beside = atlas.with_name(atlas.name + ".index")
-    if os.access(beside.parent, os.W_OK):
+    if beside.exists() or os.access(beside.parent, os.W_OK):
         return beside
     name = hashlib.sha256(os.fsencode(atlas.resolve())).hexdigest()[:16]
     return _folder() / f"{atlas.name}-{name}.index"
