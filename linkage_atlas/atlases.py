@@ -95,7 +95,7 @@ class Atlas:
 
     def _rockers(self) -> table.Table:
         stored = self.stored
-        return table.make_table(ROCKER, np.asarray(stored.lengths, dtype=float), stored.samples)
+        return table.make_table(ROCKER, self.scan.lengths, stored.samples)
 
     def prepare(self, positions: bool = True, work: Work | None = None, threads: int | None = None) -> None:
         """Prepare the scan now, also for requests with positions, as far as the work's time allows.

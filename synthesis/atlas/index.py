@@ -30,6 +30,8 @@ from synthesis.mechanism import Mechanism
 from synthesis.work import Work
 
 _POSITIONS = ".positions"
+_MOST_RENEWED = 3
+"""Times that a process makes an index anew: a disk that damages every file is not waited for."""
 
 
 class _OutOfTime(Exception):
@@ -118,7 +120,11 @@ class Index:
             return self._mapped(make_prepared(self.place, self._key, fill))
         except OSError as error:
             log.warning("no index is written, everything is prepared in memory: %s", error)
-            return table, list(all_cells(table, self.kind, threads, progress=self.progress))
+            return self.make_in_memory(table, threads)
+
+    def make_in_memory(self, table: Table, threads: int = 1) -> tuple[Table, list[Cells]]:
+        """The table and its cells without files."""
+        return table, list(all_cells(table, self.kind, threads, progress=self.progress))
 
     def positions(self, table: Table, cells: list[Cells], threads: int, work: Work) -> list[Phasors]:
         """The series for positions, mapped; none where the work's time ran out."""
@@ -231,6 +237,7 @@ class IndexedPreparation(Preparation):
         self.phasors = []
         self._lock = threading.Lock()
         self.table, self.cells = table, cells
+        self._renewed = 0
 
     def _positions(self, work: Work) -> list[Phasors]:
         return self.index.positions(self.table, self.cells, self.threads, work)
@@ -240,7 +247,13 @@ class IndexedPreparation(Preparation):
         with self._lock:
             if self.cells is not seen:
                 return
-            log.warning("the index is made anew: %s", damage)
+            self._renewed += 1
             self.index.drop()
-            self.table, self.cells = self.index.make(self.index.load(), self.threads)
+            table = self.index.load()
+            if self._renewed <= _MOST_RENEWED:
+                log.warning("the index is made anew: %s", damage)
+                self.table, self.cells = self.index.make(table, self.threads)
+            else:
+                log.warning("the index is damaged again and again, everything is prepared in memory: %s", damage)
+                self.table, self.cells = self.index.make_in_memory(table, self.threads)
             self.phasors = []

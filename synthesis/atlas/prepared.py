@@ -36,6 +36,7 @@ from synthesis.atlas.stored import PAGE, DamagedError, File, Region, Stored, pag
 LAYOUT = 1
 """Version of how the file is laid out."""
 _MAGIC = "linkage-atlas prepared"
+_ZEROS = bytes(1 << 20)
 _PATIENCE = 0.01
 """Seconds between two looks at whether another process has finished."""
 
@@ -167,7 +168,7 @@ class Writer:
         end = offset + _up(count * kind.itemsize)
         if not count:
             return np.empty(shape, dtype=kind)
-        os.posix_fallocate(self._handle, offset, end - offset)  # writing to a map of a full disk would be fatal
+        _reserve(self._handle, offset, end - offset)
         pages = mmap.mmap(self._handle, end - offset, access=mmap.ACCESS_WRITE, offset=offset)
         return np.frombuffer(pages, kind, count).reshape(shape)
 
@@ -190,6 +191,15 @@ class Writer:
             end += len(text)
         head = json.dumps({"bytes": end, "directory": places[0], "sums": places[1]})
         _write(self._handle, _sealed(f"{_MAGIC} {LAYOUT}\n{head}"), 0)
+
+
+def _reserve(handle: int, offset: int, nbytes: int) -> None:
+    """Have a part of a file on the disk: writing to the map of a part that finds no place there would end the process."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(handle, offset, nbytes)
+        return
+    for first in range(offset, offset + nbytes, len(_ZEROS)):
+        _write(handle, _ZEROS[: offset + nbytes - first], first)
 
 
 def _write(handle: int, data: bytes, offset: int) -> None:

@@ -116,7 +116,7 @@ class Scan:
     @property
     def lengths(self) -> Floats:
         """Lengths of all types, (types, d)."""
-        return np.asarray(self.prepared.table.lengths, dtype=np.float64)
+        return self.intact(lambda: np.asarray(self.prepared.table.lengths, dtype=np.float64))
 
     def lengths_of(self, rows: Ints) -> Floats:
         """Lengths of some types, (n, d)."""
