@@ -1,8 +1,8 @@
 """What the index of an atlas costs and saves: ``python -m benchmarks.index --atlases atlas.h5 [wide.h5 ...]``.
 
 For every atlas: `linkage-atlas index` by itself; then the service with the index, a second one beside it, and one without.
-Each is a process of its own. Processor time, so that a busy machine tells the same; memory as Linux counts it: what a process has for
-itself (unique), and what it has mapped too (resident).
+Each is a process of its own. Processor time, so that a busy machine tells the same; memory as Linux counts it: what a
+process has for itself (unique), and what it has mapped too (resident).
 """
 
 from __future__ import annotations
