@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 import yaml
 
-import linkage_atlas
 from app.cli import main, make_parser
 from app.main import create_app
 from app.openapi import description
