@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +23,7 @@ from synthesis.atlas.preparation import Key, Kind, Preparation, Progress, all_ce
 from synthesis.atlas.prepared import Prepared, Writer, log, make_prepared, open_prepared
 from synthesis.atlas.series import COLUMNS, PHASOR_COLUMNS, Bucket, New, Phasors
 from synthesis.atlas.stored import DamagedError
+from synthesis.atlas.storeys import STOREYS, Arrays, StoreyIndex, build_storey
 from synthesis.atlas.table import COLUMNS as TABLE_COLUMNS
 from synthesis.atlas.table import Atlas, AtlasRule, Table
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -30,6 +31,7 @@ from synthesis.mechanism import Mechanism
 from synthesis.work import Work
 
 _POSITIONS = ".positions"
+_SPANS = ".spans"
 _MOST_RENEWED = 3
 """Times that a process makes an index anew: a disk that damages every file is not waited for."""
 
@@ -87,6 +89,10 @@ class Index:
     @property
     def _positions(self) -> Path:
         return self.place.with_name(self.place.name + _POSITIONS)
+
+    @property
+    def _spans(self) -> Path:
+        return self.place.with_name(self.place.name + _SPANS)
 
     def beside(self, name: str, mechanism: Mechanism, load: Callable[[], Table]) -> Index:
         """Of another table from the same source, in a file beside this one."""
@@ -158,6 +164,47 @@ class Index:
     def paths(self) -> list[Path]:
         """The files that are open; none where everything is in memory."""
         return [file.path for file in self._files]
+
+    def short_spans(self, cells: list[Cells], work: Work) -> list[StoreyIndex]:
+        """The index of windows of short spans, mapped, see `storeys`; OutOfTime where the work's time runs out."""
+        buckets = [one.bucket for one in cells]
+
+        def made() -> Iterator[Arrays]:
+            return (build_storey(storey, buckets, work.go_on) for storey in STOREYS)
+
+        def fill(writer: Writer) -> dict[str, Any]:
+            for number, arrays in enumerate(made()):
+                for name, values in arrays.items():
+                    writer.put(f"{number}.{name}", values)
+            return {}
+
+        if self._files:  # else the cells are in memory
+            try:
+                return self._spans_of(make_prepared(self._spans, self._key, fill, work.go_on))
+            except OSError as error:
+                log.warning("the index of short spans is made in memory: %s", error)
+        return [StoreyIndex(storey, arrays) for storey, arrays in zip(STOREYS, made())]
+
+    def known_short_spans(self) -> list[StoreyIndex]:
+        """The same where it has been made before, and none otherwise."""
+        file = open_prepared(self._spans, self._key) if self._files else None
+        if file is None:
+            return []
+        try:
+            return self._spans_of(file)
+        except DamagedError as damage:
+            log.warning("the index of short spans is left alone: %s", damage)
+            self._files.remove(file)
+            file.drop()
+            return []
+
+    def _spans_of(self, file: Prepared) -> list[StoreyIndex]:
+        self._files.append(file)
+        parts = [(name.partition("."), values) for name, values in file.arrays.items()]
+        return [
+            StoreyIndex(storey, {name: values for (number, _, name), values in parts if number == str(k)})
+            for k, storey in enumerate(STOREYS)
+        ]
 
     def drop(self) -> None:
         """Remove the files that are open."""
@@ -235,12 +282,16 @@ class IndexedPreparation(Preparation):
         self.index = index
         self.kind, self.threads = index.kind, threads
         self.phasors = []
-        self._lock = threading.Lock()
+        self._lock, self._storeys_lock = threading.Lock(), threading.Lock()
         self.table, self.cells = table, cells
         self._renewed = 0
+        self.storeys = index.known_short_spans()
 
     def _positions(self, work: Work) -> list[Phasors]:
         return self.index.positions(self.table, self.cells, self.threads, work)
+
+    def _short_spans(self, work: Work) -> list[StoreyIndex]:
+        return self.index.short_spans(self.cells, work)
 
     def renew(self, seen: list[Cells], damage: DamagedError) -> None:
         """Make the files anew from the atlas, unless that has been done since ``seen`` were the cells."""
@@ -256,4 +307,4 @@ class IndexedPreparation(Preparation):
             else:
                 log.warning("the index is damaged again and again, everything is prepared in memory: %s", damage)
                 self.table, self.cells = self.index.make_in_memory(table, self.threads)
-            self.phasors = []
+            self.phasors, self.storeys = [], []

@@ -28,6 +28,7 @@ from synthesis.atlas.series import (
     prepare_phasors,
 )
 from synthesis.atlas.stored import DamagedError
+from synthesis.atlas.storeys import STOREYS, StoreyIndex, build_storey
 from synthesis.atlas.table import Table
 from synthesis.work import Work
 
@@ -63,7 +64,8 @@ class Preparation:
         self.kind = kind
         self.threads = threads
         self.phasors: list[Phasors] = []
-        self._lock = Lock()
+        self.storeys: list[StoreyIndex] = []
+        self._lock, self._storeys_lock = Lock(), Lock()
         self.table, self.cells = self._prepared(table)
 
     def _prepared(self, table: Table) -> tuple[Table, list[Cells]]:
@@ -76,7 +78,8 @@ class Preparation:
         arrays = [value for cells in self.cells for value in vars(cells.bucket).values()]
         arrays += [value for phasors in self.phasors for value in vars(phasors).values()]
         own = sum(value.nbytes for value in arrays if hasattr(value, "nbytes"))
-        return len(self.table) * 32 + own + sum(cells.nbytes for cells in self.cells)
+        own += sum(cells.nbytes for cells in self.cells) + sum(index.nbytes for index in self.storeys)
+        return len(self.table) * 32 + own
 
     def prepare_positions(self, work: Work) -> bool:
         """Make the series that requests with positions need; done by the first of them otherwise.
@@ -101,6 +104,21 @@ class Preparation:
     def _positions(self, work: Work) -> list[Phasors]:
         """The series for positions of all buckets; none where the time ran out."""
         return all_phasors(self.table, self.cells, self.threads, work)
+
+    def prepare_short_spans(self, work: Work) -> None:
+        """Make the index of windows that answers short spans sooner; without it the cells answer them.
+
+        Raises
+        ------
+        OutOfTime
+        """
+        with self._storeys_lock:
+            if not self.storeys:
+                self.storeys = self._short_spans(work)
+
+    def _short_spans(self, work: Work) -> list[StoreyIndex]:
+        buckets = [cells.bucket for cells in self.cells]
+        return [StoreyIndex(storey, build_storey(storey, buckets, work.go_on)) for storey in STOREYS]
 
     def renew(self, seen: list[Cells], damage: DamagedError) -> None:
         """Prepare everything anew after damage to the cells that were ``seen``, unless that has been done since."""

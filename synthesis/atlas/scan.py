@@ -28,7 +28,7 @@ off by at most e |p| / (|q| - e). e is the file's ``curve_error`` plus the coeff
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -36,14 +36,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.cells import Arcs
-from synthesis.atlas.descent import Batch, Descent
-from synthesis.atlas.leaders import FIRST_BATCH, NOWHERE, Leaders, Numbering, Place, lowest
+from synthesis.atlas.descent import Descent, bounds_of, lowest_bounds
+from synthesis.atlas.leaders import FIRST_BATCH, Leaders, Numbering, lowest
 from synthesis.atlas.matrices import Matrices
 from synthesis.atlas.preparation import Kind, Preparation
 from synthesis.atlas.series import gather
+from synthesis.atlas.short_spans import LEAST_SPAN, ShortSpan
 from synthesis.atlas.stored import DamagedError
 from synthesis.atlas.table import Table
-from synthesis.atlas.windows import NO_WINDOWS, TIE, ScanReport, Windows, best_of, each_once
+from synthesis.atlas.windows import TIE, ScanReport, Windows, best_of, each_once
 from synthesis.pose import objective
 from synthesis.target import TURN, Target
 from synthesis.work import Work
@@ -58,15 +59,11 @@ HARMONICS = (5, 8, 12, 16, 24, 32, 64)
 SERIES_ERROR = 3e-7
 KIND = Kind(SERIES_ERROR, HARMONICS)
 """Series of a scan unless others are asked for."""
-_LARGEST_WAVE = 16
-"""Blocks between two looks at the limit: the same on every machine, or reports would differ. Of each, all windows may be left."""
 _FIRST_COUNT = 4096
 _COUNT_BELOW = 1 << 17
 """Windows held where a ceiling is known: all below it are wanted, and a second pass would find the same ones first."""
 _MOST_HELD = 1 << 18
-"""Most windows that are held to be evaluated in the order of their bounds; while more of them are found, four times as many
-(twelve bytes each, and as much again to sort them)."""
-_HELD = 4
+"""Most windows that are held to be evaluated in the order of their bounds."""
 _PROBED = 64
 _AT_ONCE = 1 << 16
 _EXACT_SAMPLES = 1 << 17
@@ -146,6 +143,10 @@ class Scan:
         """Make the series that requests with positions need, see `Preparation.prepare_positions`."""
         return self.intact(lambda: self.prepared.prepare_positions(work))
 
+    def prepare_short_spans(self, work: Work) -> None:
+        """Make the index of windows that answers short spans sooner, see `Preparation.prepare_short_spans`."""
+        self.intact(lambda: self.prepared.prepare_short_spans(work))
+
     def intact(self, answer: Callable[[], Answer]) -> Answer:
         """An answer that no damaged page of an index had a part in."""
         while True:
@@ -172,65 +173,13 @@ class Scan:
         arcs = Arcs(target, self.starts)
         return [Descent(cells, arcs, matrices, known) for cells, known in zip(prepared.cells, phasors)]
 
-    def _bounds(
-        self,
-        parts: list[Descent],
-        limit: Callable[[], float],
-        expired: Callable[[], bool],
-        pool: Executor | None = None,
-    ) -> Iterator[tuple[Ints, Floats]]:
-        """Window numbers and lower bounds of their error, batch by batch, of all windows that may be below ``limit()``.
-
-        Batches are worked on in waves, all of a wave with the same limit, so that the result does not depend on which
-        thread is faster. (A matrix product of its own many threads waits for the slowest of them.) What the cells leave of
-        rotations is done sooner by one thread: so many short steps would mostly wait for the interpreter.
-        """
-        highest = limit()
-        found = [part.batches(highest, expired) for part in parts]
-        batches = [batch for some, _ in found for batch in some]
-        heavy = sum(len(some) for some, are_heavy in found if are_heavy)
-        run = pool.map if pool is not None and 2 * heavy > len(batches) else map
-        first, wave = 0, 1  # small at first, while nothing is known that could exclude a window
-
-        def bounds(batch: Batch) -> tuple[Ints, Floats] | None:
-            return None if first and expired() else batch(ceiling)
-
-        while first < len(batches):
-            ceiling = limit()
-            yield from filter(None, run(bounds, batches[first : first + wave]))
-            first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
-            if first < len(batches) and expired():
-                return
-
-    def _lowest(
-        self,
-        parts: list[Descent],
-        count: int,
-        ceiling: float,
-        expired: Callable[[], bool],
-        pool: Executor | None = None,
-    ) -> tuple[Ints, Floats, Place]:
-        """The ``count`` windows of lowest bound at or below ``ceiling``, ties in order, and a place that no other is before."""
-        ids: list[Ints] = [NO_WINDOWS.row]
-        bounds: list[Floats] = [NO_WINDOWS.error]
-        held, cut = 0, NOWHERE
-
-        def reduce() -> None:
-            nonlocal ids, bounds, held, cut
-            all_ids, all_bounds = np.concatenate(ids), np.concatenate(bounds)
-            keep, first_left = lowest(self.numbering, all_ids, all_bounds, count)
-            cut = min(cut, first_left)
-            ids, bounds, held = [all_ids[keep]], [all_bounds[keep]], keep.size
-
-        for block_ids, block_bounds in self._bounds(parts, lambda: min(ceiling, cut.bound), expired, pool):
-            near = np.flatnonzero(block_bounds <= cut.bound)
-            ids.append(block_ids[near])
-            bounds.append(block_bounds[near])
-            held += near.size
-            if held > _HELD * count:
-                reduce()
-        reduce()
-        return ids[0], bounds[0], cut
+    def _short_span(self, target: Target, expired: Callable[[], bool]) -> ShortSpan | None:
+        """The request against the index of its span, if there is one."""
+        span = float(np.ptp(target.crank))
+        for index in self.prepared.storeys if target.rotation is not None and span >= LEAST_SPAN else []:
+            if index.storey.serves(span, self.starts):
+                return ShortSpan(index, target, self.starts, expired)
+        return None
 
     def start_angles(self, windows: Windows) -> Floats:
         """theta1 at the first sample of windows, radians."""
@@ -330,16 +279,25 @@ class Scan:
         first = leaders()
         if first.settled_in_order(self.types, alike, most):
             return first.windows, ScanReport(self.windows, first.evaluated, not cut_short and first.evaluated < most)
+        probed = leaders()
+        short = self._short_span(target, out_of_time)
+        near = short.candidates(probed, self.errors) if short else None
+        if near is not None:
+            keep, cut = lowest(self.numbering, *near, int(min(near[0].size, most)))
+            looked_at = probed.evaluated
+            probed.consider(near[0][keep], near[1][keep])
+            complete = not cut_short and not probed.reached and (probed.last <= cut or keep.size == near[0].size)
+            windows = probed.windows if complete else best_of(each_once([first.windows, probed.windows]), top)
+            return windows, ScanReport(self.windows, probed.evaluated - looked_at, complete)
         with ThreadPoolExecutor(self.threads) as pool:
             run = pool if self.threads > 1 else None
             parts = self._requested(target, work)
-            probed = leaders()
             self._probe(parts, probed, top)
             ceiling = min(first.worst, probed.worst)
             count = int(min(max(_FIRST_COUNT if ceiling == np.inf else _COUNT_BELOW, 4 * top), most))
             evaluated = 0
             while True:
-                ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, out_of_time, run)
+                ids, bounds, cut = lowest_bounds(parts, self.numbering, count, ceiling + TIE, out_of_time, run)
                 found = leaders()
                 found.consider(ids, bounds)
                 evaluated = max(evaluated, found.evaluated)  # a further pass begins with the same windows
@@ -361,7 +319,7 @@ class Scan:
         self, parts: list[Descent], found: Leaders, ceiling: float, expired: Callable[[], bool], pool: Executor | None
     ) -> None:
         """Evaluate, batch by batch, all windows that may be among the best."""
-        for ids, bounds in self._bounds(parts, lambda: min(ceiling, found.worst) + TIE, expired, pool):
+        for ids, bounds in bounds_of(parts, lambda: min(ceiling, found.worst) + TIE, expired, pool):
             found.consider(ids, bounds)
 
     def _alike(self, target: Target) -> Floats | None:
