@@ -122,7 +122,7 @@ class ShortSpan:
             raise _GivenUp
         near = self._below(leaders.worst + TIE)
         if near.id.size > _MANY:
-            likely = np.argpartition(near.estimate, _LIKELY)[:_LIKELY]
+            likely = np.argpartition(near.estimate, min(_LIKELY, near.id.size - 1))[:_LIKELY]
             likely = near.id[likely]
             self._go_on()
             leaders.evaluate(likely[np.isin(likely, looked, invert=True)])
@@ -243,7 +243,7 @@ class ShortSpan:
         """All windows whose bound is at most ``limit``."""
         limit += self._request.rounding
         queries, trees = self._queries, [self.index.trees[part] for part in self._parts]
-        most, pairs = int(MOST_LEAVES * np.sqrt(self.index.types)), []
+        most, pairs = MOST_LEAVES * np.sqrt(self.index.types), []
         for number, tree in enumerate(trees):
             leaves, boxes, mask = self._leaves(tree, queries, number, limit, most)
             query, which = np.nonzero(mask)
@@ -261,7 +261,7 @@ class ShortSpan:
         return Near(*(np.concatenate(column) for column in zip(*found)))
 
     def _leaves(
-        self, tree: Tree, queries: Queries, number: int, limit: float, most: int
+        self, tree: Tree, queries: Queries, number: int, limit: float, most: float
     ) -> tuple[Ints, Ints, NDArray[np.bool_]]:
         """Leaves that are left, their boxes, and for which queries (Q, leaves)."""
         at = np.arange(tree.levels[0][1])
