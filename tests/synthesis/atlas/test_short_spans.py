@@ -10,14 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.atlas import short_spans, storeys
+from synthesis.atlas.index import Index
+from synthesis.atlas.leaders import Leaders
 from synthesis.atlas.legendre import Expansion, polynomials
-from synthesis.atlas.scan import Scan
+from synthesis.atlas.scan import KIND, Scan
 from synthesis.atlas.short_spans import ShortSpan
 from synthesis.atlas.storeys import INTERVAL_PARTS, NO_ENTRY, STOREYS, StoreyIndex
 from synthesis.atlas.table import AtlasRule
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.target import TURN, Target, make_target
 from synthesis.work import OutOfTime, Work
 from tests.conftest import make_atlas
@@ -65,7 +68,7 @@ SHAPES = ("linkage", "folding", "noisy", "constant", "line", "waves", "steps")
 
 
 def request(scan: Scan, seed: int, shape: str = "", samples: int = 0) -> Target:
-    """A motion over 5 to 100 degrees: of a type, near one, or of none; even or not, either way, some samples weighed or missing."""
+    """A motion over 5 to 100 degrees: of a type, near one, or of none; even or not, some samples weighed or missing."""
     rng = np.random.default_rng(seed)
     shape = shape or str(rng.choice(SHAPES))
     samples = samples or int(rng.choice([3, 4, 5, 8, 17, 40]))
@@ -182,6 +185,18 @@ def test_each_bound_is_below_the_error_and_no_window_is_lost(scans, name, seed) 
         assert np.all(near.bound <= errors[near.id])
         assert set(np.flatnonzero(errors <= limit)) <= set(near.id)
     assert near.id.size == scan.windows
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_bound_of_a_few_samples_is_below_the_error(scans, seed) -> None:
+    scan = scans["increasing"]
+    target = request(scan, seed, SHAPES[seed % len(SHAPES)], 9)
+    short = short_span(scan, target)
+    near = short._below(1e3)
+    leaders = Leaders(10, scan.numbering, lambda windows: windows.error + np.inf, 64, lambda: False)
+    ids, bounds = short._by_samples(near._replace(bound=np.zeros(near.id.size)), leaders, scan.errors)
+    assert np.array_equal(ids, near.id) and np.all(bounds <= every_error(scan, target)[ids])
+    assert np.median(bounds) > 0 or short._some_samples()[1] > 0.7
 
 
 def test_bounds_exclude_what_is_far(scans) -> None:
@@ -310,3 +325,37 @@ def test_an_index_of_other_starts_is_not_asked(scans) -> None:
     odd.prepare_short_spans(Work())
     assert odd._short_span(make_target(np.arange(4.0), crank_span=1.0), lambda: False) is None
     assert StoreyIndex(STOREYS[0], odd.prepared.storeys[0].arrays).types == odd.types
+
+
+# -- its file ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_index_is_mapped_from_a_file_and_no_answer_comes_from_a_damaged_one(tmp_path, plain) -> None:
+    table, place = make_atlas(RULES["increasing"]), tmp_path / "atlas.index"
+
+    def index() -> Index:
+        return Index(place, "of a test", FOURBAR, lambda: table, KIND)
+
+    made = Scan(index().prepared(table, 1))
+    made.prepare_short_spans(Work())
+    opened = index().opened(1)
+    assert opened is not None and len(opened.storeys) == len(STOREYS)
+    for one, other in zip(made.prepared.storeys, opened.storeys):
+        assert all(np.array_equal(one.arrays[name], other.arrays[name]) for name in one.arrays)
+    targets = [request(made, seed, "linkage", 17) for seed in range(3)]
+    for target in targets:
+        assert_same(Scan(opened), plain["increasing"], target, 10)
+
+    spans = place.with_name(place.name + ".spans")
+    content = bytearray(spans.read_bytes())
+    for byte in range(4096, len(content), 512):
+        content[byte] ^= 1
+    spans.write_bytes(bytes(content))
+    damaged = index().opened(1)
+    assert damaged is not None
+    for target in targets:
+        assert_same(Scan(damaged), plain["increasing"], target, 10)
+    scan = Scan(damaged)
+    scan.prepare_short_spans(Work())
+    assert scan._short_span(targets[0], lambda: False) is not None
+    assert_same(scan, plain["increasing"], targets[0], 10)
