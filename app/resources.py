@@ -43,7 +43,7 @@ class ServiceResources:
         begin = time.perf_counter()
         atlas = open_atlas(place, self.settings)
         # Prepared by all cores; a scan is of one request among several, and its budget is one of processor time too.
-        atlas.prepare(positions=False, threads=1)
+        atlas.prepare(positions=False, threads=1, short_spans=False)
         self.load_seconds = time.perf_counter() - begin
         return atlas
 
@@ -69,10 +69,11 @@ class ServiceResources:
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
     def prepare_positions(self, stopping: threading.Event) -> None:
-        """Prepare the scan for requests with positions too, if that is set and there is an atlas; until told to stop."""
-        if self.settings.with_atlas and self.settings.prepare_positions and self.failure is None:
+        """Prepare the scan for short spans, and for positions if that is set, where there is an atlas; until told to stop."""
+        if self.settings.with_atlas and self.failure is None:
             try:
-                self.atlas.prepare(work=la.Work(cancelled=stopping.is_set))
+                work = la.Work(cancelled=stopping.is_set)
+                self.atlas.prepare(positions=self.settings.prepare_positions, work=work)
             except la.Cancelled:
                 return
             give_back_memory()

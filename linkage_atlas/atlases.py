@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -22,7 +23,7 @@ from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import family
 from synthesis.fourbar.mechanism import FOURBAR, ROCKER
-from synthesis.work import Work
+from synthesis.work import OutOfTime, Work
 
 
 class Atlas:
@@ -97,16 +98,27 @@ class Atlas:
         stored = self.stored
         return table.make_table(ROCKER, self.scan.lengths, stored.samples)
 
-    def prepare(self, positions: bool = True, work: Work | None = None, threads: int | None = None) -> None:
-        """Prepare the scan now, also for requests with positions, as far as the work's time allows.
+    def prepare(
+        self,
+        positions: bool = True,
+        work: Work | None = None,
+        threads: int | None = None,
+        short_spans: bool = True,
+    ) -> None:
+        """Prepare the scan now, also its index of short spans and the series for positions, as far as the work's time allows.
 
+        Without them it answers too: short spans more slowly, and the first request with positions makes their series.
         Afterwards it scans on so many ``threads``, if that is given.
         """
+        work = work or Work()
         scan = self.scan
         if threads is not None:
             scan.threads = threads
+        if short_spans:
+            with suppress(OutOfTime):
+                scan.prepare_short_spans(work)
         if positions:
-            scan.prepare_positions(work or Work())
+            scan.prepare_positions(work)
 
     def type_of(self, row: int) -> AtlasType:
         """The type of a row, counted from 0."""
