@@ -34,6 +34,8 @@ MOST_LEAVES = 5.0
 """Leaves, over the root of the number of types, beyond which the same."""
 MOST_WINDOWS = 1 << 18
 """Windows held, beyond which the same."""
+MOST_PLACED = 1 << 12
+"""The same where positions are wanted too, of which the index knows nothing."""
 _BEAM = 48
 _LIKELY = 64
 _BOXES_AT_ONCE = 512
@@ -251,11 +253,12 @@ class ShortSpan:
             most -= leaves.size
         problem, leaf, box = (np.concatenate(column) for column in zip(*pairs))
         found, held = [_NOTHING], 0
+        most_windows = MOST_WINDOWS if self.target.position is None else MOST_PLACED
         for first in range(0, problem.size, _PAIRS_AT_ONCE):
             part = slice(first, first + _PAIRS_AT_ONCE)
             found.append(self._entries(queries, limit, problem[part], leaf[part], box[part]))
             held += found[-1].id.size
-            if held > MOST_WINDOWS:
+            if held > most_windows:
                 raise _GivenUp
             self._go_on()
         return Near(*(np.concatenate(column) for column in zip(*found)))

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.legendre import Expansion
-from synthesis.atlas.series import Bucket, Column, Floats
+from synthesis.atlas.series import Bucket, Column, Floats, join
 from synthesis.target import TURN
 
 Singles = NDArray[np.float32]
@@ -230,37 +230,37 @@ def _sharp_trees(
     entries, chosen, values, rests = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [], []
     values.append(np.empty((0, storey.terms), np.float32))
     rests.append(np.empty(0, np.float32))
-    groups: dict[tuple[int, int], list[tuple[Any, ...]]] = {}
+    groups: dict[tuple[int, int, int], list[tuple[Bucket, NDArray[np.intp]]]] = {}
     for bucket, types, places in sharp:
         order = np.argsort(places, kind="stable")
         types, places = types[order], places[order]
         for place, some in zip(*_runs(places, types)):
-            key = (bucket.harmonics, int(place))
+            key = (bucket.winding, bucket.harmonics, int(place))
             groups.setdefault(key, []).append((bucket, some))
-    for (harmonics, place), members in groups.items():
+    for (winding, harmonics, place), members in groups.items():
         go_on()
-        expansions = []
-        for low, high in INTERVAL_PARTS[1:]:
+        own = join([bucket.take(types) for bucket, types in members])
+        best = np.zeros(len(own.rows), dtype=np.int64)
+        least, found = np.full(len(own.rows), np.inf, np.float32), np.empty((len(own.rows), storey.terms), np.float32)
+        for index, (low, high) in enumerate(INTERVAL_PARTS[1:]):
+            left = np.flatnonzero(least > storey.sharp)
+            if not left.size:
+                break
             middle = centres[place : place + 1] + storey.half_width * (low + high) / 2
             half = storey.half_width * (high - low) / 2 * (1 + _MARGIN)
-            expansions.append(Expansion(harmonics, middle, half, storey.terms))
-        for bucket, types in members:
-            own = bucket.take(types)
-            found = [e.coefficients(own.periodic, own.winding, own.error) for e in expansions]
-            rest = np.concatenate([rest for _, rest in found], axis=1)
-            resolved = rest <= storey.sharp
-            best = np.where(resolved.any(axis=1), resolved.argmax(axis=1), rest.argmin(axis=1))
-            every = np.concatenate([some for some, _ in found], axis=1)
-            at = np.arange(len(types))
-            entries.append(own.rows * storey.places + place)
-            chosen.append(best)
-            values.append(every[at, best].astype(np.float32))
-            rests.append(_upwards(rest[at, best]))
+            expansion = Expansion(harmonics, middle, half, storey.terms)
+            every, rest = expansion.coefficients(own.periodic[left], winding, own.error[left])
+            better = _upwards(rest[:, 0]) < least[left]
+            at = left[better]
+            best[at], least[at], found[at] = index, _upwards(rest[better, 0]), every[better, 0]
+        entries.append(own.rows * storey.places + place)
+        chosen.append(best)
+        values.append(found)
+        rests.append(least)
     numbers, part = np.concatenate(entries), np.concatenate(chosen)
-    coefficients, rest = np.concatenate(values), np.concatenate(rests)
+    coefficients, largest = np.concatenate(values), np.concatenate(rests)
     for index in range(len(INTERVAL_PARTS) - 1):
-        own = np.flatnonzero(part == index)
-        yield _tree(own, coefficients, rest, go_on, numbers)
+        yield _tree(np.flatnonzero(part == index), coefficients, largest, go_on, numbers)
 
 
 def _runs(keys: NDArray[np.intp], values: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[NDArray[np.intp]]]:
