@@ -21,7 +21,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks import report
-from benchmarks.product import Scan, Target, Work, load_atlas, make_target
+from benchmarks.product import Scan, Target, Work, la, load_atlas, make_target
 from benchmarks.report import Times
 from benchmarks.service import build
 from tests.oracles.classes import generator
@@ -32,6 +32,7 @@ SPANS = (5, 10, 15, 20, 30, 45, 60, 75, 90)
 WIDE_SPANS = (10, 20, 30, 45, 60, 75, 90)
 OTHERS = (3, 110, 180, 360)
 """Spans that the index does not serve."""
+NO_LIMIT = 10**9
 PLAIN = 25
 """Every so many-th request also goes to the plain scan."""
 
@@ -103,33 +104,38 @@ def summaries(duels: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return found
 
 
-def prepared(file: Path) -> tuple[Scan, Scan, dict[str, Any]]:
-    """The scan with the index, that with cells alone, and what the index takes."""
-    ours, times = Scan(load_atlas(file)), Times()
+def prepared(file: Path, index: Path) -> tuple[Scan, Scan, dict[str, Any]]:
+    """The scan with the index, that with cells alone, and what the index takes; all arrays mapped from files."""
+    opened = la.load_atlas(file, max_types=NO_LIMIT, index=index)
+    ours, times = opened.scan, Times()
+    known = bool(ours.prepared.storeys)
     times.run(ours.prepare_short_spans, Work())
+    ours.threads = 1
     without = copy(ours.prepared)
     without.storeys = []
-    index = [
+    parts = [
         {"top": float(np.rad2deg(one.storey.top)), "intervals": one.storey.places, "terms": one.storey.terms}
         | {"bytes": one.nbytes, "bytes_a_type": one.nbytes / ours.types}
         for one in ours.prepared.storeys
     ]
-    told = {"types": ours.types, "index": index, "index_s": times.median.processor}
-    return ours, Scan(without), told | {"index_bytes_a_type": sum(one["bytes_a_type"] for one in index)}
+    told = {"types": ours.types, "index": parts, "index_s": None if known else times.median.processor}
+    return ours, Scan(without), told
 
 
-def measure_wide(requests: int, smallest: float) -> dict[str, Any]:
-    """The duels on the wider atlas."""
+def measure_wide(file: Path | None, requests: int, smallest: float) -> dict[str, Any]:
+    """The duels on the wider atlas, which is built unless it is there."""
     with tempfile.TemporaryDirectory() as folder:
-        build(Path(folder) / "wide.h5", order="full_crank", samples=128)
-        ours, cells, told = prepared(Path(folder) / "wide.h5")
-    some = (
-        (str(span), number, reachable("short wide", number, span, smallest, orders=number % 2 == 1))
-        for span in WIDE_SPANS
-        for number in range(requests)
-    )
-    rows = duels(ours, cells, some)
-    return told | {"spans": summaries(rows)}
+        if file is None:
+            file = Path(folder) / "wide.h5"
+            build(file, order="full_crank", samples=128)
+        ours, cells, told = prepared(file, file.with_name(f"{file.name}.index"))
+        some = (
+            (str(span), number, reachable("short wide", number, span, smallest, orders=number % 2 == 1))
+            for span in WIDE_SPANS
+            for number in range(requests)
+        )
+        rows = duels(ours, cells, some)
+    return told | {"spans": summaries(rows), "made": report.stamp()}
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -146,6 +152,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         f" {results['plain']} of them compared with the plain scan too"
     )
     wide = results["wide"]
+    told["stamps"] = report.made_text([results["made"], *([wide["made"]] if wide else [])])
     told["wide_sizes"] = f"{wide['types']:,} types" if wide else "not measured"
     told["wide"] = report.table(wide["spans"], columns) if wide else "not measured"
     return told
@@ -156,12 +163,13 @@ def measure(
     requests: Annotated[int, "motions of linkages"] = 400,
     hard_ones: Annotated[int, "requests far from every row, or numerically hard"] = 200,
     wide: Annotated[int, "requests a span on the wider atlas; 0: leave it out"] = 6,
+    wide_atlas: Annotated[Path | None, "its file, with its index beside it; default: build both"] = None,
 ) -> Iterator[dict[str, Any]]:
     """Both scans on one atlas, and on the wider one; exit code 1 if an answer differs."""
     file = load_atlas(atlas)
     smallest = file.rule.types.smallest / file.rule.types.perimeter
-    with threadpool_limits(1, "blas"):
-        ours, cells, told = prepared(atlas)
+    with threadpool_limits(1, "blas"), tempfile.TemporaryDirectory() as folder:
+        ours, cells, told = prepared(atlas, Path(folder) / "atlas.index")
         plain = Scan(file, cells=False)
         done = {
             "spans": duels(ours, cells, some(requests, smallest), plain),
@@ -170,7 +178,7 @@ def measure(
         }
         del ours, cells, plain
         gc.collect()
-        on_wide = measure_wide(wide, smallest) if wide else _known_wide()
+        on_wide = measure_wide(wide_atlas, wide, smallest) if wide else _known_wide()
     everything = [one for part in done.values() for one in part]
     differ = sum(not one["same"] for one in everything)
     counted = {"requests": len(everything), "plain": sum(one["plain"] for one in everything), "differ": differ}
