@@ -31,7 +31,7 @@ class Settings(BaseSettings):
     index: bool = Field(
         True,
         description="Whether what the scan needs is kept in files beside the atlas (or in the user's cache folder), which later "
-        "starts and other processes map instead of computing it (about 3.1 kB a type of the default atlas).",
+        "starts and other processes map instead of computing it (about 4.1 kB a type of the default atlas).",
     )
     prepare_positions: bool = Field(
         True,

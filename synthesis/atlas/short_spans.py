@@ -115,7 +115,7 @@ class ShortSpan:
             raise _GivenUp
         wanted = max(_LIKELY, leaders.top)
         looked = self._likely(0, wanted)[0]
-        leaders.evaluate(looked)
+        self._evaluate(leaders, looked)
         if leaders.worst > self.index.storey.sharp:
             looked = np.union1d(looked, self._look_at_sharp_ones(looked, wanted, leaders, errors))
         if leaders.reached:
@@ -127,7 +127,7 @@ class ShortSpan:
             likely = np.argpartition(near.estimate, min(_LIKELY, near.id.size - 1))[:_LIKELY]
             likely = near.id[likely]
             self._go_on()
-            leaders.evaluate(likely[np.isin(likely, looked, invert=True)])
+            self._evaluate(leaders, likely[np.isin(likely, looked, invert=True)])
             near = near.take(near.bound <= leaders.worst + TIE)
         return self._by_samples(near, leaders, errors) if near.id.size > _MANY else (near.id, near.bound)
 
@@ -145,8 +145,15 @@ class ShortSpan:
         error = errors(part, leaders.numbering.windows(ids))
         best = ids[np.argsort(error, kind="stable")[:wanted]]
         self._go_on()
-        leaders.evaluate(best)
+        self._evaluate(leaders, best)
         return best
+
+    def _evaluate(self, leaders: Leaders, ids: Ints) -> None:
+        """Evaluate windows, no more at once than the leaders may."""
+        for first in range(0, ids.size, leaders.at_once):
+            if first:
+                self._go_on()
+            leaders.evaluate(ids[first : first + leaders.at_once])
 
     def _by_samples(
         self, near: Near, leaders: Leaders, errors: Callable[[Target, Windows], Floats]

@@ -149,7 +149,7 @@ class StoreyIndex:
         self.boxes: Column = arrays["boxes"]
         self.codes: Column = arrays["codes"]
         self.entries: Column = arrays["entries"]
-        self.reach: Singles = np.asarray(arrays["reach"])
+        self.reach: Singles = np.array(arrays["reach"])  # a copy: what is mapped is not to be kept
         self.types = int(arrays["types"][0])
         self.trees = []
         box = leaf = 0

@@ -98,8 +98,11 @@ def target(seed: int, positions: bool = False) -> Target:
 
 
 def same(found: Any, wanted: Any) -> bool:
+    """The same answers; how many windows were evaluated for them depends on whether short spans have their index yet."""
     (windows, report), (others, other) = found, wanted
-    return report == other and all(np.array_equal(one, two) for one, two in zip(windows, others))
+    return report._replace(evaluated=other.evaluated) == other and all(
+        np.array_equal(one, two) for one, two in zip(windows, others)
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -111,7 +114,7 @@ def test_answers_are_those_of_a_scan_prepared_in_memory_bit_for_bit(ready, in_me
         assert same(found, in_memory.best(wanted, 12))
         everything = plain.best(wanted, 12)[0]
         assert all(np.array_equal(one, two) for one, two in zip(found[0], everything))
-    assert [path.suffix for path in atlas.index_files] == [".index", ".positions"]
+    assert [path.suffix for path in atlas.index_files] == [".index", ".spans", ".positions"]
     assert np.array_equal(scan.error_table(target(seed)), in_memory.error_table(target(seed)))
 
 
@@ -149,7 +152,8 @@ def test_an_index_is_made_once(path, in_memory, index_files) -> None:
     for _ in range(2):
         atlas = opened(path)
         assert same(atlas.scan.best(target(1, True), 5), in_memory.best(target(1, True), 5))
-        assert {place.name for place in path.parent.iterdir()} == index_files.keys()
+        made = {place.name for place in path.parent.iterdir()}
+        assert made == {name for name in index_files if not name.endswith(".spans")}  # that is made by `prepare`
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -163,7 +167,7 @@ def test_an_answer_comes_from_no_damaged_page(ready, in_memory, seed, caplog) ->
         atlas = opened(ready)
         atlas.prepare()
     for _ in range(1 + seed % 4 * 30):
-        place = places[int(rng.integers(2))]
+        place = places[int(rng.integers(len(places)))]
         damage(place, int(rng.integers(place.stat().st_size)))
     if seed % 4 == 0:
         atlas = opened(ready)
