@@ -1,7 +1,8 @@
 """The index of an atlas file: what its scan needs, prepared once and kept in files that processes map and share.
 
 Files of `prepared`: cells with the table itself, made when the scan is first wanted; beside it the series for positions
-(``.positions``), made when those are first wanted, and the index of short spans (``.spans``), made when it is asked for. All name the SHA-256 of the atlas file and the code that made them.
+(``.positions``), made when those are first wanted, and the index of short spans (``.spans``), made when it is asked for.
+All name the SHA-256 of the atlas file and the code that made them.
 Where they cannot be written everything is prepared in memory; where a page turns out damaged they are removed and made
 anew from the atlas file, and whatever was being answered is answered again.
 """
