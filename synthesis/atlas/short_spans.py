@@ -32,14 +32,15 @@ LARGEST_LIMIT = 0.05
 """First limit, radians, beyond which cells of types are left to do it: extreme curves are few, and cells are made for them."""
 MOST_LEAVES = 5.0
 """Leaves, over the root of the number of types, beyond which the same."""
-MOST_WINDOWS = 1 << 18
-"""Windows held, beyond which the same."""
-MOST_PLACED = 1 << 12
+MOST_WINDOWS = 50.0
+"""Windows, likewise: each costs a microsecond, and the cells need less."""
+MOST_PLACED = 12.0
 """The same where positions are wanted too, of which the index knows nothing."""
 _BEAM = 48
 _LIKELY = 64
 _BOXES_AT_ONCE = 512
 _PAIRS_AT_ONCE = 512
+_EVALUATED_AT_ONCE = 1 << 14
 _FEW_SAMPLES = 4
 _OF_ALL_SAMPLES = 8
 _MALUS = 0.3
@@ -163,9 +164,9 @@ class ShortSpan:
         if share > _TOO_MANY:
             return near.id, near.bound
         bound = near.bound
-        for first in range(0, near.id.size, MOST_WINDOWS >> 4):
+        for first in range(0, near.id.size, _EVALUATED_AT_ONCE):
             self._go_on()
-            chosen = slice(first, first + (MOST_WINDOWS >> 4))
+            chosen = slice(first, first + _EVALUATED_AT_ONCE)
             error = share * (1 - 1e-12) * errors(part, leaders.numbering.windows(near.id[chosen]))
             bound[chosen] = np.maximum(bound[chosen], error - self._request.rounding)
         kept = np.flatnonzero(bound <= leaders.worst + TIE)
@@ -260,7 +261,7 @@ class ShortSpan:
             most -= leaves.size
         problem, leaf, box = (np.concatenate(column) for column in zip(*pairs))
         found, held = [_NOTHING], 0
-        most_windows = MOST_WINDOWS if self.target.position is None else MOST_PLACED
+        most_windows = (MOST_WINDOWS if self.target.position is None else MOST_PLACED) * np.sqrt(self.index.types)
         for first in range(0, problem.size, _PAIRS_AT_ONCE):
             part = slice(first, first + _PAIRS_AT_ONCE)
             found.append(self._entries(queries, limit, problem[part], leaf[part], box[part]))

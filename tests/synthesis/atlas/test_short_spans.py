@@ -41,7 +41,8 @@ def small_leaves() -> Iterator[None]:
             patch.setattr(module, "PARTS", 3)
         patch.setattr(short_spans, "MOST_LEAVES", np.inf)
         patch.setattr(short_spans, "LARGEST_LIMIT", np.inf)
-        patch.setattr(short_spans, "MOST_WINDOWS", 1 << 30)
+        patch.setattr(short_spans, "MOST_WINDOWS", np.inf)
+        patch.setattr(short_spans, "MOST_PLACED", np.inf)
         patch.setattr(short_spans, "_MANY", 16)
         yield
 
@@ -251,7 +252,7 @@ def test_the_index_is_what_answers(scans, monkeypatch) -> None:
         assert scan._short_span(target, lambda: False) is None
 
 
-@pytest.mark.parametrize(("name", "value"), [("MOST_LEAVES", 0), ("LARGEST_LIMIT", 0.0), ("MOST_WINDOWS", 3)])
+@pytest.mark.parametrize(("name", "value"), [("MOST_LEAVES", 0), ("LARGEST_LIMIT", 0.0), ("MOST_WINDOWS", 0.1)])
 def test_where_it_gives_up_the_cells_answer_with_its_limit(scans, plain, monkeypatch, name, value) -> None:
     monkeypatch.setattr(short_spans, name, value)
     scan, asked = scans["increasing"], []
