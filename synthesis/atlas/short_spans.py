@@ -32,9 +32,9 @@ LARGEST_LIMIT = 0.05
 """First limit, radians, beyond which cells of types are left to do it: extreme curves are few, and cells are made for them."""
 MOST_LEAVES = 5.0
 """Leaves, over the root of the number of types, beyond which the same."""
-MOST_WINDOWS = 50.0
-"""Windows, likewise: each costs a microsecond, and the cells need less."""
-MOST_PLACED = 12.0
+MOST_WINDOWS = 0.25
+"""Windows, over the number of types, likewise: each costs a microsecond, and the cells need less."""
+MOST_PLACED = 0.04
 """The same where positions are wanted too, of which the index knows nothing."""
 _BEAM = 48
 _LIKELY = 64
@@ -261,7 +261,7 @@ class ShortSpan:
             most -= leaves.size
         problem, leaf, box = (np.concatenate(column) for column in zip(*pairs))
         found, held = [_NOTHING], 0
-        most_windows = (MOST_WINDOWS if self.target.position is None else MOST_PLACED) * np.sqrt(self.index.types)
+        most_windows = (MOST_WINDOWS if self.target.position is None else MOST_PLACED) * self.index.types
         for first in range(0, problem.size, _PAIRS_AT_ONCE):
             part = slice(first, first + _PAIRS_AT_ONCE)
             found.append(self._entries(queries, limit, problem[part], leaf[part], box[part]))

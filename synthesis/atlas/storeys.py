@@ -58,6 +58,8 @@ INTERVAL_PARTS = (
 )
 """The whole interval, and the parts of one where a curve is sharp, in the order in which they are preferred: near the middle lie
 samples of every window."""
+_CENTRAL = 6
+"""Parts that come first: near the middle, for what no part resolves. Few windows have a sample in the others."""
 _AT_ONCE = 1 << 22
 _MARGIN = 1e-9
 _CELL = 2.0**-14
@@ -250,7 +252,7 @@ def _sharp_trees(
             half = storey.half_width * (high - low) / 2 * (1 + _MARGIN)
             expansion = Expansion(harmonics, middle, half, storey.terms)
             every, rest = expansion.coefficients(own.periodic[left], winding, own.error[left])
-            better = _upwards(rest[:, 0]) < least[left]
+            better = _upwards(rest[:, 0]) < (least[left] if index < _CENTRAL else storey.sharp)
             at = left[better]
             best[at], least[at], found[at] = index, _upwards(rest[better, 0]), every[better, 0]
         entries.append(own.rows * storey.places + place)

@@ -252,7 +252,7 @@ def test_the_index_is_what_answers(scans, monkeypatch) -> None:
         assert scan._short_span(target, lambda: False) is None
 
 
-@pytest.mark.parametrize(("name", "value"), [("MOST_LEAVES", 0), ("LARGEST_LIMIT", 0.0), ("MOST_WINDOWS", 0.1)])
+@pytest.mark.parametrize(("name", "value"), [("MOST_LEAVES", 0), ("LARGEST_LIMIT", 0.0), ("MOST_WINDOWS", 0.01)])
 def test_where_it_gives_up_the_cells_answer_with_its_limit(scans, plain, monkeypatch, name, value) -> None:
     monkeypatch.setattr(short_spans, name, value)
     scan, asked = scans["increasing"], []
