@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from app import bundled
 from app.arguments import whole_number
 from app.asking import add_query, settings_of
-from app.cache import find_atlas
+from app.cache import find_atlas, open_atlas
 from app.exits import EPILOG, Exit
 from app.registry import all_queries
 from app.resources import ServiceResources
@@ -94,6 +94,7 @@ def make_parser(whole: bool = False) -> argparse.ArgumentParser:
     add_study(commands.add_parser("study", help="answer many requests, a line each"))
     _add_example(commands.add_parser("example", help="print a request to edit, or the list of examples"))
     _add_serve(commands.add_parser("serve", help="answer over HTTP, with a page to draw motions on"))
+    _add_index(commands.add_parser("index", help="prepare an atlas for scanning, so that later starts take no time"))
     if whole:
         add_batch_commands(commands)
     else:
@@ -129,6 +130,29 @@ def _example(options: argparse.Namespace) -> int:
     return Exit.OK
 
 
+def _add_index(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Prepares an atlas for scanning, in files beside it (or in the cache folder), which later starts and other "
+        "processes map. Starting without them makes them, too."
+    )
+    parser.add_argument(
+        "--atlas",
+        type=Path,
+        metavar="FILE",
+        help="the atlas (default: atlas.h5 here, or else the default one, built once in the cache folder)",
+    ).complete = shtab.FILE  # type: ignore[attr-defined]
+    parser.set_defaults(run=_index)
+
+
+def _index(options: argparse.Namespace) -> int:
+    settings = settings_of(options).model_copy(update={"index": True})
+    atlas = open_atlas(find_atlas(settings), settings)
+    atlas.prepare()
+    for path in atlas.index_files:
+        print(f"{path}: {path.stat().st_size:,} bytes")
+    return Exit.OK if atlas.index_files else Exit.FAILED
+
+
 def _add_serve(parser: argparse.ArgumentParser) -> None:
     parser.description = "Serves the queries over HTTP, and the page."
     group = parser.add_mutually_exclusive_group()
@@ -141,6 +165,7 @@ def _add_serve(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--no-atlas", action="store_true", help="start at once: searching needs none, what needs one says so"
     )
+    parser.add_argument("--no-index", action="store_true", help="prepare the scan in memory, at every start")
     parser.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
     parser.add_argument("--port", type=whole_number(0, 65535), default=8000, help="(%(default)s)")
     parser.set_defaults(run=_serve)
@@ -152,6 +177,8 @@ def _serve(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     if options.no_atlas:
         settings = settings.model_copy(update={"with_atlas": False})
+    if options.no_index:
+        settings = settings.model_copy(update={"index": False})
     resources = ServiceResources(settings, find_atlas)
     if settings.with_atlas:
         _ = resources.atlas  # fail here, with an exit code

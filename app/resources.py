@@ -14,6 +14,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
+from app.cache import open_atlas
 from app.settings import Settings
 
 
@@ -40,9 +41,9 @@ class ServiceResources:
             raise la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
         place = self._find_atlas(self.settings)
         begin = time.perf_counter()
-        atlas = la.load_atlas(place, self.settings.atlas_max_bytes, self.settings.atlas_max_types)
+        atlas = open_atlas(place, self.settings)
         # Prepared by all cores; a scan is of one request among several, and its budget is one of processor time too.
-        atlas.prepare(positions=False, threads=1)
+        atlas.prepare(positions=False, threads=1, short_spans=False)
         self.load_seconds = time.perf_counter() - begin
         return atlas
 
@@ -68,10 +69,11 @@ class ServiceResources:
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
     def prepare_positions(self, stopping: threading.Event) -> None:
-        """Prepare the scan for requests with positions too, if that is set and there is an atlas; until told to stop."""
-        if self.settings.with_atlas and self.settings.prepare_positions and self.failure is None:
+        """Prepare the scan for short spans, and for positions if that is set, where there is an atlas; until told to stop."""
+        if self.settings.with_atlas and self.failure is None:
             try:
-                self.atlas.prepare(work=la.Work(cancelled=stopping.is_set))
+                work = la.Work(cancelled=stopping.is_set)
+                self.atlas.prepare(positions=self.settings.prepare_positions, work=work)
             except la.Cancelled:
                 return
             give_back_memory()

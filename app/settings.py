@@ -26,7 +26,12 @@ class Settings(BaseSettings):
     atlas_max_types: int = Field(
         1_500_000,
         gt=0,
-        description="Most dimension types of an atlas that is loaded (a scan takes about 2.2 kB a type).",
+        description="Most dimension types of an atlas that is loaded (without an index a scan takes about 2.2 kB a type).",
+    )
+    index: bool = Field(
+        True,
+        description="Whether what the scan needs is kept in files beside the atlas (or in the user's cache folder), which later "
+        "starts and other processes map instead of computing it (about 4.1 kB a type of the default atlas).",
     )
     prepare_positions: bool = Field(
         True,

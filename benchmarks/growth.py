@@ -41,7 +41,7 @@ TOP, ROW_BYTES = 10, 40
 
 def serve(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
     """Start the service on an atlas and send it requests one after the other on one connection."""
-    settings = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT, "prepare_positions": False}
+    settings = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT, "prepare_positions": False, "index": False}
     with running(serve_command, atlas=atlas, **settings) as service:
         service.need_ready()
         row: dict[str, Any] = {"ready_s": service.ready_seconds}

@@ -4,37 +4,60 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
+import numpy as np
+
 from linkage_atlas.answers import AtlasType
 from synthesis.atlas import table
+from synthesis.atlas.file import MAX_TYPES, file_hash
 from synthesis.atlas.file import load_atlas as load_table
-from synthesis.atlas.scan import Scan
-from synthesis.errors import FieldError
+from synthesis.atlas.index import Index
+from synthesis.atlas.preparation import Preparation
+from synthesis.atlas.scan import KIND, Scan
+from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import family
-from synthesis.fourbar.mechanism import ROCKER
-from synthesis.work import Work
+from synthesis.fourbar.mechanism import FOURBAR, ROCKER
+from synthesis.work import OutOfTime, Work
 
 
 class Atlas:
-    """A verified atlas in memory: the dimension types of a rule, and the scan of them, prepared when first needed.
+    """A verified atlas: the dimension types of a rule, and the scan of them, prepared when first needed.
 
     Parameters
     ----------
     stored : synthesis.atlas.table.Atlas
     threads : int, optional
         Threads of a scan; default: one a core.
+    index : synthesis.atlas.index.Index, optional
+        Prepare the scan in its files; default: in memory.
+    prepared : synthesis.atlas.preparation.Preparation, optional
+        What the index holds, where it has been opened.
     """
 
-    def __init__(self, stored: table.Atlas, threads: int | None = None) -> None:
-        self.stored = stored
+    def __init__(
+        self,
+        stored: table.Atlas,
+        threads: int | None = None,
+        index: Index | None = None,
+        prepared: Preparation | None = None,
+    ) -> None:
+        self._stored: table.Atlas | None = stored
         self._threads = threads or os.cpu_count() or 1
+        self._index, self._prepared = index, prepared
+        self._lock, self._rocker_lock = Lock(), Lock()
         self._rocker_scan: Scan | None = None
-        self._rocker_lock = Lock()
+
+    @property
+    def stored(self) -> table.Atlas:
+        """Its arrays; those of an index are mapped, and checked as they are used."""
+        found: Any = self._stored if self._prepared is None else self._prepared.table
+        return found
 
     def __len__(self) -> int:
         return len(self.stored)
@@ -42,7 +65,14 @@ class Atlas:
     @cached_property
     def scan(self) -> Scan:
         """The types prepared for matching."""
-        return Scan(self.stored, threads=self._threads)
+        with self._lock:
+            if self._prepared is None:
+                self._prepared = self._prepare(self._index, self.stored)
+            self._stored = None  # what is mapped needs no memory
+            return Scan(self._prepared, threads=self._threads)
+
+    def _prepare(self, index: Index | None, types: table.Table) -> Preparation:
+        return index.prepared(types, self._threads) if index else Preparation(types, KIND, self._threads)
 
     @cached_property
     def content_sha256(self) -> str:
@@ -50,45 +80,73 @@ class Atlas:
         return self.stored.content_hash()
 
     @property
+    def index_files(self) -> list[Path]:
+        """Files of the index that are in use."""
+        return self._index.paths if self._index else []
+
+    @property
     def rocker_scan(self) -> Scan:
         """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds)."""
         with self._rocker_lock:
             if self._rocker_scan is None:
-                lengths = self.stored.lengths.astype(float)
-                rockers = table.make_table(ROCKER, lengths, self.stored.samples)
-                self._rocker_scan = Scan(rockers, threads=self._threads)
+                index = self._index and self._index.beside("rocker", ROCKER, self._rockers)
+                prepared = index and index.opened(self._threads)
+                self._rocker_scan = Scan(prepared or self._prepare(index, self._rockers()), threads=self._threads)
             return self._rocker_scan
 
-    def prepare(self, positions: bool = True, work: Work | None = None, threads: int | None = None) -> None:
-        """Prepare the scan now, also for requests with positions, as far as the work's time allows.
+    def _rockers(self) -> table.Table:
+        stored = self.stored
+        return table.make_table(ROCKER, self.scan.lengths, stored.samples)
 
+    def prepare(
+        self,
+        positions: bool = True,
+        work: Work | None = None,
+        threads: int | None = None,
+        short_spans: bool = True,
+    ) -> None:
+        """Prepare the scan now, also its index of short spans and the series for positions, as far as the work's time allows.
+
+        Without them it answers too: short spans more slowly, and the first request with positions makes their series.
         Afterwards it scans on so many ``threads``, if that is given.
         """
+        work = work or Work()
         scan = self.scan
         if threads is not None:
             scan.threads = threads
+        if short_spans:
+            with suppress(OutOfTime):
+                scan.prepare_short_spans(work)
         if positions:
-            scan.prepare_positions(work or Work())
+            scan.prepare_positions(work)
 
     def type_of(self, row: int) -> AtlasType:
         """The type of a row, counted from 0."""
-        return AtlasType(row + 1, [int(length) for length in self.stored.lengths[row]])
+        return AtlasType(row + 1, self._intact(lambda: np.asarray(self.stored.lengths[row]).tolist()))
+
+    def _intact(self, read: Callable[[], Any]) -> Any:
+        """What is read of the stored arrays; where the index turns out damaged, from the one that is made anew."""
+        return read() if self._prepared is None else self.scan.intact(read)
 
     def details_of(self, number: int) -> dict[str, Any]:
         """A type by its number, from 1: lengths, family and stored features of its coupler rotation over the whole turn."""
         if not 1 <= number <= len(self):
             raise FieldError("/number", f"there is no type {number}: the atlas has types 1 to {len(self)}")
-        stored, row = self.stored, number - 1
+        return self._intact(lambda: self._details(number - 1))
+
+    def _details(self, row: int) -> dict[str, Any]:
+        stored = self.stored
+        lengths = np.asarray(stored.lengths[row])
         return {
-            "number": number,
-            "lengths": stored.lengths[row].tolist(),
-            "family": str(family(stored.lengths[row])),
+            "number": row + 1,
+            "lengths": lengths.tolist(),
+            "family": str(family(lengths)),
             "samples": stored.rule.samples,
             "winding": int(stored.winding[row]),
             "normalisation": "mean",
             "unit": "rad",
             "average": float(stored.average[row]),
-            "details": stored.details[row].tolist(),
+            "details": np.asarray(stored.details[row]).tolist(),
         }
 
     def describe(self) -> dict[str, Any]:
@@ -106,7 +164,14 @@ class Atlas:
         return f"Atlas({len(self):,} types: {rule})"
 
 
-def load_atlas(path: str | Path, max_bytes: int | None = None, max_types: int | None = None) -> Atlas:
+def load_atlas(
+    path: str | Path,
+    max_bytes: int | None = None,
+    max_types: int | None = None,
+    *,
+    index: str | Path | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Atlas:
     """The verified atlas of a file.
 
     Parameters
@@ -114,14 +179,33 @@ def load_atlas(path: str | Path, max_bytes: int | None = None, max_types: int | 
     path : str or Path
     max_bytes, max_types : int, optional
         Refuse a larger one before it is read.
+    index : str or Path, optional
+        A file for what its scan needs, as large as the atlas several times: made when the scan is first wanted, and whenever it
+        is not of this atlas and this version. Later processes map it, so they start at once and share its memory.
+    progress : callable
+        ``progress(done, total)`` while the index is made.
 
     Raises
     ------
     AtlasError
         Missing, larger than allowed, damaged or foreign.
     """
-    limits = {} if max_types is None else {"max_types": max_types}
-    return Atlas(load_table(Path(path), max_bytes, **limits))
+    most = MAX_TYPES if max_types is None else max_types
+    if index is None:
+        return Atlas(load_table(Path(path), max_bytes, most))
+    digest = file_hash(Path(path), max_bytes)
+
+    def load() -> table.Atlas:
+        return load_table(Path(path), max_bytes, most, digest)
+
+    files = Index(Path(index), digest, FOURBAR, load, KIND, progress)
+    prepared = files.opened(os.cpu_count() or 1)
+    if prepared is not None and len(prepared.table) > most:
+        raise AtlasError(AtlasFault.LIMIT, f"{len(prepared.table)} types, at most {most}")
+    if prepared is not None:
+        mapped: Any = prepared.table
+        return Atlas(mapped, index=files, prepared=prepared)
+    return Atlas(load(), index=files)
 
 
 def build_atlas(

@@ -48,7 +48,7 @@ def best_rows(
         error = scan.errors(target, windows)
         return np.where(_within(scan, target, limits, windows), error, np.inf)
 
-    if not scan.mechanism.in_family(limits.family, scan.lengths).any():
+    if not scan.has_family(limits.family):
         return [], ScanReport(scan.windows, 0, True)
     most = MAX_LIMITED_WINDOWS
     if not limits.only_family:
@@ -57,7 +57,9 @@ def best_rows(
     while True:
         windows, report = scan.best(target, wanted, exact, most, work, tolerance)
         chosen = windows.take(_first_of_each(target, windows))
-        linkages = scan.mechanism.mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
+        linkages = scan.mechanism.mounted(
+            target, scan.lengths_of(chosen.row), chosen.branch, scan.start_angles(chosen)
+        )
         solutions = distinct(scan.mechanism.assess(target, linkages, chosen.row.tolist()), top)
         complete = len(windows.row) < wanted or not report.exhaustive
         if len(solutions) == top or complete:
@@ -74,7 +76,7 @@ def _first_of_each(target: Target, windows: Windows) -> NDArray[np.intp]:
 
 
 def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> NDArray[np.bool_]:
-    lengths, start = scan.lengths[windows.row], scan.start_angles(windows)
+    lengths, start = scan.lengths_of(windows.row), scan.start_angles(windows)
     placed = Placed(lengths, windows.branch.astype(float), target.interval.after(start))
     if not limits.only_family and target.position is not None:
         fit = fit_positions(target, scan.angles(target, windows))

@@ -28,13 +28,12 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.matrices import start_angles
-from synthesis.atlas.series import Bucket, Floats, Ints, gather
+from synthesis.atlas.series import Bucket, Column, Floats, Ints, New, gather, in_memory
 from synthesis.target import TURN, Target
 
 Bounds = NDArray[np.float32]
@@ -127,16 +126,16 @@ class Level:
     """
 
     cells: Bucket
-    bounds: Bounds
-    error: NDArray[np.float32]
+    bounds: Column
+    error: Column
 
     @cached_property
-    def series(self) -> Floats:
+    def series(self) -> Column:
         """(cells of the coarser level, PARTS, 6H)."""
         return self.cells.series.reshape(-1, PARTS, self.cells.series.shape[1])
 
     @cached_property
-    def mean_square(self) -> Floats:
+    def mean_square(self) -> Column:
         """(cells of the coarser level, PARTS)."""
         return self.cells.mean_square.reshape(-1, PARTS)
 
@@ -150,13 +149,13 @@ class Cells:
     """
 
     bucket: Bucket
-    first: Ints
+    first: Column
     levels: list[Level]
 
     @property
     def nbytes(self) -> int:
         """Memory of the levels."""
-        arrays: list[NDArray[Any]] = [self.first]
+        arrays: list[Column] = [self.first]
         for level in self.levels:
             arrays += [level.bounds, level.cells.series]
         return sum(array.nbytes for array in arrays)
@@ -170,20 +169,30 @@ class Cells:
     @cached_property
     def most(self) -> int:
         """Most types of a finest cell."""
-        return int(np.max(np.diff(self.first)))
+        return int(np.max(np.diff(np.asarray(self.first))))
 
 
-def make_cells(bucket: Bucket) -> Cells:
-    """The cells of a bucket. Law: every type is in one cell of each level."""
-    order, first = _halve(bucket)
-    cells = Cells(bucket.take(order), first, [])
+def make_cells(bucket: Bucket, new: New = in_memory) -> Cells:
+    """The cells of a bucket, in arrays that ``new`` gives. Law: every type is in one cell of each level."""
+    order, begins = _halve(bucket)
+    first = new("first", begins.dtype, begins.shape)
+    first[...] = begins
+    cells = Cells(bucket.copy(order, new), first, [])
+    del order
     levels = cells.levels
-    levels.append(_level(cells.bucket, cells.types_of(np.arange(len(first) - 1)), None, cells.bucket.error))
+    levels.append(
+        _level(cells.bucket, cells.types_of(np.arange(len(first) - 1)), None, cells.bucket.error, _of_level(new, 0))
+    )
     while len(levels[0].cells.rows) >= PARTS * FEWEST:
         fine = levels[0]
         groups = np.arange(len(fine.cells.rows)).reshape(-1, PARTS)
-        levels.insert(0, _level(fine.cells, groups, fine.bounds, fine.error))
+        levels.insert(0, _level(fine.cells, groups, fine.bounds, fine.error, _of_level(new, len(levels))))
     return cells
+
+
+def _of_level(new: New, level: int) -> New:
+    """``new`` for the arrays of a level, the finest being 0."""
+    return lambda name, dtype, shape: new(f"level{level}.{name}", dtype, shape)
 
 
 def _halve(bucket: Bucket) -> tuple[Ints, Ints]:
@@ -210,9 +219,10 @@ def _middle(periodic: Floats) -> Ints:
     return np.einsum("gtk,gtk->gt", difference, difference).argmin(axis=1)
 
 
-def _level(types: Bucket, groups: Ints, bounds: Bounds | None, error: NDArray[np.floating[Any]]) -> Level:
+def _level(types: Bucket, groups: Ints, bounds: Column | None, error: Column, new: New) -> Level:
     """Cells of the types or representatives in each of some groups, (groups, members), with their own bounds and errors."""
-    chosen, own = [], []
+    chosen = np.empty(len(groups), dtype=np.int64)
+    own = new("bounds", np.float32, (_THIRD + len(THIRDS), len(groups), ARCS))
     at_once = max(1, _POINTS_AT_ONCE // (groups.shape[1] * _points(types.harmonics)))
     for k in range(0, len(groups), at_once):
         part = groups[k : k + at_once]
@@ -221,9 +231,11 @@ def _level(types: Bucket, groups: Ints, bounds: Bounds | None, error: NDArray[np
         reach = _reaches(periodic - types.periodic[middle][:, None])
         if bounds is not None:
             reach += bounds[:, part]
-        chosen.append(middle)
-        own.append(_upwards(reach.max(axis=2)))
-    return Level(types.take(np.concatenate(chosen)), np.concatenate(own, axis=1), _upwards(error[groups].max(axis=1)))
+        chosen[k : k + at_once] = middle
+        own[:, k : k + at_once] = _upwards(reach.max(axis=2))
+    largest = new("largest", np.float32, (len(groups),))
+    largest[...] = _upwards(error[groups].max(axis=1))
+    return Level(types.copy(chosen, new), own, largest)
 
 
 def _upwards(values: NDArray[np.floating]) -> Bounds:

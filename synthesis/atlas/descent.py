@@ -9,6 +9,7 @@ Where so many windows are left that this would be slower, all windows of the buc
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -16,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.cells import ABOVE_SINGLE, ARCS, PARTS, Arcs, Cells, Level
+from synthesis.atlas.leaders import NOWHERE, Numbering, Place, lowest
 from synthesis.atlas.matrices import Matrices, RotationMatrix
 from synthesis.atlas.series import Bucket, Floats, Ints, Phasors, gather
+from synthesis.atlas.windows import NO_WINDOWS
 
 Batch = Callable[[float], tuple[Ints, Floats] | None]
 """Window numbers and lower bounds of those windows of a batch whose bound is at most a limit."""
@@ -33,6 +36,10 @@ SPARSE = 0.12
 """Part of the windows of a chunk below which each is taken by itself."""
 WORTHWHILE = 0.4
 """Part of the windows beyond which gathering those that are left costs more than it saves."""
+_LARGEST_WAVE = 16
+"""Blocks between two looks at the limit: the same on every machine, or reports would differ. Of each, all windows may be left."""
+_HELD = 4
+"""While more windows are found, so many times as many are held as are wanted (twelve bytes each, and as much again to sort)."""
 
 
 class Left(NamedTuple):
@@ -133,7 +140,7 @@ class Descent:
             if not some.any():
                 return None
             places, squared, keep = places[some], squared[some], keep[some]
-            squared = self._lowered(squared, bucket.error[places, None]) ** 2
+            squared = self._lowered(squared, gather(bucket.error, places)[:, None]) ** 2
         if self.phasors is not None:
             squared = squared + self.position_error(self.phasors, places)
             keep = squared <= limit**2
@@ -141,7 +148,7 @@ class Descent:
             squared = np.zeros((places.size, self.windows))
             keep = squared <= limit**2
         place, window = np.nonzero(keep)
-        return bucket.rows[places[place]] * self.windows + window, np.sqrt(squared[place, window])
+        return gather(bucket.rows, places[place]) * self.windows + window, np.sqrt(squared[place, window])
 
     def _lowered(self, squared: Floats, error: Floats) -> Floats:
         """Lower bound of the rms rotation error from D and the error of the series."""
@@ -220,7 +227,7 @@ class Descent:
             bound = np.sqrt(bound**2 + left[inside, place, column])
             own = bound <= limit
             group, place, column, bound = group[own], place[own], column[own], bound[own]
-        return self.bucket.rows[types[group, place]] * self.windows + window[group, column], bound
+        return gather(self.bucket.rows, types[group, place]) * self.windows + window[group, column], bound
 
     def _near(self, types: Ints, window: Ints, error: Floats, limit: float) -> tuple[Ints, Ints, Ints, Floats]:
         """Group, place and column of the windows whose D allows an error of at most ``limit``, and that D."""
@@ -271,3 +278,67 @@ class Descent:
         starts = self.windows // 2
         start, branch = window % starts, window // starts
         return branch[:, None] * starts + (start[:, None] + np.array([-1, 0, 1])) % starts
+
+
+# -- all buckets together ----------------------------------------------------------------------------------------------
+
+
+def bounds_of(
+    parts: list[Descent],
+    limit: Callable[[], float],
+    expired: Callable[[], bool],
+    pool: Executor | None = None,
+) -> Iterator[tuple[Ints, Floats]]:
+    """Window numbers and lower bounds of their error, batch by batch, of all windows that may be below ``limit()``.
+
+    Batches are worked on in waves, all of a wave with the same limit, so that the result does not depend on which
+    thread is faster. (A matrix product of its own many threads waits for the slowest of them.) What the cells leave of
+    rotations is done sooner by one thread: so many short steps would mostly wait for the interpreter.
+    """
+    highest = limit()
+    found = [part.batches(highest, expired) for part in parts]
+    batches = [batch for some, _ in found for batch in some]
+    heavy = sum(len(some) for some, are_heavy in found if are_heavy)
+    run = pool.map if pool is not None and 2 * heavy > len(batches) else map
+    first, wave = 0, 1  # small at first, while nothing is known that could exclude a window
+
+    def bounds(batch: Batch) -> tuple[Ints, Floats] | None:
+        return None if first and expired() else batch(ceiling)
+
+    while first < len(batches):
+        ceiling = limit()
+        yield from filter(None, run(bounds, batches[first : first + wave]))
+        first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
+        if first < len(batches) and expired():
+            return
+
+
+def lowest_bounds(
+    parts: list[Descent],
+    numbering: Numbering,
+    count: int,
+    ceiling: float,
+    expired: Callable[[], bool],
+    pool: Executor | None = None,
+) -> tuple[Ints, Floats, Place]:
+    """The ``count`` windows of lowest bound at or below ``ceiling``, ties in order, and a place that no other is before."""
+    ids: list[Ints] = [NO_WINDOWS.row]
+    bounds: list[Floats] = [NO_WINDOWS.error]
+    held, cut = 0, NOWHERE
+
+    def reduce() -> None:
+        nonlocal ids, bounds, held, cut
+        all_ids, all_bounds = np.concatenate(ids), np.concatenate(bounds)
+        keep, first_left = lowest(numbering, all_ids, all_bounds, count)
+        cut = min(cut, first_left)
+        ids, bounds, held = [all_ids[keep]], [all_bounds[keep]], keep.size
+
+    for block_ids, block_bounds in bounds_of(parts, lambda: min(ceiling, cut.bound), expired, pool):
+        near = np.flatnonzero(block_bounds <= cut.bound)
+        ids.append(block_ids[near])
+        bounds.append(block_bounds[near])
+        held += near.size
+        if held > _HELD * count:
+            reduce()
+    reduce()
+    return ids[0], bounds[0], cut

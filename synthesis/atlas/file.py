@@ -12,9 +12,10 @@ import json
 import stat
 import unicodedata
 import zlib
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -53,8 +54,8 @@ _CURVE = (
 )
 
 
-def _header(body: bytes | memoryview) -> bytes:
-    text = f"{MAGIC} {SCHEMA}\nsha256 {hashlib.sha256(body).hexdigest()}\nbytes {len(body)}\n"
+def _header(sha256: str, size: int) -> bytes:
+    text = f"{MAGIC} {SCHEMA}\nsha256 {sha256}\nbytes {size}\n"
     return text.encode().ljust(HEADER_BYTES - 1, b" ") + b"\n"
 
 
@@ -85,7 +86,7 @@ def encode_atlas(atlas: Atlas) -> bytes:
             dataset.attrs["units"] = _UNITS[name]
         file.flush()
         body = file.id.get_file_image()
-    return _header(body) + body
+    return _header(hashlib.sha256(body).hexdigest(), len(body)) + body
 
 
 def _refuse(fault: AtlasFault, detail: str) -> None:
@@ -167,14 +168,49 @@ def _check_inflation(dataset: h5py.Dataset) -> None:
 
 def check_bytes(data: bytes) -> memoryview:
     """The HDF5 image behind a header that it matches; AtlasError otherwise. Costs one SHA-256 and parses nothing."""
-    head, body = data[:HEADER_BYTES], memoryview(data)[HEADER_BYTES:]
+    body = memoryview(data)[HEADER_BYTES:]
+    _check_header(data[:HEADER_BYTES], hashlib.sha256(body).hexdigest(), len(body))
+    return body
+
+
+def _check_header(head: bytes, sha256: str, size: int) -> None:
     if len(head) < HEADER_BYTES or not head.startswith(MAGIC.encode()):
         _refuse(AtlasFault.SCHEMA, "its header is not an atlas's")
     if not head.startswith(f"{MAGIC} {SCHEMA}\n".encode()):
         _refuse(AtlasFault.SCHEMA, f"its header names another schema than {SCHEMA}")
-    if _header(body) != head:
-        _refuse(AtlasFault.CHECKSUM, f"{len(body)} bytes behind the header")
-    return body
+    if _header(sha256, size) != head:
+        _refuse(AtlasFault.CHECKSUM, f"{size} bytes behind the header")
+
+
+def file_hash(path: Path, max_bytes: int | None = None) -> str:
+    """The SHA-256 in an atlas file's header, which all behind it has been compared with; nothing is parsed.
+
+    Raises
+    ------
+    AtlasError
+        Missing, larger than allowed, or not what was written.
+    """
+    with _open(path, max_bytes) as file:
+        try:
+            head = file.read(HEADER_BYTES)
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]  # it has readinto
+            _check_header(head, sha256, file.tell() - len(head))
+        except OSError as error:
+            raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
+    return sha256
+
+
+def _open(path: Path, max_bytes: int | None) -> BinaryIO:
+    """A regular file of at most so many bytes, open for reading."""
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            _refuse(AtlasFault.MISSING, f"{path} is no regular file")
+        if max_bytes is not None and status.st_size > max_bytes:
+            _refuse(AtlasFault.LIMIT, f"{status.st_size} bytes, at most {max_bytes}")
+        return path.open("rb")
+    except OSError as error:
+        raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
 
 
 def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
@@ -217,7 +253,7 @@ def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
     if (found := atlas.content_hash()) != claimed:
         _refuse(AtlasFault.CONTENT, "the content hash differs")
     _check_sample(atlas, found)
-    return atlas
+    return replace(atlas, known_hash=found)
 
 
 def _check_sample(atlas: Atlas, seed: str) -> None:
@@ -235,23 +271,23 @@ def _check_sample(atlas: Atlas, seed: str) -> None:
             _refuse(AtlasFault.CONTENT, f"{name} is not what the lengths give")
 
 
-def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TYPES) -> Atlas:
-    """The verified atlas of a file; nothing of the file stays open.
+def load_atlas(
+    path: Path, max_bytes: int | None = None, max_types: int = MAX_TYPES, sha256: str | None = None
+) -> Atlas:
+    """The verified atlas of a file, of the one whose header says ``sha256`` if that is given; nothing of it stays open.
 
     Raises
     ------
     AtlasError
         Missing, larger than allowed, damaged, foreign, or inconsistent.
     """
-    try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            _refuse(AtlasFault.MISSING, f"{path} is no regular file")
-        if max_bytes is not None and status.st_size > max_bytes:
-            _refuse(AtlasFault.LIMIT, f"{status.st_size} bytes, at most {max_bytes}")
-        data = path.read_bytes()
-    except OSError as error:
-        raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
+    with _open(path, max_bytes) as file:
+        try:
+            data = file.read()
+        except OSError as error:
+            raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
+    if sha256 is not None and f"sha256 {sha256}\n".encode() not in data[:HEADER_BYTES]:
+        _refuse(AtlasFault.CHECKSUM, "it has been replaced meanwhile")
     return decode_atlas(data, max_types)
 
 

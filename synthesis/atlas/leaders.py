@@ -99,6 +99,7 @@ class Leaders:
 
     Attributes
     ----------
+    top : int
     windows : Windows
         At most ``top``, in order.
     last : Place
@@ -117,13 +118,13 @@ class Leaders:
     ) -> None:
         self.windows, self.last, self.evaluated = NO_WINDOWS, NOWHERE, 0
         self.numbering = numbering
-        self._top, self._exact, self._expired, self._enough = top, exact, expired, enough
+        self.top, self._exact, self._expired, self._enough = top, exact, expired, enough
         self.at_once = max(1, at_once)
 
     @property
     def worst(self) -> float:
         """Error of the last; infinite while there are fewer than wanted."""
-        return float(self.windows.error[-1]) if self.windows.row.size == self._top else np.inf
+        return float(self.windows.error[-1]) if self.windows.row.size == self.top else np.inf
 
     @property
     def reached(self) -> bool:
@@ -139,9 +140,9 @@ class Leaders:
         error = self._exact(windows)
         windows = windows._replace(error=error if known is None else np.where(np.isfinite(error), known, np.inf))
         windows = windows.take(np.flatnonzero(np.isfinite(windows.error)))
-        self.windows = best_of(joined([self.windows, windows]), self._top)
+        self.windows = best_of(joined([self.windows, windows]), self.top)
         self.evaluated += ids.size
-        if self.windows.row.size == self._top:
+        if self.windows.row.size == self.top:
             row, start, branch, error = (column[-1] for column in self.windows)
             rank = (row * self.numbering.starts + start) * 2 + (branch < 0)
             self.last = Place(float(steps_of(error)), float(rank))
@@ -154,7 +155,7 @@ class Leaders:
         if self.windows.row.size:
             near = near[np.isin(ids[near], self._numbers(), invert=True)]
         near = near[np.lexsort((ranks[near], steps[near]))]
-        done, batch = 0, min(self.at_once, max(FIRST_BATCH, 2 * self._top))
+        done, batch = 0, min(self.at_once, max(FIRST_BATCH, 2 * self.top))
         while done < near.size and Place(steps[near[done]], ranks[near[done]]) < self.last:
             if self.reached or (self.evaluated and self._expired()):
                 break

@@ -28,45 +28,44 @@ off by at most e |p| / (|q| - e). e is the file's ``curve_error`` plus the coeff
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor, wait
-from threading import Event, Lock
-from typing import Any
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.atlas.cells import Arcs, Cells, make_cells
-from synthesis.atlas.descent import Batch, Descent
-from synthesis.atlas.leaders import FIRST_BATCH, NOWHERE, Leaders, Numbering, Place, lowest
+from synthesis.atlas.cells import Arcs
+from synthesis.atlas.descent import Descent, bounds_of, lowest_bounds
+from synthesis.atlas.leaders import FIRST_BATCH, Leaders, Numbering, lowest
 from synthesis.atlas.matrices import Matrices
-from synthesis.atlas.series import Bucket, Phasors, join, prepare, prepare_phasors
+from synthesis.atlas.preparation import Kind, Preparation
+from synthesis.atlas.series import gather
+from synthesis.atlas.short_spans import LEAST_SPAN, ShortSpan
+from synthesis.atlas.stored import DamagedError
 from synthesis.atlas.table import Table
-from synthesis.atlas.windows import NO_WINDOWS, TIE, ScanReport, Windows, best_of, each_once
+from synthesis.atlas.windows import TIE, ScanReport, Windows, best_of, each_once
 from synthesis.pose import objective
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Answer = TypeVar("Answer")
 
 STARTS = 360
 """Starts of a window: every whole degree."""
 HARMONICS = (5, 8, 12, 16, 24, 32, 64)
 SERIES_ERROR = 3e-7
-_LARGEST_WAVE = 16
-"""Blocks between two looks at the limit: the same on every machine, or reports would differ. Of each, all windows may be left."""
+KIND = Kind(SERIES_ERROR, HARMONICS)
+"""Series of a scan unless others are asked for."""
 _FIRST_COUNT = 4096
 _COUNT_BELOW = 1 << 17
 """Windows held where a ceiling is known: all below it are wanted, and a second pass would find the same ones first."""
 _MOST_HELD = 1 << 18
-"""Most windows that are held to be evaluated in the order of their bounds; while more of them are found, four times as many
-(twelve bytes each, and as much again to sort them)."""
-_HELD = 4
-_PREPARED_AT_ONCE = 512
+"""Most windows that are held to be evaluated in the order of their bounds."""
 _PROBED = 64
-_PATIENCE = 0.01
-"""Seconds between two looks at whether an answer is still wanted."""
+_AT_ONCE = 1 << 16
 _EXACT_SAMPLES = 1 << 17
 
 
@@ -75,7 +74,8 @@ class Scan:
 
     Parameters
     ----------
-    table : Table
+    table : Table or Preparation
+        A preparation is used as it is, whatever ``series_error``, ``harmonics`` and ``cells`` say.
     starts : int
         Starts over the turn, evenly spaced from 0; 360 is every whole degree.
     series_error : float
@@ -90,88 +90,71 @@ class Scan:
 
     def __init__(
         self,
-        table: Table,
+        table: Table | Preparation,
         starts: int = STARTS,
         series_error: float = SERIES_ERROR,
         harmonics: tuple[int, ...] = HARMONICS,
         threads: int = 1,
         cells: bool = True,
     ) -> None:
-        self.mechanism = table.mechanism
-        self.lengths = table.lengths.astype(float)
+        kind = Kind(series_error, harmonics, cells)
+        self.prepared = table if isinstance(table, Preparation) else Preparation(table, kind, threads)
+        self.mechanism = self.prepared.table.mechanism
         self.starts = starts
         self.numbering = Numbering(starts)
         self.threads = threads
-        self._table = table
-        self._phasors: list[Phasors] = []
-        self._lock = Lock()
-        parts = [
-            np.arange(first, min(first + _PREPARED_AT_ONCE, len(table)))
-            for first in range(0, len(table), _PREPARED_AT_ONCE)
-        ]
-        shares: dict[tuple[int, int], list[Bucket]] = {}
-        with ThreadPoolExecutor(threads) as pool:
-            for buckets in pool.map(lambda rows: list(prepare(table, rows, series_error, harmonics)), parts):
-                for bucket in buckets:
-                    shares.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
-            self._cells = list(pool.map(lambda key: self._make_cells(shares.pop(key), cells), sorted(shares)))
+        self._families: dict[str, bool] = {}
 
-    @staticmethod
-    def _make_cells(shares: list[Bucket], cells: bool) -> Cells:
-        bucket = join(shares)
-        shares.clear()
-        return make_cells(bucket) if cells else Cells(bucket, np.array([0, len(bucket.rows)]), [])
+    @property
+    def types(self) -> int:
+        """Number of types."""
+        return len(self.prepared.table)
+
+    @property
+    def lengths(self) -> Floats:
+        """Lengths of all types, (types, d)."""
+        return self.intact(lambda: np.asarray(self.prepared.table.lengths, dtype=np.float64))
+
+    def lengths_of(self, rows: Ints) -> Floats:
+        """Lengths of some types, (n, d)."""
+        found: Floats = self.intact(lambda: gather(self.prepared.table.lengths, rows)).astype(np.float64)
+        return found
+
+    def has_family(self, family: str) -> bool:
+        """Whether a type is of a family; looked up once."""
+        if family not in self._families:
+            parts = (np.arange(first, min(first + _AT_ONCE, self.types)) for first in range(0, self.types, _AT_ONCE))
+            self._families[family] = any(
+                bool(self.mechanism.in_family(family, self.lengths_of(rows)).any()) for rows in parts
+            )
+        return self._families[family]
 
     @property
     def windows(self) -> int:
         """Number of windows: types x starts x branches."""
-        return len(self.lengths) * self.starts * 2
+        return self.types * self.starts * 2
 
     @property
     def nbytes(self) -> int:
-        """Memory of the prepared series."""
-        arrays = [value for cells in self._cells for value in vars(cells.bucket).values()]
-        arrays += [value for phasors in self._phasors for value in vars(phasors).values()]
-        own = sum(value.nbytes for value in arrays if isinstance(value, np.ndarray))
-        return self.lengths.nbytes + own + sum(cells.nbytes for cells in self._cells)
+        """Bytes of the prepared series."""
+        return self.prepared.nbytes
 
     def prepare_positions(self, work: Work) -> bool:
-        """Make the series that requests with positions need; done by the first of them otherwise.
+        """Make the series that requests with positions need, see `Preparation.prepare_positions`."""
+        return self.intact(lambda: self.prepared.prepare_positions(work))
 
-        Returns
-        -------
-        bool
-            Whether they are there; false where the work's time ran out, also while another thread was making them.
-        """
-        if self._phasors:
-            return True
-        while not self._lock.acquire(timeout=_PATIENCE):
-            if work.expired():
-                return False
-        try:
-            if not self._phasors:  # else another thread has made them meanwhile
-                self._phasors = self._make_phasors(work)
-        finally:
-            self._lock.release()
-        return bool(self._phasors)
+    def prepare_short_spans(self, work: Work) -> None:
+        """Make the index of windows that answers short spans sooner, see `Preparation.prepare_short_spans`."""
+        self.intact(lambda: self.prepared.prepare_short_spans(work))
 
-    def _make_phasors(self, work: Work) -> list[Phasors]:
-        """The series of all buckets; none where the time ran out."""
-        given_up = Event()
-        with ThreadPoolExecutor(self.threads) as pool:
-            made = [
-                pool.submit(prepare_phasors, self._table, cells.bucket, _PREPARED_AT_ONCE, given_up)
-                for cells in self._cells
-            ]
+    def intact(self, answer: Callable[[], Answer]) -> Answer:
+        """An answer that no damaged page of an index had a part in."""
+        while True:
+            seen = self.prepared.cells
             try:
-                while made and wait(made, _PATIENCE).not_done:
-                    if work.expired():
-                        given_up.set()
-                        return []
-            except BaseException:
-                given_up.set()
-                raise
-        return [one.result() for one in made]
+                return answer()
+            except DamagedError as damage:
+                self.prepared.renew(seen, damage)
 
     # -- bounds -------------------------------------------------------------------------------------------------------
 
@@ -181,73 +164,22 @@ class Scan:
         Where the time ran out before the positions' series were there, only the rotation bounds the windows: what is found
         then is the best of a first look.
         """
-        phasors: list[Any] = [None] * len(self._cells)
-        if target.position is not None and self.prepare_positions(work):
-            phasors = self._phasors
-        reaches = [cells.bucket.harmonics for cells in self._cells] + [p.reach for p in phasors if p is not None]
+        prepared = self.prepared
+        phasors: list[Any] = [None] * len(prepared.cells)
+        if target.position is not None and prepared.prepare_positions(work):
+            phasors = prepared.phasors
+        reaches = [cells.bucket.harmonics for cells in prepared.cells] + [p.reach for p in phasors if p is not None]
         matrices = Matrices(target, 2 * max(reaches, default=0), self.starts)
         arcs = Arcs(target, self.starts)
-        return [Descent(cells, arcs, matrices, known) for cells, known in zip(self._cells, phasors)]
+        return [Descent(cells, arcs, matrices, known) for cells, known in zip(prepared.cells, phasors)]
 
-    def _bounds(
-        self,
-        parts: list[Descent],
-        limit: Callable[[], float],
-        expired: Callable[[], bool],
-        pool: Executor | None = None,
-    ) -> Iterator[tuple[Ints, Floats]]:
-        """Window numbers and lower bounds of their error, batch by batch, of all windows that may be below ``limit()``.
-
-        Batches are worked on in waves, all of a wave with the same limit, so that the result does not depend on which
-        thread is faster. (A matrix product of its own many threads waits for the slowest of them.) What the cells leave of
-        rotations is done sooner by one thread: so many short steps would mostly wait for the interpreter.
-        """
-        highest = limit()
-        found = [part.batches(highest, expired) for part in parts]
-        batches = [batch for some, _ in found for batch in some]
-        heavy = sum(len(some) for some, are_heavy in found if are_heavy)
-        run = pool.map if pool is not None and 2 * heavy > len(batches) else map
-        first, wave = 0, 1  # small at first, while nothing is known that could exclude a window
-
-        def bounds(batch: Batch) -> tuple[Ints, Floats] | None:
-            return None if first and expired() else batch(ceiling)
-
-        while first < len(batches):
-            ceiling = limit()
-            yield from filter(None, run(bounds, batches[first : first + wave]))
-            first, wave = first + wave, min(2 * wave, _LARGEST_WAVE)
-            if first < len(batches) and expired():
-                return
-
-    def _lowest(
-        self,
-        parts: list[Descent],
-        count: int,
-        ceiling: float,
-        expired: Callable[[], bool],
-        pool: Executor | None = None,
-    ) -> tuple[Ints, Floats, Place]:
-        """The ``count`` windows of lowest bound at or below ``ceiling``, ties in order, and a place that no other is before."""
-        ids: list[Ints] = [NO_WINDOWS.row]
-        bounds: list[Floats] = [NO_WINDOWS.error]
-        held, cut = 0, NOWHERE
-
-        def reduce() -> None:
-            nonlocal ids, bounds, held, cut
-            all_ids, all_bounds = np.concatenate(ids), np.concatenate(bounds)
-            keep, first_left = lowest(self.numbering, all_ids, all_bounds, count)
-            cut = min(cut, first_left)
-            ids, bounds, held = [all_ids[keep]], [all_bounds[keep]], keep.size
-
-        for block_ids, block_bounds in self._bounds(parts, lambda: min(ceiling, cut.bound), expired, pool):
-            near = np.flatnonzero(block_bounds <= cut.bound)
-            ids.append(block_ids[near])
-            bounds.append(block_bounds[near])
-            held += near.size
-            if held > _HELD * count:
-                reduce()
-        reduce()
-        return ids[0], bounds[0], cut
+    def _short_span(self, target: Target, expired: Callable[[], bool]) -> ShortSpan | None:
+        """The request against the index of its span, if there is one."""
+        span = float(np.ptp(target.crank))
+        for index in self.prepared.storeys if target.rotation is not None and span >= LEAST_SPAN else []:
+            if index.storey.serves(span, self.starts):
+                return ShortSpan(index, target, self.starts, expired)
+        return None
 
     def start_angles(self, windows: Windows) -> Floats:
         """theta1 at the first sample of windows, radians."""
@@ -256,7 +188,7 @@ class Scan:
     def angles(self, target: Target, windows: Windows) -> Floats:
         """Body angle of windows at the samples of a target, (n, N), from the lengths alone."""
         crank = self.start_angles(windows)[:, None] + target.crank
-        return self.mechanism.body_angle(self.lengths[windows.row], windows.branch, crank)
+        return self.mechanism.body_angle(self.lengths_of(windows.row), windows.branch, crank)
 
     def errors(self, target: Target, windows: Windows) -> Floats:
         """Exact error of windows, shape (n,): the objective of `pose.objective`, evaluated at the samples.
@@ -272,9 +204,13 @@ class Scan:
 
     def error_table(self, target: Target) -> Floats:
         """Approximate squared error of every window, (types, 2, starts): branch +1, then branch -1. For small atlases."""
-        table = np.empty((len(self.lengths), 2 * self.starts))
-        for part in self._requested(target, Work()):
-            table[part.cells.bucket.rows] = part.squared(slice(None))
+        table = np.empty((self.types, 2 * self.starts))
+
+        def fill() -> None:
+            for part in self._requested(target, Work()):
+                table[np.asarray(part.cells.bucket.rows)] = part.squared(slice(None))
+
+        self.intact(fill)
         np.maximum(table, 0.0, out=table)
         return table.reshape(-1, 2, self.starts)
 
@@ -314,12 +250,19 @@ class Scan:
             At most ``top``, by error, ties (to `TIE`) by number, start, branch. Law: equal to sorting all windows.
         report : ScanReport
         """
-        if exact is None:
-
-            def exact(windows: Windows) -> Floats:
-                return self.errors(target, windows)
-
         work = work or Work()
+        evaluate = exact or (lambda windows: self.errors(target, windows))
+        return self.intact(lambda: self._best(target, top, evaluate, max_windows, work, enough))
+
+    def _best(
+        self,
+        target: Target,
+        top: int,
+        exact: Callable[[Windows], Floats],
+        max_windows: int | None,
+        work: Work,
+        enough: float,
+    ) -> tuple[Windows, ScanReport]:
         cut_short = False
 
         def out_of_time() -> bool:  # asked only where something is left to do
@@ -334,18 +277,27 @@ class Scan:
         most = np.inf if max_windows is None else max(max_windows, 4 * top)
         alike = self._alike(target)
         first = leaders()
-        if first.settled_in_order(len(self.lengths), alike, most):
+        if first.settled_in_order(self.types, alike, most):
             return first.windows, ScanReport(self.windows, first.evaluated, not cut_short and first.evaluated < most)
+        probed = leaders()
+        short = self._short_span(target, out_of_time)
+        near = short.candidates(probed, self.errors) if short else None
+        if near is not None:
+            keep, cut = lowest(self.numbering, *near, int(min(near[0].size, most)))
+            looked_at = probed.evaluated
+            probed.consider(near[0][keep], near[1][keep])
+            complete = not cut_short and not probed.reached and (probed.last <= cut or keep.size == near[0].size)
+            windows = probed.windows if complete else best_of(each_once([first.windows, probed.windows]), top)
+            return windows, ScanReport(self.windows, probed.evaluated - looked_at, complete)
         with ThreadPoolExecutor(self.threads) as pool:
             run = pool if self.threads > 1 else None
             parts = self._requested(target, work)
-            probed = leaders()
             self._probe(parts, probed, top)
             ceiling = min(first.worst, probed.worst)
             count = int(min(max(_FIRST_COUNT if ceiling == np.inf else _COUNT_BELOW, 4 * top), most))
             evaluated = 0
             while True:
-                ids, bounds, cut = self._lowest(parts, count, ceiling + TIE, out_of_time, run)
+                ids, bounds, cut = lowest_bounds(parts, self.numbering, count, ceiling + TIE, out_of_time, run)
                 found = leaders()
                 found.consider(ids, bounds)
                 evaluated = max(evaluated, found.evaluated)  # a further pass begins with the same windows
@@ -367,14 +319,14 @@ class Scan:
         self, parts: list[Descent], found: Leaders, ceiling: float, expired: Callable[[], bool], pool: Executor | None
     ) -> None:
         """Evaluate, batch by batch, all windows that may be among the best."""
-        for ids, bounds in self._bounds(parts, lambda: min(ceiling, found.worst) + TIE, expired, pool):
+        for ids, bounds in bounds_of(parts, lambda: min(ceiling, found.worst) + TIE, expired, pool):
             found.consider(ids, bounds)
 
     def _alike(self, target: Target) -> Floats | None:
         """The error of each type where it is the same from every start: all samples lie whole turns of the crank apart."""
         if target.rotation is None or target.position is not None or not target.repeats_one_crank_angle:
             return None
-        winding = self._table.winding
+        winding = np.asarray(self.prepared.table.winding)
         kinds, example = np.unique(winding, return_index=True)
         one = np.zeros(kinds.size, dtype=np.int64)
         error = self.errors(target, Windows(example, one, one + 1, np.zeros(kinds.size)))

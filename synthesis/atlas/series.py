@@ -6,14 +6,14 @@ equally long. The cosine and the sine of a harmonic stand side by side, so a sho
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from dataclasses import dataclass, replace
 from threading import Event
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from synthesis.atlas import haar
 from synthesis.atlas.rows import compute_rows
@@ -24,33 +24,62 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Ints = NDArray[np.int64]
 
+Column = Any
+"""An array, or one that is mapped from a file: `stored.Stored`."""
+New = Callable[[str, DTypeLike, tuple[int, ...]], NDArray[Any]]
+"""``new(name, dtype, shape)``: an array to be filled, in memory or in a file."""
+
 RESOLVED_SAMPLES = 256
 RESOLVED_ERROR = 1e-6
 """Types that an atlas of fewer samples has less exactly, in radians, get their series from that many samples. Bounds as loose as
 such curves allow would leave most of their windows to be evaluated."""
 
 
+COLUMNS = ("rows", "series", "mean_square", "error")
+"""Arrays of a `Bucket`."""
+PHASOR_COLUMNS = ("series", "error", "modulus", "modulus_mean")
+"""Arrays of `Phasors`."""
+_COPIED_AT_ONCE = 1 << 14
+
+
+def in_memory(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    """An array to be filled."""
+    return np.empty(shape, dtype=dtype)
+
+
 @dataclass(frozen=True)
 class Bucket:
     """Types of one winding whose series have the same number of harmonics H."""
 
-    rows: Ints
+    rows: Column
     winding: int
     harmonics: int
-    series: Floats
+    series: Column
     """(n, 6H): p^2 up to 2H, then p up to H; cosine and sine of each harmonic side by side."""
-    mean_square: Floats
-    error: Floats
+    mean_square: Column
+    error: Column
 
     def take(self, places: Any) -> Bucket:
         """The types at some places."""
-        columns = {name: getattr(self, name)[places] for name in ("rows", "series", "mean_square", "error")}
+        columns = {name: getattr(self, name)[places] for name in COLUMNS}
+        return replace(self, **columns)
+
+    def copy(self, places: Ints, new: New) -> Bucket:
+        """The types at some places in arrays of their own, filled a part at a time."""
+        columns: dict[str, Any] = {}
+        for name in COLUMNS:
+            values = getattr(self, name)
+            columns[name] = new(name, values.dtype, (len(places), *values.shape[1:]))
+            for first in range(0, len(places), _COPIED_AT_ONCE):
+                part = slice(first, first + _COPIED_AT_ONCE)
+                columns[name][part] = values[places[part]]
         return replace(self, **columns)
 
     @property
     def periodic(self) -> Floats:
         """(n, 2H): the series of p alone."""
-        return self.series[:, 4 * self.harmonics :]
+        periodic: Floats = self.series[:, 4 * self.harmonics :]
+        return periodic
 
     def gather_periodic(self, places: Ints) -> Floats:
         """The series of p alone of some types, (..., 2H)."""
@@ -63,12 +92,12 @@ class Phasors:
     """Series of e^{i theta2} of a bucket's types, which requests with positions need."""
 
     reach: int
-    series: Complexes
+    series: Column
     """(n, 2K + 1): coefficients -K .. K."""
-    error: Floats
-    modulus: Floats
+    error: Column
+    modulus: Column
     """(n, 4K): the squared modulus of that series, which is not quite 1."""
-    modulus_mean: Floats
+    modulus_mean: Column
 
 
 def _tails(magnitudes: Floats) -> Floats:
@@ -168,27 +197,24 @@ def _buckets(table: Table, curves: _Curves, series_error: float, lengths: tuple[
 
 def join(parts: list[Bucket]) -> Bucket:
     """One bucket of parts that have the same winding and length."""
-    columns: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("rows", "series", "mean_square", "error")
-    }
+    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
     return replace(parts[0], **columns)
 
 
-def prepare_phasors(table: Table, bucket: Bucket, at_once: int, given_up: Event) -> Phasors:
+def prepare_phasors(table: Table, bucket: Bucket, at_once: int, given_up: Event, new: New = in_memory) -> Phasors:
     """Series of e^{i theta2} of a bucket's types, with a few more harmonics than theta2 has."""
     reach = int(1.25 * bucket.harmonics) + 4
     count = len(bucket.rows)
-    series = np.empty((count, 2 * reach + 1), dtype=complex)
-    modulus, modulus_mean = np.empty((count, 4 * reach)), np.empty(count)
-    error = np.empty(count)
-    place = np.empty(len(table), dtype=np.int64)
-    place[bucket.rows] = np.arange(count)
+    series = new("series", complex, (count, 2 * reach + 1))
+    modulus, modulus_mean = new("modulus", float, (count, 4 * reach)), new("modulus_mean", float, (count,))
+    error = new("error", float, (count,))
     for first in range(0, count, at_once):
         if given_up.is_set():
             raise CancelledError
-        for curves in _curves(table, bucket.rows[first : first + at_once]):
-            part = place[curves.rows]
+        rows = bucket.rows[first : first + at_once]
+        order = np.argsort(rows)
+        for curves in _curves(table, rows):
+            part = first + order[np.searchsorted(rows, curves.rows, sorter=order)]
             series[part], lost = _phasor_series(curves.spectrum, curves.samples, bucket.winding, reach)
             modulus_mean[part], modulus[part] = _modulus_series(series[part])
             error[part] = curves.error + 2 * lost + 1e-9

@@ -106,14 +106,19 @@ class Atlas(Table):
     rule : AtlasRule
     generator : dict
         Versions of what wrote it.
+    known_hash : str, optional
+        Its content hash, where that has been computed.
     """
 
     rule: AtlasRule
     generator: dict[str, str]
     schema: int = SCHEMA
+    known_hash: str | None = None
 
     def content_hash(self) -> str:
         """SHA-256 over the raw little-endian arrays and the rule: the same for equal content, however it is packed."""
+        if self.known_hash is not None:
+            return self.known_hash
         digest = hashlib.sha256(json.dumps(self.rule.as_json(), sort_keys=True).encode())
         for name, dtype in COLUMNS.items():
             digest.update(np.ascontiguousarray(getattr(self, name), dtype=dtype).data)

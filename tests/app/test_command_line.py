@@ -273,3 +273,37 @@ def test_a_port_in_use_is_said(small_path) -> None:
             output = process.communicate(timeout=60)[0].decode()
             assert process.returncode not in (OK, None)
     assert "address already in use" in output and "Traceback" not in output
+
+
+def test_an_index_is_made_by_a_command_and_used_by_the_others(
+    run, small_bytes, request_file, tmp_path, monkeypatch
+) -> None:
+    path = tmp_path / "small.h5"
+    path.write_bytes(small_bytes)
+    monkeypatch.setenv("LINKAGE_ATLAS_INDEX", "false")
+    code, plain, _ = run("match", request_file, "--atlas", path, "--json")
+    assert code == OK and list(tmp_path.glob("*.index*")) == []
+    monkeypatch.delenv("LINKAGE_ATLAS_INDEX")
+    code, out, _ = run("index", "--atlas", path)
+    files = sorted(tmp_path.glob("small.h5.*"))
+    assert code == OK and [file.suffix for file in files] == [".index", ".positions"]
+    assert out.splitlines() == [f"{file}: {file.stat().st_size:,} bytes" for file in files]
+    times = [file.stat().st_mtime_ns for file in files]
+    code, mapped, _ = run("match", request_file, "--atlas", path, "--json")
+    assert code == OK and json.loads(mapped)["matches"] == json.loads(plain)["matches"]
+    assert [file.stat().st_mtime_ns for file in files] == times
+
+
+def test_an_index_that_cannot_be_written_is_a_failure_of_its_command_alone(
+    run, small_bytes, request_file, tmp_path, monkeypatch
+) -> None:
+    path = tmp_path / "small.h5"
+    path.write_bytes(small_bytes)
+
+    def full(*_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.posix_fallocate", full)
+    assert run("index", "--atlas", path)[0] == 1
+    assert run("match", request_file, "--atlas", path)[0] == OK
+    assert [file.name for file in tmp_path.glob("small.h5*")] == ["small.h5"]

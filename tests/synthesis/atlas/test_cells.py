@@ -160,7 +160,7 @@ def quarter() -> tuple[Scan, Scan]:
     """26,481 types, with cells and without: as in the default atlas some of the series have two levels of cells."""
     atlas = make_atlas(AtlasRule(TypeRule(260, 2), 256))
     scan = Scan(atlas, threads=2)
-    assert {len(cells.levels) for cells in scan._cells} == {1, 2}
+    assert {len(cells.levels) for cells in scan.prepared.cells} == {1, 2}
     return scan, Scan(atlas, threads=2, cells=False)
 
 

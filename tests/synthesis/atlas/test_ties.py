@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from synthesis.atlas import descent as descent_module
 from synthesis.atlas import leaders as leaders_module
 from synthesis.atlas import scan as scan_module
 from synthesis.atlas.leaders import Leaders, Numbering, lowest, lowest_steps
@@ -101,7 +102,7 @@ def test_more_windows_than_may_be_held_are_evaluated_one_by_one(kind, held, scan
     most = []
     plain = leaders_module.lowest
     monkeypatch.setattr(
-        scan_module, "lowest", lambda numbering, ids, *more: most.append(ids.size) or plain(numbering, ids, *more)
+        descent_module, "lowest", lambda numbering, ids, *more: most.append(ids.size) or plain(numbering, ids, *more)
     )
     # next to no motion at all, which no bound of a series resolves
     crank = np.linspace(0, np.deg2rad(0.2), 6)

@@ -1,0 +1,126 @@
+"""What the index of an atlas costs and saves: ``python -m benchmarks.index --atlases atlas.h5 [wide.h5 ...]``.
+
+For every atlas: `linkage-atlas index` by itself; then the service with the index, a second one beside it, and one without.
+Each is a process of its own. Processor time, so that a busy machine tells the same; memory as Linux counts it: what a
+process has for itself (unique), and what it has mapped too (resident).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from benchmarks import report
+from benchmarks.report import ROOT
+from benchmarks.service import Service, environment, match_bodies, running, serve_command
+
+NO_LIMIT = 10**12
+
+
+def make(atlas: Path) -> dict[str, Any]:
+    """Make the index by the command: processor seconds, peak memory, bytes of its files."""
+    command = [
+        sys.executable,
+        "-c",
+        "from app.cli import main; raise SystemExit(main())",
+        "index",
+        "--atlas",
+        str(atlas),
+    ]
+    limits = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT}
+    process = subprocess.Popen(command, cwd=ROOT, env=environment(**limits), stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise RuntimeError(f"linkage-atlas index failed with exit code {process.returncode}")
+    sizes = {
+        place.name.removeprefix(atlas.name): place.stat().st_size
+        for place in atlas.parent.glob(f"{atlas.name}.index*")
+    }
+    return {
+        "make_cpu_s": usage.ru_utime + usage.ru_stime,
+        "make_peak_bytes": usage.ru_maxrss * 1024,
+        "index_bytes": sizes[".index"],
+        "positions_bytes": sizes[".index.positions"],
+    }
+
+
+def memory(service: Service) -> dict[str, int]:
+    """Bytes that are resident, and those that no other process shares and no file holds."""
+    fields: dict[str, int] = {}
+    for line in Path(f"/proc/{service.process.pid}/smaps_rollup").read_text().splitlines()[1:]:
+        name, amount = line.split()[:2]
+        fields[name.rstrip(":")] = 1024 * int(amount)
+    return {"resident": fields["Rss"], "unique": fields["Private_Clean"] + fields["Private_Dirty"]}
+
+
+def started(service: Service, bodies: Sequence[bytes]) -> dict[str, Any]:
+    """Of a service that is ready: what it took, and what the first and the other requests take."""
+    service.need_ready()
+    row: dict[str, Any] = {"ready_cpu_s": sum(service.cpu_seconds().values()), "ready_s": service.ready_seconds}
+    row |= {f"ready_{name}_bytes": value for name, value in memory(service).items()}
+    row["peak_bytes"] = service.memory("VmHWM")
+    spent = []
+    for body in bodies:
+        before = sum(service.cpu_seconds().values())
+        if service.ask("POST", "/v1/match", body).status != 200:
+            raise RuntimeError("/v1/match failed")
+        spent.append(sum(service.cpu_seconds().values()) - before)
+    row |= {"first_cpu_ms": 1000 * spent[0], "mean_cpu_ms": 1000 * float(np.mean(spent[len(spent) // 2 :]))}
+    return row | {f"asked_{name}_bytes": value for name, value in memory(service).items()}
+
+
+def measured(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
+    """One atlas: its index is made, opened by one process and by another, and not used."""
+    with tempfile.TemporaryDirectory(dir=atlas.parent) as folder:
+        link = Path(folder) / atlas.name
+        link.symlink_to(atlas.resolve())
+        limits = {"atlas": link, "atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT}
+        row = {"file_bytes": atlas.stat().st_size, **make(link)}
+        with running(serve_command, **limits) as first:
+            row["first"] = started(first, bodies)
+            row["types"] = first.ask("GET", "/v1/atlas").json()["types"]
+            with running(serve_command, **limits) as second:
+                row["second"] = started(second, bodies)
+        with running(serve_command, **limits, index=False, prepare_positions=False) as plain:
+            row["without"] = started(plain, bodies)
+    print(json.dumps(row), flush=True)
+    return row
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The tables of the index in docs/scaling.md."""
+    files, starts = [], []
+    for row in results["rows"]:
+        types = row["types"]
+        a_type = {f"{name}_a_type": row[f"{name}_bytes"] / types for name in ("file", "index", "positions")}
+        files.append(row | a_type | {"make_a_million_s": 1e6 * row["make_cpu_s"] / types})
+        for name, words in (
+            ("first", "with the index"),
+            ("second", "a second process beside it"),
+            ("without", "in memory"),
+        ):
+            starts.append({"types": types, "start": words, **row[name]})
+    return report.tables("index", {"files": files, "starts": starts})
+
+
+def measure(
+    atlases: Annotated[Path, "atlas files"] = (Path("atlas.h5"),), requests: Annotated[int, "to each service"] = 40
+) -> Iterator[dict[str, Any]]:
+    """Every atlas in turn."""
+    bodies, rows = match_bodies(requests), []
+    for atlas in atlases:
+        rows.append(measured(atlas, bodies))
+        yield {"requests": requests, "rows": rows}
+
+
+if __name__ == "__main__":
+    report.run(measure)
