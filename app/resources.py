@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import threading
 import time
 from collections.abc import Callable
 from functools import cached_property
@@ -67,14 +66,15 @@ class ServiceResources:
         gc.collect()
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
-    def prepare_positions(self, stopping: threading.Event) -> None:
-        """Prepare the scan for requests with positions too, if that is set and there is an atlas; until told to stop."""
+    def prepare_positions(self, cancelled: Callable[[], bool]) -> bool:
+        """Prepare the scan for requests with positions too, if that is set and there is an atlas; false if cancelled."""
         if self.settings.with_atlas and self.settings.prepare_positions and self.failure is None:
             try:
-                self.atlas.prepare(work=la.Work(cancelled=stopping.is_set))
+                self.atlas.prepare(work=la.Work(cancelled=cancelled))
             except la.Cancelled:
-                return
+                return False
             give_back_memory()
+        return True
 
 
 _given_back = 0.0
