@@ -16,6 +16,10 @@ import linkage_atlas as la
 from app.settings import Settings
 
 
+class Unprepared(Exception):
+    """What an answer needs is not there, and is not to be made by the process that answers; the message names it."""
+
+
 class ServiceResources:
     """Loads what is asked for, once: a scene's request never loads the atlas."""
 
@@ -27,6 +31,8 @@ class ServiceResources:
         self.max_budget_ms = settings.max_budget_ms
         self.failure: la.AtlasError | None = None
         self.load_seconds = 0.0
+        self.complete = False
+        """Whether nothing large is to be made any more: what is missing raises `Unprepared`."""
         # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
         self._blas = threadpool_limits(1, "blas")
 
@@ -44,6 +50,11 @@ class ServiceResources:
         atlas.prepare(positions=False, threads=1)
         self.load_seconds = time.perf_counter() - begin
         return atlas
+
+    def need_rockers(self) -> None:
+        """Where a scan of rockers is needed: made when first needed, unless the resources are `complete`."""
+        if self.complete and not self.atlas.has_rocker_scan:
+            raise Unprepared("rockers")
 
     def describe_atlas(self) -> dict[str, Any]:
         """What is loaded, as plain JSON values."""
@@ -66,9 +77,14 @@ class ServiceResources:
         gc.collect()
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
+    @property
+    def wants_positions(self) -> bool:
+        """Whether there is an atlas that is to be prepared for positions too."""
+        return self.settings.with_atlas and self.settings.prepare_positions and self.failure is None
+
     def prepare_positions(self, cancelled: Callable[[], bool]) -> bool:
-        """Prepare the scan for requests with positions too, if that is set and there is an atlas; false if cancelled."""
-        if self.settings.with_atlas and self.settings.prepare_positions and self.failure is None:
+        """Prepare the scan for requests with positions too, if that `wants_positions`; false if cancelled."""
+        if self.wants_positions:
             try:
                 self.atlas.prepare(work=la.Work(cancelled=cancelled))
             except la.Cancelled:

@@ -50,6 +50,11 @@ class Atlas:
         return self.stored.content_hash()
 
     @property
+    def has_rocker_scan(self) -> bool:
+        """Whether `rocker_scan` is there already."""
+        return self._rocker_scan is not None
+
+    @property
     def rocker_scan(self) -> Scan:
         """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds)."""
         with self._rocker_lock:

@@ -15,6 +15,8 @@ SHORT_MS = 250.0
 
 def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
     """The best rows by rotation alone; no pose is computed."""
+    if request.curve == "rocker":
+        resources.need_rockers()
     found = la.match(
         request.rotation,
         request.crank_span,
