@@ -29,7 +29,9 @@ from app.turnstile import Attended
 SHARE_OF_BUDGET = 1.2
 """Of the service's longest budget: so much processor time a request may take, with reading it and writing the reply."""
 _LEAST_SECONDS = 0.5
-_NICE = 5
+_SHARE_OF_SEARCH = 0.8
+"""Of the longest budget: so long a search goes on; the rest is for the step in which its time ends, and for finishing."""
+_NICE = 2
 _LOST_MEMORY = 1 << 25
 """Bytes that a request may leave behind; after more of them another process takes over."""
 _LENGTH = struct.Struct(">I")
@@ -94,6 +96,7 @@ class Computer:
         self._connection, self._questions, self._resources = connection, questions, resources
         self._seconds = processor_seconds(resources.max_budget_ms)
         resources.complete = True
+        resources.max_budget_ms *= _SHARE_OF_SEARCH
         for ignored in (signal.SIGINT, signal.SIGTERM):  # meant for the service; this ends with its socket
             signal.signal(ignored, signal.SIG_IGN)
         signal.signal(signal.SIGPROF, signal.SIG_DFL)

@@ -168,6 +168,8 @@ class Supervisor:
     def _end(self, number: int, frame: FrameType | None) -> None:
         if self._deadline is None:
             self._deadline = time.monotonic() + self._resources.settings.ending_seconds + _LATE_SECONDS
+        elif number == signal.SIGINT:  # pressed again: at once
+            self._deadline = 0.0
         if self._front is None:
             os._exit(0)  # nothing has begun
         with contextlib.suppress(ProcessLookupError):

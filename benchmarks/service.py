@@ -128,16 +128,45 @@ class Service:
 
         What processes share is counted in each.
         """
-        texts = [_proc(process, "status") for process in self.processes()]
-        if not all(texts):
-            return None
-        return sum(1024 * int(re.search(rf"^{key}:\s*(\d+)", text, re.MULTILINE)[1]) for text in texts)
+        found = self.each(key)
+        return sum(found.values()) if found and all(found.values()) else None
+
+    def each(self, key: str) -> dict[int, int]:
+        """Bytes of a kind of each process, by its number; 0 where it has ended meanwhile."""
+        texts = {process: _proc(process, "status") for process in self.processes()}
+        return {process: _bytes(text, key) for process, text in texts.items()}
+
+    def shared_out(self) -> int:
+        """Bytes of all its processes together: what several share is counted once. 0 without /proc."""
+        return sum(_bytes(_proc(process, "smaps_rollup"), "Pss") for process in self.processes())
+
+    def own(self) -> list[int]:
+        """Bytes that each process shares with no other."""
+        texts = [_proc(process, "smaps_rollup") for process in self.processes()]
+        return [_bytes(text, "Private_Clean") + _bytes(text, "Private_Dirty") for text in texts]
 
     def cpu_seconds(self) -> dict[int, float]:
         """Processor time of each of its processes until now; empty without /proc."""
-        found = {process: _proc(process, "stat").rpartition(")")[2].split() for process in self.processes()}
-        tick = os.sysconf("SC_CLK_TCK")
-        return {process: (int(words[11]) + int(words[12])) / tick for process, words in found.items() if words}
+        found = {process: _times(process) for process in self.processes()}
+        return {process: sum(times[:2]) for process, times in found.items() if times}
+
+    def computing_seconds(self) -> float:
+        """Processor time of the processes that compute, those that have ended included; of all where there is only one."""
+        own, *others = self.processes()
+        if not others:
+            return sum(self.cpu_seconds().values())
+        return sum(_times(own)[2:]) + sum(sum(_times(process)[:2]) for process in others[1:])
+
+
+def _times(process: int) -> list[float]:
+    """Seconds of a process in itself and in the system, and of its children that have ended."""
+    words = _proc(process, "stat").rpartition(")")[2].split()
+    return [int(word) / os.sysconf("SC_CLK_TCK") for word in words[11:15]]
+
+
+def _bytes(text: str, key: str) -> int:
+    found = re.search(rf"^{key}:\s*(\d+)", text, re.MULTILINE)
+    return 1024 * int(found[1]) if found else 0
 
 
 def _proc(process: int, name: str) -> str:
@@ -147,10 +176,11 @@ def _proc(process: int, name: str) -> str:
         return ""
 
 
-def serve_command(port: int) -> list[str]:
+def serve_command(port: int, workers: int | None = None) -> list[str]:
     """What the container runs."""
     entry = "from app.cli import main; raise SystemExit(main())"  # the script `linkage-atlas`, by this interpreter
-    return [sys.executable, "-c", entry, "serve", "--host", "127.0.0.1", "--port", str(port)]
+    command = [sys.executable, "-c", entry, "serve", "--host", "127.0.0.1", "--port", str(port)]
+    return command if workers is None else [*command, "--workers", str(workers)]
 
 
 def uvicorn_command(port: int, workers: int = 1) -> list[str]:
