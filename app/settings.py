@@ -59,7 +59,10 @@ class Settings(BaseSettings):
         "answer is 503.",
     )
     max_budget_ms: float = Field(
-        30_000, gt=0, description="Longest search of one request, whatever its `budget_ms` says."
+        30_000,
+        gt=0,
+        description="Longest budget of one request, whatever its `budget_ms` says; of this one a search takes four fifths, the "
+        "rest is for finishing its answers.",
     )
     max_connections: int = Field(
         800,

@@ -126,7 +126,9 @@ class Peaks:
     @property
     def grown(self) -> int:
         """Bytes by which the process that grew most did; one that is new began with as much as those before."""
-        return max((most - self._before.get(process, self._typical) for process, most in self._most.items()), default=0)
+        return max(
+            (most - self._before.get(process, self._typical) for process, most in self._most.items()), default=0
+        )
 
 
 async def _watched(port: int, work: Any, seen: hostile.Seen, look: Callable[[], None]) -> Any:

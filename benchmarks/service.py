@@ -123,13 +123,9 @@ class Service:
         own = self.process.pid
         return [own, *map(int, _proc(own, f"task/{own}/children").split())]
 
-    def memory(self, key: str) -> int | None:
-        """Bytes of all its processes: resident (``VmRSS``) or at most so far (``VmHWM``); None without /proc.
-
-        What processes share is counted in each.
-        """
-        found = self.each(key)
-        return sum(found.values()) if found and all(found.values()) else None
+    def peak(self) -> int | None:
+        """Bytes that its first process, which loads everything, held at most so far; None without /proc."""
+        return _bytes(_proc(self.process.pid, "status"), "VmHWM") or None
 
     def each(self, key: str) -> dict[int, int]:
         """Bytes of a kind of each process, by its number; 0 where it has ended meanwhile."""
@@ -176,17 +172,25 @@ def _proc(process: int, name: str) -> str:
         return ""
 
 
-def serve_command(port: int, workers: int | None = None) -> list[str]:
+def serve_command(port: int) -> list[str]:
     """What the container runs."""
     entry = "from app.cli import main; raise SystemExit(main())"  # the script `linkage-atlas`, by this interpreter
-    command = [sys.executable, "-c", entry, "serve", "--host", "127.0.0.1", "--port", str(port)]
-    return command if workers is None else [*command, "--workers", str(workers)]
+    return [sys.executable, "-c", entry, "serve", "--host", "127.0.0.1", "--port", str(port)]
 
 
-def uvicorn_command(port: int, workers: int = 1) -> list[str]:
-    """What docs/http.md says for several workers without containers."""
-    options = ["--workers", str(workers), "--host", "127.0.0.1", "--port", str(port)]
-    return [sys.executable, "-m", "uvicorn", "--factory", "app.main:create_app", *options]
+def uvicorn_command(port: int) -> list[str]:
+    """The application under another server, which is asked although its atlas is missing or refused."""
+    return [
+        sys.executable,
+        "-m",
+        "uvicorn",
+        "--factory",
+        "app.main:create_app",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        str(port),
+    ]
 
 
 def environment(**settings: Any) -> dict[str, str]:
@@ -197,15 +201,13 @@ def environment(**settings: Any) -> dict[str, str]:
 
 
 @contextmanager
-def running(command: Callable[[int], list[str]], workers: int = 1, **settings: Any) -> Iterator[Service]:
-    """A service from its first answer at /readyz, by all its workers, to the end of the block.
+def running(command: Callable[[int], list[str]], **settings: Any) -> Iterator[Service]:
+    """A service from its first answer at /readyz to the end of the block.
 
     Parameters
     ----------
     command : callable
         ``command(port)``, the command's words.
-    workers : int
-        How many worker processes the command starts.
     **settings
         Of `app.settings.Settings`; the others are at their defaults.
 
@@ -224,7 +226,7 @@ def running(command: Callable[[int], list[str]], workers: int = 1, **settings: A
             process = subprocess.Popen(command(port), stdout=file, **told)
         service = Service(process, port, log, http.client.HTTPConnection("127.0.0.1", port))
         try:
-            service.ready = _first_answer(service, begin, workers)
+            service.ready = _first_answer(service, begin)
             service.ready_seconds = time.perf_counter() - begin
             yield service
         finally:
@@ -237,17 +239,14 @@ def running(command: Callable[[int], list[str]], workers: int = 1, **settings: A
                 raise
 
 
-def _first_answer(service: Service, begin: float, workers: int) -> Answer:
-    # A service loads its atlas before it listens, so the first answer is final. Workers share one socket: one of them
-    # answering says nothing of the others, each writes a line when it is ready.
+def _first_answer(service: Service, begin: float) -> Answer:  # it loads its atlas before it listens: this is final
     while time.perf_counter() - begin < START_SECONDS:
         if service.process.poll() is not None:
             break
-        if workers == 1 or service.log.read_text().count("Application startup complete") >= workers:
-            try:
-                return service.ask("GET", "/readyz")
-            except OSError:
-                service.connection.close()
+        try:
+            return service.ask("GET", "/readyz")
+        except OSError:
+            service.connection.close()
         time.sleep(0.01)
     raise RuntimeError(f"the service did not answer:\n{service.log.read_text()[-2000:]}")
 
