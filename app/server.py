@@ -63,7 +63,7 @@ def serve(resources: ServiceResources, host: str, port: int, workers: int | None
     try:
         listeners = listening(host, port)
     except OSError as error:
-        print(f"no service at {host}, port {port}: {error.strerror or error}", file=sys.stderr)
+        print(f"no service at {host}, port {port}: {(error.strerror or str(error)).lower()}", file=sys.stderr)
         return Exit.FAILED
     signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # until the service takes over: nothing has begun
     if sys.platform != "linux":
