@@ -48,7 +48,9 @@ class _Server(uvicorn.Server):
                 timer = threading.Timer(max(0.0, seconds), step)
                 timer.daemon = True
                 timer.start()
-        super().handle_exit(signal.SIGTERM, frame)  # a terminal's SIGINT comes twice, from the supervisor too: no one hurries
+        super().handle_exit(
+            signal.SIGTERM, frame
+        )  # a terminal's SIGINT comes twice, from the supervisor too: no one hurries
         self._captured_signals.clear()  # ending so is no failure: not handed on
 
 

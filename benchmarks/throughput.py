@@ -65,7 +65,9 @@ def measure_load(
     if used:  # none without /proc
         row |= {"service_cores": sum(used) / found.elapsed, "busiest_share": max(used) / max(sum(used), 1e-9)}
         fronts = {one.processes()[1] for one in services}
-        in_front = sum(seconds - before.get(process, 0.0) for process, seconds in spent().items() if process in fronts)
+        in_front = sum(
+            seconds - before.get(process, 0.0) for process, seconds in spent().items() if process in fronts
+        )
         row["front_ms"] = 1000 * in_front / len(found.status)
     print(json.dumps(row), flush=True)
     return row
