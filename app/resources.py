@@ -94,7 +94,7 @@ class ServiceResources:
 
 
 def processor_clock() -> Callable[[], float]:
-    """A clock of the processor time of this process, so that an answer is as good on a busy machine; but at least half the time."""
+    """A clock of this process's processor time, so that an answer is as good on a busy machine; but at least half the time."""
     processor, passed = time.process_time(), time.perf_counter()
     return lambda: max(time.process_time() - processor, (time.perf_counter() - passed) / 2)
 
