@@ -29,6 +29,8 @@ from linkage_atlas import OutOfTime
 
 _BUFFER = 1 << 20
 _REBIRTH_SECONDS = 0.2
+_ATTEMPTS = 3
+"""Once to see that an answer may take long, once to see that something is to be prepared, once to answer."""
 _PATIENCE = 8.0
 """Times the processor time that a request may take: longer no answer is waited for, on however busy a machine."""
 log = logging.getLogger("uvicorn.error")
@@ -113,7 +115,7 @@ class Processes:
     async def answer(self, request: Request, question: Question, content: bytes) -> Response:
         bodies.check_counts(content)
         long = len(content) <= SMALL and question.is_long(bodies.read_request(content, question.model))
-        while True:
+        for _ in range(_ATTEMPTS):
             head, pieces = await self._asked(request, question.path, content, long)
             if not head.instead:
                 return Reply.relayed(head.status, head.headers, pieces)
@@ -121,6 +123,7 @@ class Processes:
                 long = True
             else:
                 await self._prepared(head.instead)
+        raise problems.Died  # what it needs could not be prepared
 
     async def _asked(self, request: Request, path: str, content: bytes, long: bool) -> tuple[Head, list[bytes]]:
         async def compute(queued: float, _: Any) -> tuple[Head, list[bytes]]:
@@ -180,9 +183,12 @@ class Processes:
                 writer.close()
                 await asyncio.sleep(_REBIRTH_SECONDS)
                 continue
-            self._alive[process.number] = process
-            self._free.put_nowait(process)
-            return
+            if age == self._age:
+                self._alive[process.number] = process
+                self._free.put_nowait(process)
+                return
+            process.kill()  # forked before more was prepared
+            writer.close()
 
     async def _next(self) -> _Process:
         while (process := await self._free.get()).status.done():

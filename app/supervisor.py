@@ -19,6 +19,7 @@ import time
 import traceback
 from collections.abc import Callable
 from types import FrameType
+from typing import Any
 
 from app.computed import Question
 from app.computer import Computer, packed
@@ -119,15 +120,24 @@ class Supervisor:
             with socket.socket(fileno=files[0]) as connection:
                 self._computers.add(self._fork(lambda: self._compute(connection)))
         elif wish == b"r":
-            if not self._resources.atlas.has_rocker_scan:
-                _ = self._resources.atlas.rocker_scan
+            self._make(lambda: self._resources.atlas.rocker_scan)
             self._tell_of_more()
 
     def _prepare(self) -> None:
         """Make what later requests need, unless something is wanted meanwhile."""
-        self._prepared = self._resources.prepare_positions(lambda: bool(self._ready(0)))
-        if self._prepared:
+        made = self._make(lambda: self._resources.prepare_positions(lambda: bool(self._ready(0))))
+        self._prepared = made is not False
+        if made:
             self._tell_of_more()
+
+    @staticmethod
+    def _make(something: Callable[[], Any]) -> Any:
+        """What is made; None where that fails: then those that compute are without it, and the service goes on."""
+        try:
+            return something()
+        except Exception:
+            log.exception("What all processes were to share could not be made")
+            return None
 
     def _tell_of_more(self) -> None:
         gc.collect()
