@@ -29,6 +29,8 @@ from linkage_atlas import OutOfTime
 
 _BUFFER = 1 << 20
 _REBIRTH_SECONDS = 0.2
+_TOLD_SECONDS = 5.0
+"""For the supervisor to say how a process ended."""
 _ATTEMPTS = 3
 """Once to see that an answer may take long, once to see that something is to be prepared, once to answer."""
 _PATIENCE = 8.0
@@ -81,7 +83,8 @@ class Processes:
     ----------
     supervisor : socket.socket
         Set before `running`. Each message to it is one byte: "c" with a socket asks for a process at its other end, "r" to
-        prepare for rockers. It says who has ended (number, status), and that it has prepared more, which new processes share.
+        prepare for rockers, "p" for positions. It says who has ended (number, status), and that it has prepared more, which new
+        processes then share.
     """
 
     supervisor: socket.socket
@@ -151,7 +154,10 @@ class Processes:
         """What is to be said of a process that ended before its answer."""
         if self._turnstile.stopping:
             return problems.Ending()
-        code = os.waitstatus_to_exitcode(await process.status)
+        try:
+            code = os.waitstatus_to_exitcode(await asyncio.wait_for(process.status, _TOLD_SECONDS))
+        except TimeoutError:
+            return problems.Died()
         if code == -signal.SIGPROF:
             return OutOfTime()
         how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
@@ -214,7 +220,9 @@ class Processes:
     async def _renew(self) -> None:
         self._age += 1
         while not self._free.empty():
-            self._replace(self._free.get_nowait())
+            process = self._free.get_nowait()
+            if not process.status.done():  # else it has been replaced already
+                self._replace(process)
         async with self._older:
             self._older.notify_all()
 

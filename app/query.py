@@ -73,6 +73,9 @@ class Resources(Protocol):
     def need_rockers(self) -> None:
         """Said before the atlas is asked for rockers."""
 
+    def need_positions(self) -> None:
+        """Said before it is asked for rows by positions."""
+
     def work(self, budget: float | None = None) -> Work:
         """What watches over an answer's time, in seconds, and over whether its client is still connected."""
 

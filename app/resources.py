@@ -56,6 +56,11 @@ class ServiceResources:
         if self.complete and not self.atlas.has_rocker_scan:
             raise Unprepared("rockers")
 
+    def need_positions(self) -> None:
+        """The same where series for positions are needed, and none are made in the background."""
+        if self.complete and self.settings.with_atlas and not self.wants_positions and not self.atlas.has_positions:
+            raise Unprepared("positions")
+
     def describe_atlas(self) -> dict[str, Any]:
         """What is loaded, as plain JSON values."""
         atlas = self.atlas

@@ -122,6 +122,9 @@ class Supervisor:
         elif wish == b"r":
             self._make(lambda: self._resources.atlas.rocker_scan)
             self._tell_of_more()
+        elif wish == b"p":
+            self._make(lambda: self._resources.atlas.prepare())
+            self._tell_of_more()
 
     def _prepare(self) -> None:
         """Make what later requests need, unless something is wanted meanwhile."""

@@ -50,6 +50,11 @@ class Atlas:
         return self.stored.content_hash()
 
     @property
+    def has_positions(self) -> bool:
+        """Whether the scan is prepared for requests with positions."""
+        return self.scan.prepare_positions(Work(0.0))
+
+    @property
     def has_rocker_scan(self) -> bool:
         """Whether `rocker_scan` is there already."""
         return self._rocker_scan is not None

@@ -234,7 +234,7 @@ def test_the_end_is_told_to_clients_and_leaves_no_process(name, tmp_path) -> Non
 
 def test_processes_share_the_atlas_and_what_is_prepared_later(small_bytes, tmp_path) -> None:
     (tmp_path / "small.h5").write_bytes(small_bytes)
-    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5")) as running:
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
         rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
         first = running.computing
         assert running.post("/v1/match", rotation)[0] == 200
