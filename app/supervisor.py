@@ -29,6 +29,8 @@ _LATE_SECONDS = 1.0
 """After the time in which the front ends by itself."""
 _QUIET_SECONDS = 0.3
 """Without a wish of the front, before something is prepared."""
+_LOOK_SECONDS = 0.5
+"""At most, between two looks at who has ended: nothing may depend on each signal's arrival."""
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGCHLD)
@@ -83,7 +85,7 @@ class Supervisor:
 
     def _watch(self) -> int:
         while True:
-            self._calls(None if self._prepared else _QUIET_SECONDS)
+            self._calls(_LOOK_SECONDS if self._prepared else _QUIET_SECONDS)
             while (code := self._reaped()) is None and self._calls(0):
                 self._serve()
             if code is not None:
@@ -93,17 +95,17 @@ class Supervisor:
             elif not self._prepared and not self._calls(0):
                 self._prepare()
 
-    def _calls(self, seconds: float | None) -> bool:
+    def _calls(self, seconds: float) -> bool:
         """Whether the front wishes something, or a signal has come; waits so long for it."""
-        if self._deadline is not None and seconds != 0:
-            seconds = max(0.0, self._deadline - time.monotonic())
+        if self._deadline is not None:
+            seconds = max(0.0, min(seconds, self._deadline - time.monotonic()))
         ready = self._ready(seconds)
         if self._woken in ready:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
         return bool(ready)
 
-    def _ready(self, seconds: float | None) -> list[socket.socket]:
+    def _ready(self, seconds: float) -> list[socket.socket]:
         ends = [self._woken, self._control] if self._heard else [self._woken]
         return select.select(ends, [], [], seconds)[0]
 
