@@ -30,7 +30,7 @@ _LATE_SECONDS = 1.0
 _QUIET_SECONDS = 0.3
 """Without a wish of the front, before something is prepared."""
 _LOOK_SECONDS = 0.5
-"""At most, between two looks at who has ended: nothing may depend on each signal's arrival."""
+"""At most, between two looks at who has ended and whether the time is up."""
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGCHLD)
@@ -112,7 +112,7 @@ class Supervisor:
     def _serve(self) -> None:
         """Do what the front wishes."""
         try:
-            wish, files, _, _ = socket.recv_fds(self._control, 1, 1, socket.MSG_DONTWAIT)
+            wish, files, _, _ = socket.recv_fds(self._control, 1, 1)
         except BlockingIOError:
             return
         except OSError:
@@ -194,6 +194,7 @@ class Supervisor:
 
     def _start_front(self) -> None:
         self._control, theirs = socket.socketpair()
+        self._control.setblocking(False)  # `recv_fds` passes no flags on
         self._heard = True  # until the front closes its end
         self._began = time.monotonic()
         with theirs:

@@ -199,6 +199,16 @@ def test_long_bodies_are_read_elsewhere_and_wait_with_the_long_ones(running) -> 
     assert running.post("/v1/lift/motion", {f"k{k}": 1 for k in range(2500)})[0] == 400
 
 
+def test_whoever_ends_is_seen_though_no_one_wishes_anything(running) -> None:
+    """The supervisor once waited for a wish that did not come, when a signal had woken it."""
+    for _ in range(4):
+        before = running.computing
+        for number in before:
+            os.kill(number, signal.SIGKILL)
+            time.sleep(0.02)
+        until(lambda before=before: len(running.computing) == 2 and not before & running.computing, 10)
+
+
 def test_a_front_that_is_killed_is_replaced_and_listens_on_the_same_port(running) -> None:
     before = running.front
     os.kill(before, signal.SIGKILL)
