@@ -26,7 +26,8 @@ MAX_CONTAINERS = 12_000
 MAX_VALUES = 120_000
 """Values of a body: the times of a lift's motion are at most 100,000."""
 _LISTED_AT_ONCE = 256
-_PIECE_BYTES = 1 << 18
+PIECE_BYTES = 1 << 18
+"""Bytes of a reply that are sent, and passed between processes, at once."""
 _DEPTH = 2
 """Levels of a reply whose fields are written one by one."""
 
@@ -41,6 +42,20 @@ def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
     RequestValidationError
         JSON that is no such request.
     """
+    check_counts(content)
+    try:
+        values = json.loads(content, object_pairs_hook=_once)
+    except (ValueError, RecursionError):
+        raise problems.Malformed("the body is not valid JSON", "not valid JSON") from None
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        rows = error.errors(include_url=False, include_input=False)
+        raise RequestValidationError([{**row, "loc": ("body", *row["loc"])} for row in rows]) from None
+
+
+def check_counts(content: bytes) -> None:
+    """Refuse a body that is none or holds too much, before it is parsed; raises as `read_request` does."""
     if not content:
         raise RequestValidationError([{"type": "missing", "loc": ("body",), "msg": "Field required", "input": None}])
     counts = {
@@ -51,15 +66,6 @@ def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
     for name, (found, most) in counts.items():
         if found > most:
             raise problems.Malformed(f"the body has more than {most:,} {name}")
-    try:
-        values = json.loads(content, object_pairs_hook=_once)
-    except (ValueError, RecursionError):
-        raise problems.Malformed("the body is not valid JSON", "not valid JSON") from None
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        rows = error.errors(include_url=False, include_input=False)
-        raise RequestValidationError([{**row, "loc": ("body", *row["loc"])} for row in rows]) from None
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -97,7 +103,7 @@ def _gathered(pieces: Iterator[bytes]) -> Iterator[bytes]:
     for piece in pieces:
         held.append(piece)
         size += len(piece)
-        if size >= _PIECE_BYTES:
+        if size >= PIECE_BYTES:
             yield b"".join(held)
             held, size = [], 0
     yield b"".join(held)
@@ -117,15 +123,25 @@ class Reply(Response):
         self, content: Any, media_type: str = "application/json", headers: dict[str, str] | None = None
     ) -> None:
         if isinstance(content, bytes):
-            self._pieces = [content[k : k + _PIECE_BYTES] for k in range(0, len(content), _PIECE_BYTES)]
+            pieces = [content[k : k + PIECE_BYTES] for k in range(0, len(content), PIECE_BYTES)]
         else:
-            self._pieces = list(_gathered(json_pieces(content)))
-        self.size = sum(map(len, self._pieces))
+            pieces = list(_gathered(json_pieces(content)))
+        self.pieces, self.size = pieces, sum(map(len, pieces))
         super().__init__(None, media_type=media_type, headers={**(headers or {}), "Content-Length": str(self.size)})
+
+    @classmethod
+    def relayed(cls, status: int, headers: list[tuple[bytes, bytes]], pieces: list[bytes]) -> Reply:
+        """A reply that another process has written."""
+        reply = cls.__new__(cls)
+        reply.pieces, reply.size = pieces, sum(map(len, pieces))
+        reply.status_code, reply.raw_headers, reply.background = status, headers, None
+        return reply
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
-        self._pieces.reverse()
-        while self._pieces:
-            await send({"type": "http.response.body", "body": self._pieces.pop(), "more_body": True})
-        await send({"type": "http.response.body", "body": b"", "more_body": False})
+        self.pieces.reverse()
+        while self.pieces:
+            piece = self.pieces.pop()
+            await send({"type": "http.response.body", "body": piece, "more_body": bool(self.pieces)})
+        if not self.size:
+            await send({"type": "http.response.body", "body": b"", "more_body": False})

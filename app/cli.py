@@ -168,6 +168,12 @@ def _add_serve(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-index", action="store_true", help="prepare the scan in memory, at every start")
     parser.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
     parser.add_argument("--port", type=whole_number(0, 65535), default=8000, help="(%(default)s)")
+    parser.add_argument(
+        "--workers",
+        type=whole_number(1, 64),
+        metavar="N",
+        help="processes that compute, a request each at a time (default: one for each core, at least 2 and at most 4)",
+    )
     parser.set_defaults(run=_serve)
 
 
@@ -182,5 +188,4 @@ def _serve(options: argparse.Namespace) -> int:
     resources = ServiceResources(settings, find_atlas)
     if settings.with_atlas:
         _ = resources.atlas  # fail here, with an exit code
-    serve(resources, options.host, options.port)
-    return Exit.OK
+    return serve(resources, options.host, options.port, options.workers)

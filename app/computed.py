@@ -1,11 +1,14 @@
-"""Routes whose answers are computed: the body is read off the event loop, the answer waits for its turn."""
+"""Routes whose answers are computed: by threads of this process, or, under `linkage-atlas serve`, by processes of their own."""
 
 from __future__ import annotations
 
 import asyncio
+import threading
 import time
-from collections.abc import Callable, Coroutine
-from typing import Any
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import anyio
 import anyio.to_thread
@@ -14,20 +17,76 @@ from fastapi.routing import APIRoute
 
 from app import bodies, problems
 from app.query import RequestModel, Resources
-from app.resources import give_back_memory
+from app.resources import ServiceResources, give_back_memory
+from app.turnstile import Turnstile
 
 SMALL = 4096
-"""Bytes of a body that is parsed faster than it is handed to another thread."""
+"""Bytes of a body that is parsed faster than it is handed to another thread or process."""
 LARGE = 1 << 16
 """Bytes of a body beyond which few are received at the same time: the others stay with their senders."""
 
 
-class Readers:
-    """How many bodies are received and parsed at the same time."""
+@dataclass(frozen=True)
+class Question:
+    """A route's question: the model of its body, how it is answered, and whether that may take long."""
 
-    def __init__(self) -> None:
-        self.large = asyncio.Semaphore(16)
-        self.threads = anyio.CapacityLimiter(1)
+    path: str
+    model: type[RequestModel]
+    answer: Callable[[Any, Resources], Response]
+    is_long: Callable[[Any], bool]
+
+    def timed(self, body: Any, attended: Any) -> Response:
+        """The answer, with a header that says how long it waited and took."""
+        begin = time.perf_counter()
+        reply = self.answer(body, attended)
+        give_back_memory(every=1.0)
+        took = time.perf_counter() - begin
+        reply.headers["Server-Timing"] = f"queue;dur={1000 * attended.queued:.1f}, answer;dur={1000 * took:.1f}"
+        return reply
+
+
+class Computing(Protocol):
+    """Where answers are computed."""
+
+    def running(self) -> AbstractAsyncContextManager[None]:
+        """Ready to answer, until the end of the block."""
+
+    async def answer(self, request: Request, question: Question, content: bytes) -> Response:
+        """The reply to a body, or the error that it is answered with."""
+
+    def stop(self) -> None:
+        """Give up what is being computed: the service ends."""
+
+
+class Threads:
+    """Answers computed by threads of the process that talks to the clients."""
+
+    def __init__(self, resources: ServiceResources, turnstile: Turnstile) -> None:
+        self._resources, self._turnstile = resources, turnstile
+        self.stop = turnstile.stop
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        self._resources.prepare()
+        self._readers = anyio.CapacityLimiter(1)
+        stopping = threading.Event()
+        behind = threading.Thread(target=self._resources.prepare_more, args=[stopping.is_set])
+        behind.start()  # the service is ready meanwhile
+        try:
+            yield
+        finally:
+            self._turnstile.stop()
+            stopping.set()
+            behind.join()
+
+    async def answer(self, request: Request, question: Question, content: bytes) -> Response:
+        read, model = bodies.read_request, question.model
+        if len(content) <= SMALL:
+            body = read(content, model)
+        else:
+            body = await anyio.to_thread.run_sync(read, content, model, limiter=self._readers)
+        long = question.is_long(body)
+        return await self._turnstile.run(request, question.timed, body, self._resources, long)
 
 
 async def _content(request: Request) -> bytes:
@@ -35,7 +94,7 @@ async def _content(request: Request) -> bytes:
     if length.isdecimal() and int(length) <= LARGE:
         return await request.body()
     try:
-        async with request.app.state.readers.large:
+        async with request.app.state.large:
             return await request.body()
     finally:
         give_back_memory(every=1.0)
@@ -48,6 +107,13 @@ class _ComputedRoute(APIRoute):
         return self.endpoint.handle  # type: ignore[attr-defined, no-any-return]
 
 
+def install(app: FastAPI, computing: Computing) -> None:
+    """What the routes of `add` need."""
+    app.state.computing = computing
+    app.state.questions = {}
+    app.state.large = asyncio.Semaphore(16)
+
+
 def add(
     app: FastAPI,
     path: str,
@@ -55,29 +121,16 @@ def add(
     model: type[RequestModel],
     answer: Callable[[Any, Resources], Response],
     is_long: Callable[[Any], bool],
-    resources: Resources,
     **details: Any,
 ) -> None:
-    """A POST route that answers requests of a model by ``answer(request, resources)`` on a worker thread."""
+    """A POST route that answers requests of a model by ``answer(request, resources)``."""
+    question = app.state.questions[path] = Question(path, model, answer, is_long)
 
     async def handle(request: Request) -> Response:
         content = await _content(request)
         if content and not problems.says_json(request.headers):
             raise problems.NotJson
-        if len(content) <= SMALL:
-            body = bodies.read_request(content, model)
-        else:
-            readers = app.state.readers
-            body = await anyio.to_thread.run_sync(bodies.read_request, content, model, limiter=readers.threads)
-        return await app.state.turnstile.run(request, timed, body, resources, is_long(body))
-
-    def timed(body: Any, attended: Any) -> Response:
-        begin = time.perf_counter()
-        reply = answer(body, attended)
-        give_back_memory(every=1.0)
-        took = time.perf_counter() - begin
-        reply.headers["Server-Timing"] = f"queue;dur={1000 * attended.queued:.1f}, answer;dur={1000 * took:.1f}"
-        return reply
+        return await app.state.computing.answer(request, question, content)
 
     def described(body):  # type: ignore[no-untyped-def]
         raise NotImplementedError("only described: the route has its own handler")

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Annotated, Any, Literal
 
@@ -24,25 +23,24 @@ from app.settings import Settings
 from app.turnstile import Turnstile
 
 
-def create_app(settings: Settings | None = None, resources: ServiceResources | None = None) -> FastAPI:
-    """The application; settings come from the environment unless given, resources are made from them unless given."""
+def create_app(
+    settings: Settings | None = None,
+    resources: ServiceResources | None = None,
+    make_computing: Callable[[Turnstile], computed.Computing] | None = None,
+) -> FastAPI:
+    """The application; settings come from the environment unless given, resources are made from them unless given.
+
+    Answers are computed by threads unless ``make_computing`` says otherwise.
+    """
     settings = settings or (resources.settings if resources else Settings())
     resources = resources or ServiceResources(settings)
+    turnstile = Turnstile(settings.max_concurrent, settings.max_waiting)
+    computing = make_computing(turnstile) if make_computing else computed.Threads(resources, turnstile)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        app.state.turnstile = Turnstile(settings.max_concurrent, settings.max_waiting)
-        app.state.readers = computed.Readers()
-        resources.prepare()
-        stopping = threading.Event()
-        behind = threading.Thread(target=resources.prepare_positions, args=[stopping])
-        behind.start()  # the service is ready meanwhile
-        try:
+        async with computing.running():
             yield
-        finally:
-            app.state.turnstile.stop()
-            stopping.set()
-            behind.join()
 
     app = FastAPI(
         title="linkage-atlas",
@@ -56,13 +54,15 @@ def create_app(settings: Settings | None = None, resources: ServiceResources | N
     app.add_middleware(problems.BodyLimit, max_body_size=settings.max_body_bytes)
     app.add_middleware(Doors, hosts=settings.allowed_hosts)
     problems.install(app)
+    app.state.turnstile = turnstile
+    computed.install(app, computing)
     for query in all_queries():
-        _add_query(app, query, resources)
+        _add_query(app, query)
         for name, rendered in query.exports.items():
-            _add_export(app, query, name, rendered, resources)
+            _add_export(app, query, name, rendered)
 
-    export.install(app, resources, _PROBLEM_RESPONSES, worked_example())
-    function_export.install(app, resources, _PROBLEM_RESPONSES)
+    export.install(app, _PROBLEM_RESPONSES, worked_example())
+    function_export.install(app, _PROBLEM_RESPONSES)
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)
@@ -112,13 +112,13 @@ def _written_plainly(number: str) -> str:
 
 def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
     @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_problems(503))
-    def atlas() -> AtlasReply:
+    async def atlas() -> AtlasReply:
         return AtlasReply(**resources.describe_atlas())
 
     answers = _problems(404, 422, 503)
 
     @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=answers)
-    def dimension_type(
+    async def dimension_type(
         number: Annotated[int, PathParameter(ge=1, le=2**53), BeforeValidator(_written_plainly)],
     ) -> AtlasTypeReply:
         """Lengths, family and the Haar average and details of the coupler rotation over the whole turn."""
@@ -170,7 +170,7 @@ def _route_details(query: Query) -> dict[str, Any]:
     }
 
 
-def _add_query(app: FastAPI, query: Query, resources: ServiceResources) -> None:
+def _add_query(app: FastAPI, query: Query) -> None:
     def answer(body: Any, resources: Any) -> Response:
         return Reply(query.answer(body, resources))
 
@@ -182,13 +182,12 @@ def _add_query(app: FastAPI, query: Query, resources: ServiceResources) -> None:
         query.request,
         answer,
         query.is_long,
-        resources,
         response_model=query.reply,
         **_route_details(query),
     )
 
 
-def _add_export(app: FastAPI, query: Query, name: str, export: Export, resources: ServiceResources) -> None:
+def _add_export(app: FastAPI, query: Query, name: str, export: Export) -> None:
     def answer(body: Any, resources: Any) -> Response:
         return Reply(export.render(body, resources), export.media_type)
 
@@ -197,4 +196,4 @@ def _add_export(app: FastAPI, query: Query, name: str, export: Export, resources
     details["summary"] = f"{query.summary} As {name.upper()}."
     details["responses"] = {**details["responses"], 200: {"content": {export.media_type: {}}}}
     details |= {"response_class": Response, "response_model": None}
-    computed.add(app, f"{query.path}.{name}", route, query.request, answer, query.is_long, resources, **details)
+    computed.add(app, f"{query.path}.{name}", route, query.request, answer, query.is_long, **details)

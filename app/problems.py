@@ -6,7 +6,7 @@ A reply never repeats the input, so values that JSON cannot hold (NaN, lone surr
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
@@ -69,6 +69,10 @@ class NotJson(Exception):
 
 class Ending(Exception):
     """The service ends and computes no further."""
+
+
+class Died(Exception):
+    """The process that computed an answer ended before it was there."""
 
 
 class NotFound(Exception):
@@ -138,68 +142,59 @@ def http_problem(error: HTTPException) -> Response:
     return problem(error.status_code, detail, rows, dict(error.headers or {}))
 
 
+def _validation(error: RequestValidationError) -> Response:
+    rows = error_rows([{**entry, "loc": entry["loc"][1:]} for entry in error.errors()])  # less "body" or "path"
+    return problem(422, f"{rows[0]['pointer'][2:] or 'the body'}: {rows[0]['detail']}", rows)
+
+
+def _model(error: ValidationError) -> Response:
+    rows = error_rows(error.errors(include_input=False, include_url=False))
+    return problem(422, rows[0]["detail"], rows)
+
+
+def _atlas(error: AtlasError) -> Response:
+    later = None if error.fault is AtlasFault.NOT_WANTED else {"Retry-After": "5"}
+    return problem(503, str(error), headers=later)
+
+
+def _later(seconds: int, detail: str) -> Callable[[Exception], Response]:
+    return lambda _: problem(503, detail, headers={"Retry-After": str(seconds)})
+
+
+_REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
+    RequestValidationError: _validation,
+    Malformed: lambda error: problem(400, error.detail, [{"pointer": "#", "detail": error.at_place}]),
+    NotJson: lambda _: problem(415, "send the body with the header `Content-Type: application/json`"),
+    ValidationError: _model,
+    FieldError: field_problem,
+    AtlasError: _atlas,
+    NotFound: lambda error: problem(404, str(error)),
+    Overloaded: _later(1, "too many requests are waiting"),
+    Ending: _later(5, "the service is ending"),
+    OutOfTime: _later(5, "the answer took longer than this service allows"),
+    Died: _later(1, "the process that computed this answer has ended before it; the service's log says how"),
+    MemoryError: lambda _: problem(503, "the answer takes more memory than this service gives a request"),
+    ClientDisconnect: lambda _: Response(status_code=499),  # it left before it had said what it wanted
+    Cancelled: lambda _: Response(status_code=499),  # the client is gone; 499 is what proxies log for that
+    HTTPException: http_problem,
+    Exception: lambda _: problem(500, "a fault of the service, not of the request; its log says more"),
+}
+"""What is answered to an error, by its class; the nearest one counts."""
+
+
+def reply_to(error: Exception) -> Response:
+    """The response that an error is answered with."""
+    return next(_REPLIES[kind] for kind in type(error).__mro__ if kind in _REPLIES)(error)
+
+
 def install(app: FastAPI) -> None:
-    """Register the handlers on an application."""
+    """Register the replies on an application."""
 
-    @app.exception_handler(RequestValidationError)
-    async def _validation(_: Request, error: RequestValidationError) -> Response:
-        entries = [{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]  # less "body" or "path"
-        rows = error_rows(entries)
-        return problem(422, f"{rows[0]['pointer'][2:] or 'the body'}: {rows[0]['detail']}", rows)
+    async def handle(_: Request, error: Exception) -> Response:
+        return reply_to(error)
 
-    @app.exception_handler(Malformed)
-    async def _malformed(_: Request, error: Malformed) -> Response:
-        return problem(400, error.detail, [{"pointer": "#", "detail": error.at_place}])
-
-    @app.exception_handler(NotJson)
-    async def _not_json(_: Request, __: NotJson) -> Response:
-        return problem(415, "send the body with the header `Content-Type: application/json`")
-
-    @app.exception_handler(ValidationError)
-    async def _model(_: Request, error: ValidationError) -> Response:
-        rows = error_rows(error.errors(include_input=False, include_url=False))
-        return problem(422, rows[0]["detail"], rows)
-
-    @app.exception_handler(FieldError)
-    async def _field(_: Request, error: FieldError) -> Response:
-        return field_problem(error)
-
-    @app.exception_handler(AtlasError)
-    async def _atlas(_: Request, error: AtlasError) -> Response:
-        later = None if error.fault is AtlasFault.NOT_WANTED else {"Retry-After": "5"}
-        return problem(503, str(error), headers=later)
-
-    @app.exception_handler(NotFound)
-    async def _not_found(_: Request, error: NotFound) -> Response:
-        return problem(404, str(error))
-
-    @app.exception_handler(Overloaded)
-    async def _overloaded(_: Request, __: Overloaded) -> Response:
-        return problem(503, "too many requests are waiting", headers={"Retry-After": "1"})
-
-    @app.exception_handler(Ending)
-    async def _ending(_: Request, __: Ending) -> Response:
-        return problem(503, "the service is ending", headers={"Retry-After": "5"})
-
-    @app.exception_handler(ClientDisconnect)
-    async def _left(_: Request, __: ClientDisconnect) -> Response:
-        return Response(status_code=499)  # it left before it had said what it wanted
-
-    @app.exception_handler(OutOfTime)
-    async def _out_of_time(_: Request, __: OutOfTime) -> Response:
-        return problem(503, "the answer took longer than this service allows", headers={"Retry-After": "5"})
-
-    @app.exception_handler(Cancelled)
-    async def _gone(_: Request, __: Cancelled) -> Response:
-        return Response(status_code=499)  # the client is gone; 499 is what proxies log for that
-
-    @app.exception_handler(HTTPException)
-    async def _http(_: Request, error: HTTPException) -> Response:
-        return http_problem(error)
-
-    @app.exception_handler(Exception)
-    async def _fault(_: Request, __: Exception) -> Response:
-        return problem(500, "a fault of the service, not of the request; its log says more")
+    for kind in _REPLIES:
+        app.add_exception_handler(kind, handle)
 
 
 def says_json(headers: Headers) -> bool:

@@ -70,6 +70,12 @@ class Resources(Protocol):
     def atlas(self) -> Atlas:
         """The atlas; loaded when it is first asked for."""
 
+    def need_rockers(self) -> None:
+        """Said before the atlas is asked for rockers."""
+
+    def need_positions(self) -> None:
+        """Said before it is asked for rows by positions."""
+
     def work(self, budget: float | None = None) -> Work:
         """What watches over an answer's time, in seconds, and over whether its client is still connected."""
 

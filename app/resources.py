@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import threading
 import time
 from collections.abc import Callable
 from functools import cached_property
@@ -18,6 +17,10 @@ from app.cache import open_atlas
 from app.settings import Settings
 
 
+class Unprepared(Exception):
+    """What an answer needs is not there, and is not to be made by the process that answers; the message names it."""
+
+
 class ServiceResources:
     """Loads what is asked for, once: a scene's request never loads the atlas."""
 
@@ -29,6 +32,8 @@ class ServiceResources:
         self.max_budget_ms = settings.max_budget_ms
         self.failure: la.AtlasError | None = None
         self.load_seconds = 0.0
+        self.complete = False
+        """Whether this process answers one request at a time, with what is there: what is missing raises `Unprepared`."""
         # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
         self._blas = threadpool_limits(1, "blas")
 
@@ -47,6 +52,17 @@ class ServiceResources:
         self.load_seconds = time.perf_counter() - begin
         return atlas
 
+    def need_rockers(self) -> None:
+        """Where a scan of rockers is needed: made when first needed, unless the resources are `complete`."""
+        if self.complete and not self.atlas.has_rocker_scan:
+            raise Unprepared("rockers")
+
+    def need_positions(self) -> None:
+        """The same where series for positions are needed, and none are made in the background."""
+        awaited = self.settings.prepare_positions and self.wants_more
+        if self.complete and self.settings.with_atlas and not awaited and not self.atlas.has_positions:
+            raise Unprepared("positions")
+
     def describe_atlas(self) -> dict[str, Any]:
         """What is loaded, as plain JSON values."""
         atlas = self.atlas
@@ -54,7 +70,7 @@ class ServiceResources:
 
     def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
         """A watch over the time of an answer, in seconds, and over whether it is still wanted."""
-        return la.Work(budget, cancelled)
+        return la.Work(budget, cancelled, processor_clock() if self.complete else time.perf_counter)
 
     def prepare(self) -> None:
         """Load everything now; an atlas that cannot be used is remembered as the `failure` and not raised."""
@@ -68,15 +84,26 @@ class ServiceResources:
         gc.collect()
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
-    def prepare_positions(self, stopping: threading.Event) -> None:
-        """Prepare the scan for short spans, and for positions if that is set, where there is an atlas; until told to stop."""
-        if self.settings.with_atlas and self.failure is None:
+    @property
+    def wants_more(self) -> bool:
+        """Whether there is an atlas, of which more is to be prepared once the service is ready."""
+        return self.settings.with_atlas and self.failure is None
+
+    def prepare_more(self, cancelled: Callable[[], bool]) -> bool:
+        """Prepare the scan for short spans, and for positions if that is set, where it `wants_more`; false if cancelled."""
+        if self.wants_more:
             try:
-                work = la.Work(cancelled=stopping.is_set)
-                self.atlas.prepare(positions=self.settings.prepare_positions, work=work)
+                self.atlas.prepare(positions=self.settings.prepare_positions, work=la.Work(cancelled=cancelled))
             except la.Cancelled:
-                return
+                return False
             give_back_memory()
+        return True
+
+
+def processor_clock() -> Callable[[], float]:
+    """A clock of this process's processor time, so that an answer is as good on a busy machine; but at least half the time."""
+    processor, passed = time.process_time(), time.perf_counter()
+    return lambda: max(time.process_time() - processor, (time.perf_counter() - passed) / 2)
 
 
 _given_back = 0.0

@@ -1,22 +1,29 @@
-"""The process of the service: uvicorn with the service's limits, and an end in a stated time."""
+"""The service's own server: uvicorn with its limits, and an end in a stated time, before the processes that compute."""
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
+import socket
 import sys
 import threading
 from types import FrameType
 
 import uvicorn
+from fastapi import FastAPI
 
 from app.connections import BACKLOG, protocol_of
 from app.doors import LOOPBACK
+from app.exits import Exit
 from app.main import create_app
+from app.processes import Processes
 from app.resources import ServiceResources
+from app.settings import Settings
+from app.supervisor import Supervisor
 
 SWITCH_SECONDS = 0.001
-"""Between two turns of threads in the interpreter: so long a short answer waits whenever a long one computes."""
+"""Between two turns of threads in the interpreter, where threads compute: so long a short answer waits for a long one."""
 _LAST_SECOND = 1.0
 """Before the end: what still computes is told to stop, and its client that the service ends."""
 
@@ -26,30 +33,94 @@ class _Server(uvicorn.Server):
 
     seconds: float
 
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        for listener in sockets or []:
+            host, port = listener.getsockname()[:2]
+            where = f"http://{f'[{host}]' if ':' in host else host}:{port}"
+            logging.getLogger("uvicorn.error").info("Uvicorn running on %s (Press CTRL+C to quit)", where)
+
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         if not self.should_exit:
-            turnstile = getattr(self.config.app.state, "turnstile", None)
             steps = [(self.seconds, lambda: os._exit(0))]
-            if turnstile is not None:
-                steps.append((self.seconds - 2 * _LAST_SECOND, turnstile.stop))
+            steps.append((self.seconds - 2 * _LAST_SECOND, self.config.app.state.computing.stop))
             for seconds, step in steps:
                 timer = threading.Timer(max(0.0, seconds), step)
                 timer.daemon = True
                 timer.start()
-        super().handle_exit(sig, frame)
+        super().handle_exit(
+            signal.SIGTERM, frame
+        )  # a terminal's SIGINT comes twice, from the supervisor too: no one hurries
         self._captured_signals.clear()  # ending so is no failure: not handed on
 
 
-def serve(resources: ServiceResources, host: str, port: int) -> None:
-    """Answer on an address until SIGINT or SIGTERM."""
+def serve(resources: ServiceResources, host: str, port: int, workers: int | None = None) -> int:
+    """Answer on an address until SIGINT or SIGTERM; returns the exit code.
+
+    On Linux ``workers`` processes compute; elsewhere, where forking a process that has computed is not safe, threads do.
+    """
     settings = resources.settings
     if host in LOOPBACK and "allowed_hosts" not in settings.model_fields_set:
         settings = settings.model_copy(update={"allowed_hosts": LOOPBACK})
+    try:
+        listeners = listening(host, port)
+    except OSError as error:
+        print(f"no service at {host}, port {port}: {(error.strerror or str(error)).lower()}", file=sys.stderr)
+        return Exit.FAILED
+    signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # until the service takes over: nothing has begun
+    if sys.platform != "linux":
+        return _serve_with_threads(settings, resources, listeners)
+    return _serve_with_processes(settings, resources, listeners, workers or settings.workers or default_workers())
+
+
+def default_workers() -> int:
+    """Processes that compute unless told otherwise: a long request must leave one to the short ones."""
+    return min(max(2, len(os.sched_getaffinity(0))), 4)
+
+
+def listening(host: str, port: int) -> list[socket.socket]:
+    """Sockets of a host's addresses. Their connections know that they are TCP: else asyncio leaves Nagle's algorithm on."""
+    listeners: list[socket.socket] = []
+    known = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    for family, kind, _, _, (name, _, *rest) in dict.fromkeys(known):
+        listener = socket.socket(family, kind, socket.IPPROTO_TCP)
+        listeners.append(listener)
+        try:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if family == socket.AF_INET6:
+                listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+            listener.bind((name, port or listeners[0].getsockname()[1], *rest))
+        except OSError:
+            for one in listeners:
+                one.close()
+            raise
+    return listeners
+
+
+def _serve_with_threads(settings: Settings, resources: ServiceResources, listeners: list[socket.socket]) -> int:
     sys.setswitchinterval(SWITCH_SECONDS)
+    _run(_server(settings, create_app(settings, resources)), listeners)
+    return Exit.OK
+
+
+def _serve_with_processes(
+    settings: Settings, resources: ServiceResources, listeners: list[socket.socket], workers: int
+) -> int:
+    settings = settings.model_copy(update={"max_concurrent": workers})  # each computes one request at a time
+    app = create_app(settings, resources, lambda turnstile: Processes(turnstile, settings, workers))
+    server = _server(settings, app)
+
+    def front(supervisor: socket.socket) -> None:
+        app.state.computing.supervisor = supervisor
+        _run(server, listeners)
+
+    resources.prepare()
+    return Supervisor(front, app.state.questions, resources, listeners).run()
+
+
+def _server(settings: Settings, app: FastAPI) -> _Server:
     config = uvicorn.Config(
-        create_app(settings, resources),
-        host=host,
-        port=port,
+        app,
         log_level="info",
         http=protocol_of(settings),
         ws="none",
@@ -61,8 +132,11 @@ def serve(resources: ServiceResources, host: str, port: int) -> None:
     )
     server = _Server(config)
     server.seconds = settings.ending_seconds
-    signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # until the server takes over: nothing has begun
+    return server
+
+
+def _run(server: _Server, listeners: list[socket.socket]) -> None:
     try:
-        server.run()
+        server.run(listeners)
     except KeyboardInterrupt:
         pass

@@ -35,17 +35,27 @@ class Settings(BaseSettings):
     )
     prepare_positions: bool = Field(
         True,
-        description="Whether a background thread makes the series that only atlas requests with positions need (about "
-        "1.2 kB a type) once the service is ready; otherwise the first such request makes them.",
+        description="Whether the series that only atlas requests with positions need (about 1.2 kB a type) are made in the "
+        "background once the service is ready; otherwise such a request makes them.",
     )
     max_body_bytes: int = Field(
         1_000_000, gt=0, description="Largest request body; a larger one is answered with 413."
     )
+    workers: int | None = Field(
+        None,
+        gt=0,
+        description="Processes of `serve` that compute, a request each at a time; further ones wait. One (of two or more) is "
+        "never given a request that may take long. None: one for each core, at least two and at most four.",
+    )
+    request_memory_bytes: int = Field(
+        300_000_000,
+        gt=0,
+        description="Memory that a request may take in a process of `serve`; one that takes more is answered with 503.",
+    )
     max_concurrent: int = Field(
         3,
         gt=0,
-        description="Requests that compute at the same time; further ones wait. One place (of two or more) is never given to "
-        "a request that may take long.",
+        description="The same as `workers` for threads, where another server than `serve` runs the application.",
     )
     max_waiting: int = Field(
         64,
@@ -54,7 +64,10 @@ class Settings(BaseSettings):
         "answer is 503.",
     )
     max_budget_ms: float = Field(
-        30_000, gt=0, description="Longest search of one request, whatever its `budget_ms` says."
+        30_000,
+        gt=0,
+        description="Longest budget of one request, whatever its `budget_ms` says; of this one a search takes four fifths, the "
+        "rest is for finishing its answers.",
     )
     max_connections: int = Field(
         800,

@@ -6,7 +6,7 @@ import asyncio
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 import anyio
@@ -44,6 +44,11 @@ class Turnstile:
         """Requests that wait for their turn."""
         return sum(map(len, self._queues.values()))
 
+    @property
+    def stopping(self) -> bool:
+        """Whether the service ends."""
+        return self._stopping.is_set()
+
     def stop(self) -> None:
         """Cancel all work: the service ends."""
         self._stopping.set()
@@ -56,22 +61,35 @@ class Turnstile:
         resources: Resources,
         long: bool = False,
     ) -> Any:
-        """``function(body, resources)`` on a worker thread; the body of ``request`` must have been read.
+        """``function(body, resources)`` on a thread of this process, in its turn; see `turn`."""
 
-        Raises `problems.Overloaded` when too many wait already, and `linkage_atlas.Cancelled` once the client has gone:
-        instead of the function, or out of it the next time that it looks at its work.
+        async def compute(queued: float, cancelled: Callable[[], bool]) -> Any:
+            attended = Attended(resources, cancelled, queued)
+            return await anyio.to_thread.run_sync(function, body, attended, limiter=self._threads)
+
+        return await self.turn(request, compute, long)
+
+    async def turn(
+        self,
+        request: Request,
+        compute: Callable[[float, Callable[[], bool]], Awaitable[Any]],
+        long: bool = False,
+    ) -> Any:
+        """``await compute(queued, cancelled)`` once there is a place; the body of ``request`` must have been read.
+
+        It is given the seconds that it waited and what says whether the answer is no longer wanted. Raises
+        `problems.Overloaded` when too many wait already, and `linkage_atlas.Cancelled` once the client has gone: instead of
+        computing, or out of it the next time that it looks at its work.
         """
         begin, gone = time.perf_counter(), threading.Event()
         turn = self._join(long)
-        with anyio.CancelScope() as wait:  # for a turn: once there, a thread is not abandoned and keeps its place
+        with anyio.CancelScope() as wait:  # once it computes, a thread is not abandoned and keeps its place
             watch = asyncio.create_task(_watch(request, gone, wait))
             try:
                 await turn
-                queued = time.perf_counter() - begin
-                attended = _Attended(resources, lambda: gone.is_set() or self._stopping.is_set(), queued)
-                return await anyio.to_thread.run_sync(function, body, attended, limiter=self._threads)
+                return await compute(time.perf_counter() - begin, lambda: gone.is_set() or self.stopping)
             except Cancelled:
-                if self._stopping.is_set() and not gone.is_set():
+                if self.stopping and not gone.is_set():
                     raise problems.Ending from None
                 raise
             finally:
@@ -119,7 +137,7 @@ async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScop
     wait.cancel()
 
 
-class _Attended:
+class Attended:
     """Resources of one request, whose work is cancelled once the client has gone and has a budget in any case."""
 
     def __init__(self, resources: Any, cancelled: Callable[[], bool], queued: float) -> None:

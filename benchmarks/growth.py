@@ -45,7 +45,7 @@ def serve(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
     with running(serve_command, atlas=atlas, **settings) as service:
         service.need_ready()
         row: dict[str, Any] = {"ready_s": service.ready_seconds}
-        row |= {"resident_bytes": service.memory("VmRSS"), "peak_bytes": service.memory("VmHWM")}
+        row |= {"resident_bytes": service.shared_out() or None, "peak_bytes": service.peak()}
         row["scan_bytes"] = service.ask("GET", "/v1/atlas").json()["scan_bytes"]
         for body in bodies[:WARM_UP]:
             service.ask("POST", "/v1/match", body)
@@ -55,7 +55,7 @@ def serve(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
             if answer.status != 200:
                 raise RuntimeError(f"/v1/match answered {answer.status}: {answer.body.decode()}")
             replies.append(answer.json())
-        row["peak_bytes_asked"] = service.memory("VmHWM")
+        row["peak_bytes_asked"] = service.shared_out() or None
     return row | {
         "median_ms": 1000 * quantile(times.wall, 0.5),
         "p99_ms": 1000 * quantile(times.wall, 0.99),

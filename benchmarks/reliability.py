@@ -7,6 +7,7 @@ well-meant clients ask beside hostile ones. Each promise is one row of docs/reli
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import http.client
 import json
 import os
@@ -106,7 +107,31 @@ def bodies(running: service.Service, port: int, count: int) -> dict[str, Any]:
     return {"bodies": count, "statuses": statuses, "broken": len(broken)}
 
 
-async def _watched(port: int, work: Any, seen: hostile.Seen) -> Any:
+class Peaks:
+    """The most memory that each process took, and how much more that was than before."""
+
+    def __init__(self, running: service.Service) -> None:
+        self._running, self._most = running, {}
+        for process in running.processes():
+            with contextlib.suppress(OSError), open(f"/proc/{process}/clear_refs", "w") as file:
+                file.write("5")
+        self._before = running.each("VmRSS")
+        self._typical = max(list(self._before.values())[1:] or [0])
+
+    def look(self) -> None:
+        """To be called again and again: a process may end any time."""
+        for process, most in self._running.each("VmHWM").items():
+            self._most[process] = max(self._most.get(process, 0), most)
+
+    @property
+    def grown(self) -> int:
+        """Bytes by which the process that grew most did; one that is new began with as much as those before."""
+        return max(
+            (most - self._before.get(process, self._typical) for process, most in self._most.items()), default=0
+        )
+
+
+async def _watched(port: int, work: Any, seen: hostile.Seen, look: Callable[[], None]) -> Any:
     """Some work, while /livez is asked."""
     task = asyncio.ensure_future(work)
     while not task.done():
@@ -114,33 +139,37 @@ async def _watched(port: int, work: Any, seen: hostile.Seen) -> Any:
         status = await hostile.ask(port, "/livez")
         seen.seconds.append(time.perf_counter() - begin)
         seen.status[str(status)] += 1
+        look()
         await asyncio.sleep(0.01)
     return task.result()
 
 
-def _reset_peak(process: int) -> None:
-    with open(f"/proc/{process}/clear_refs", "w") as file:
-        file.write("5")
+def _settled(running: service.Service) -> None:
+    """Wait until the service has prepared all that it prepares once it is ready."""
+    spent = -1.0
+    while (now := sum(running.cpu_seconds().values())) - spent > 0.05:
+        spent = now
+        time.sleep(1.0)
 
 
 def budgets(running: service.Service, port: int) -> list[dict[str, Any]]:
     """Each expensive request, alone, against the service's budget of `BUDGET_MS`."""
     rows = []
+    _settled(running)
     for name, (path, body) in hostile.expensive().items():
-        process, beats = running.process.pid, hostile.Seen()
-        _reset_peak(process)
-        before, resident = sum(running.cpu_seconds().values()), running.memory("VmRSS") or 0
-        begin = time.perf_counter()
-        status = asyncio.run(_watched(port, hostile.ask(port, path, body), beats))
-        wall, spent = time.perf_counter() - begin, sum(running.cpu_seconds().values()) - before
+        beats, peaks = hostile.Seen(), Peaks(running)
+        before, begin = running.computing_seconds(), time.perf_counter()
+        status = asyncio.run(_watched(port, hostile.ask(port, path, body), beats, peaks.look))
+        wall = time.perf_counter() - begin
+        time.sleep(0.3)  # a process that was ended with its request is counted once its place is taken
         row = {
             "request": name,
             "route": path,
             "bytes": len(body),
             "status": status,
             "wall_ms": 1000 * wall,
-            "processor_ms": max(0.0, 1000 * (spent - 0.003 * len(beats.seconds))),
-            "megabytes": ((running.memory("VmHWM") or 0) - resident) / MEGABYTE,
+            "processor_ms": 1000 * (running.computing_seconds() - before),
+            "megabytes": peaks.grown / MEGABYTE,
             "livez_p99_ms": 1000 * service.quantile(beats.seconds, 0.99),
         }
         print(json.dumps(row), flush=True)
@@ -172,9 +201,19 @@ async def _crowd(port: int, seconds: float, with_hostile: bool) -> dict[str, hos
     return seen
 
 
+async def _sampled(work: Any, sample: Callable[[], int]) -> tuple[Any, int]:
+    """Some work, and the most that a sample of twice a second was."""
+    task, most = asyncio.ensure_future(work), 0
+    while not task.done():
+        most = max(most, await asyncio.to_thread(sample))
+        await asyncio.sleep(0.5)
+    return task.result(), most
+
+
 def crowd(running: service.Service, port: int, seconds: float, with_hostile: bool) -> dict[str, Any]:
     """What the well-meant clients saw, one request a second each."""
-    seen = asyncio.run(_crowd(port, seconds, with_hostile))
+    _settled(running)
+    seen, most = asyncio.run(_sampled(_crowd(port, seconds, with_hostile), running.shared_out))
     short = [value for name in hostile.SHORT if name != "livez" for value in seen[name].seconds]
     statuses: dict[str, int] = {}
     for name in hostile.SHORT:
@@ -191,7 +230,7 @@ def crowd(running: service.Service, port: int, seconds: float, with_hostile: boo
         "short_p50_ms": 1000 * service.quantile(short, 0.5),
         "short_p99_ms": 1000 * service.quantile(short, 0.99),
         "livez_p99_ms": 1000 * service.quantile(seen["beat"].seconds, 0.99),
-        "megabytes": (running.memory("VmHWM") or 0) / MEGABYTE,
+        "megabytes": most / MEGABYTE,
     }
 
 
@@ -200,13 +239,14 @@ def memory(running: service.Service, port: int, count: int) -> dict[str, Any]:
     mix = [hostile.SHORT[name] for name in ("needle", "lift", "type")] * 16 + [hostile.SHORT["match"]]
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=hostile.PATIENCE)
     found = []
+    _settled(running)
     for number in range(1, count + 1):
         path, body = mix[number % len(mix)]
         content = body if body is None or isinstance(body, str) else json.dumps(body)
         connection.request("GET" if body is None else "POST", path, content, {"Content-Type": "application/json"})
         connection.getresponse().read()
         if number in (count // 10, count):
-            found.append((running.memory("VmRSS") or 0) / MEGABYTE)
+            found.append(running.shared_out() / MEGABYTE)
     connection.close()
     return {"requests": count, "early_megabytes": found[0], "late_megabytes": found[1]}
 

@@ -137,7 +137,7 @@ def file_figures(results: dict[str, Any]) -> str:
         [
             "service: start until ready",
             f"{significant(built['ready_s'], 2)} s; {size(built['resident_bytes'])} then, "
-            f"{size(built['peak_bytes'])} at most on the way; {size(loaded['peak_bytes'])} at most with positions, under load",
+            f"{size(built['peak_bytes'])} at most on the way; {size(loaded['bytes'])} with positions, after requests",
         ],
         [million, between(medians["spans"]) + faster],
         ["the same with positions", between(medians["joint"])],

@@ -123,21 +123,46 @@ class Service:
         own = self.process.pid
         return [own, *map(int, _proc(own, f"task/{own}/children").split())]
 
-    def memory(self, key: str) -> int | None:
-        """Bytes of all its processes: resident (``VmRSS``) or at most so far (``VmHWM``); None without /proc.
+    def peak(self) -> int | None:
+        """Bytes that its first process, which loads everything, held at most so far; None without /proc."""
+        return _bytes(_proc(self.process.pid, "status"), "VmHWM") or None
 
-        What processes share is counted in each.
-        """
-        texts = [_proc(process, "status") for process in self.processes()]
-        if not all(texts):
-            return None
-        return sum(1024 * int(re.search(rf"^{key}:\s*(\d+)", text, re.MULTILINE)[1]) for text in texts)
+    def each(self, key: str) -> dict[int, int]:
+        """Bytes of a kind of each process, by its number; 0 where it has ended meanwhile."""
+        texts = {process: _proc(process, "status") for process in self.processes()}
+        return {process: _bytes(text, key) for process, text in texts.items()}
+
+    def shared_out(self) -> int:
+        """Bytes of all its processes together: what several share is counted once. 0 without /proc."""
+        return sum(_bytes(_proc(process, "smaps_rollup"), "Pss") for process in self.processes())
+
+    def own(self) -> list[int]:
+        """Bytes that each process shares with no other."""
+        texts = [_proc(process, "smaps_rollup") for process in self.processes()]
+        return [_bytes(text, "Private_Clean") + _bytes(text, "Private_Dirty") for text in texts]
 
     def cpu_seconds(self) -> dict[int, float]:
         """Processor time of each of its processes until now; empty without /proc."""
-        found = {process: _proc(process, "stat").rpartition(")")[2].split() for process in self.processes()}
-        tick = os.sysconf("SC_CLK_TCK")
-        return {process: (int(words[11]) + int(words[12])) / tick for process, words in found.items() if words}
+        found = {process: _times(process) for process in self.processes()}
+        return {process: sum(times[:2]) for process, times in found.items() if times}
+
+    def computing_seconds(self) -> float:
+        """Processor time of the processes that compute, those that have ended included; of all where there is only one."""
+        own, *others = self.processes()
+        if not others:
+            return sum(self.cpu_seconds().values())
+        return sum(_times(own)[2:]) + sum(sum(_times(process)[:2]) for process in others[1:])
+
+
+def _times(process: int) -> list[float]:
+    """Seconds of a process in itself and in the system, and of its children that have ended."""
+    words = _proc(process, "stat").rpartition(")")[2].split()
+    return [int(word) / os.sysconf("SC_CLK_TCK") for word in words[11:15]]
+
+
+def _bytes(text: str, key: str) -> int:
+    found = re.search(rf"^{key}:\s*(\d+)", text, re.MULTILINE)
+    return 1024 * int(found[1]) if found else 0
 
 
 def _proc(process: int, name: str) -> str:
@@ -153,10 +178,19 @@ def serve_command(port: int) -> list[str]:
     return [sys.executable, "-c", entry, "serve", "--host", "127.0.0.1", "--port", str(port)]
 
 
-def uvicorn_command(port: int, workers: int = 1) -> list[str]:
-    """What docs/http.md says for several workers without containers."""
-    options = ["--workers", str(workers), "--host", "127.0.0.1", "--port", str(port)]
-    return [sys.executable, "-m", "uvicorn", "--factory", "app.main:create_app", *options]
+def uvicorn_command(port: int) -> list[str]:
+    """The application under another server, which is asked although its atlas is missing or refused."""
+    return [
+        sys.executable,
+        "-m",
+        "uvicorn",
+        "--factory",
+        "app.main:create_app",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        str(port),
+    ]
 
 
 def environment(**settings: Any) -> dict[str, str]:
@@ -167,15 +201,13 @@ def environment(**settings: Any) -> dict[str, str]:
 
 
 @contextmanager
-def running(command: Callable[[int], list[str]], workers: int = 1, **settings: Any) -> Iterator[Service]:
-    """A service from its first answer at /readyz, by all its workers, to the end of the block.
+def running(command: Callable[[int], list[str]], **settings: Any) -> Iterator[Service]:
+    """A service from its first answer at /readyz to the end of the block.
 
     Parameters
     ----------
     command : callable
         ``command(port)``, the command's words.
-    workers : int
-        How many worker processes the command starts.
     **settings
         Of `app.settings.Settings`; the others are at their defaults.
 
@@ -194,7 +226,7 @@ def running(command: Callable[[int], list[str]], workers: int = 1, **settings: A
             process = subprocess.Popen(command(port), stdout=file, **told)
         service = Service(process, port, log, http.client.HTTPConnection("127.0.0.1", port))
         try:
-            service.ready = _first_answer(service, begin, workers)
+            service.ready = _first_answer(service, begin)
             service.ready_seconds = time.perf_counter() - begin
             yield service
         finally:
@@ -207,17 +239,14 @@ def running(command: Callable[[int], list[str]], workers: int = 1, **settings: A
                 raise
 
 
-def _first_answer(service: Service, begin: float, workers: int) -> Answer:
-    # A service loads its atlas before it listens, so the first answer is final. Workers share one socket: one of them
-    # answering says nothing of the others, each writes a line when it is ready.
+def _first_answer(service: Service, begin: float) -> Answer:  # it loads its atlas before it listens: this is final
     while time.perf_counter() - begin < START_SECONDS:
         if service.process.poll() is not None:
             break
-        if workers == 1 or service.log.read_text().count("Application startup complete") >= workers:
-            try:
-                return service.ask("GET", "/readyz")
-            except OSError:
-                service.connection.close()
+        try:
+            return service.ask("GET", "/readyz")
+        except OSError:
+            service.connection.close()
         time.sleep(0.01)
     raise RuntimeError(f"the service did not answer:\n{service.log.read_text()[-2000:]}")
 

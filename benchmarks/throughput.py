@@ -1,33 +1,28 @@
 """How many requests a service answers, and what it does with too many: ``python -m benchmarks.throughput [--atlas FILE]``.
 
-Three arrangements, all settings at their defaults: one service as the container runs it; two of them, as
-``docker compose up --scale atlas=2`` runs them, their clients dealt out evenly; and one of two workers that share a socket, as
-docs/http.md says for a machine without containers. Clients keep their connections and ask again as soon as they are answered.
+Three arrangements, all other settings at their defaults: one service with one and with two workers, and two services with
+one worker each, their clients dealt out evenly. Clients keep their connections and ask again as soon as they are answered.
 """
 
 from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from benchmarks import report, service
 from benchmarks.report import significant
 
-ARRANGEMENTS = {
-    "one service": (service.serve_command, 1, 1),
-    "two services": (service.serve_command, 1, 2),
-    "`--workers 2`": (partial(service.uvicorn_command, workers=2), 2, 1),
-}
-"""Command, workers that it starts, and how many times it is started."""
+ONE, TWO = "`--workers 1`", "`--workers 2`"
+ARRANGEMENTS = {ONE: (1, 1), TWO: (2, 1), "two services": (1, 2)}
+"""Workers, and how many times the service is started."""
 CLIENTS = (1, 8, 64)
 OVERLOAD_CLIENTS = 200
 BODIES = 200
-UNKNOWN = dict.fromkeys(("p50_ms", "p99_ms", "livez_p99_ms", "service_cores"))
+UNKNOWN = dict.fromkeys(("p50_ms", "p99_ms", "livez_p99_ms", "service_cores", "front_ms"))
 """What a row lacks where no request was answered, or the system does not tell."""
 
 
@@ -69,12 +64,16 @@ def measure_load(
     row = {"path": path, "clients": clients} | summarise(found, beats)
     if used:  # none without /proc
         row |= {"service_cores": sum(used) / found.elapsed, "busiest_share": max(used) / max(sum(used), 1e-9)}
+        fronts = {one.processes()[1] for one in services}
+        in_front = sum(
+            seconds - before.get(process, 0.0) for process, seconds in spent().items() if process in fronts
+        )
+        row["front_ms"] = 1000 * in_front / len(found.status)
     print(json.dumps(row), flush=True)
     return row
 
 
 def run(
-    command: Callable[[int], list[str]],
     workers: int,
     times: int,
     atlas: Path,
@@ -84,7 +83,8 @@ def run(
     """One arrangement: requests to each route from few and many clients, then from too many."""
     with ExitStack() as stack:
         services = [
-            stack.enter_context(service.running(command, workers, atlas=atlas.resolve())) for _ in range(times)
+            stack.enter_context(service.running(service.serve_command, atlas=atlas.resolve(), workers=workers))
+            for _ in range(times)
         ]
         for one in services:
             one.need_ready()
@@ -102,8 +102,9 @@ def run(
             for path, some in bodies.items()
             for patient in (True, False)
         ]
-        peak = [one.memory("VmHWM") for one in services]
-    return {"peak_bytes": None if None in peak else sum(peak), **row}
+        row["bytes"] = sum(one.shared_out() for one in services) or None
+        row["worker_bytes"] = max((own for one in services for own in one.own()[2:]), default=None)
+    return row
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -122,14 +123,18 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def ratios_text(services: Sequence[dict[str, Any]]) -> str:
-    """How much more two services answer than one, with the most clients."""
+    """How much more two workers answer than one."""
     rates = {
-        row["service"]: {load["path"]: load["per_second"] for load in row["loads"]} for row in services
-    }  # the last load of a route is that of the most clients
-    one, two = (rates[name] for name in ("one service", "two services"))
-    most = max(load["clients"] for load in services[0]["loads"])
-    ratios = " and ".join(f"{significant(two[path] / one[path], 2)} times the requests to {path}" for path in one)
-    return f"With {most} clients two services answer {ratios} that one does."
+        row["service"]: {(load["path"], load["clients"]): load["per_second"] for load in row["loads"]}
+        for row in services
+    }
+    most = (8, 64)
+    ratios = {
+        path: " and ".join(significant(rates[TWO][path, some] / rates[ONE][path, some], 3) for some in most)
+        for path, _ in rates[ONE]
+    }
+    told = ", and ".join(f"{ratio} times the requests to {path}" for path, ratio in ratios.items())
+    return f"With {most[0]} and {most[1]} clients two workers answer {told} that one does."
 
 
 def measure(

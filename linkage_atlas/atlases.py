@@ -85,6 +85,16 @@ class Atlas:
         return self._index.paths if self._index else []
 
     @property
+    def has_positions(self) -> bool:
+        """Whether the scan is prepared for requests with positions."""
+        return self.scan.prepare_positions(Work(0.0))
+
+    @property
+    def has_rocker_scan(self) -> bool:
+        """Whether `rocker_scan` is there already."""
+        return self._rocker_scan is not None
+
+    @property
     def rocker_scan(self) -> Scan:
         """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds)."""
         with self._rocker_lock:

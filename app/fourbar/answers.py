@@ -15,6 +15,8 @@ SHORT_MS = 250.0
 
 def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
     """The best rows by rotation alone; no pose is computed."""
+    if request.curve == "rocker":
+        resources.need_rockers()
     found = la.match(
         request.rotation,
         request.crank_span,
@@ -55,6 +57,8 @@ def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
 
 def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """The front door's answer to a request."""
+    if request.effort == "atlas" and request.position is not None:
+        resources.need_positions()
     return la.synthesize(
         **motion_of(request),
         tolerances=None if request.tolerances is None else request.tolerances.model_dump(exclude_none=True),

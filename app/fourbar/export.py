@@ -118,7 +118,7 @@ def answer_export(body: ExportRequest, resources: Resources | None) -> tuple[byt
     return text.encode(), MEDIA_TYPES[body.format]
 
 
-def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
+def install(app: FastAPI, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
     """The route /v1/export."""
     files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
     names = ("dxf", "plates", "svg", "csv", "mjcf", "pylinkage", "json")
@@ -136,7 +136,6 @@ def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[
         ExportRequest,
         answer,
         lambda body: body.solution is None and is_long(body.request),
-        resources,
         tags=["synthesize"],
         summary="A linkage as a file: JSON, CSV, SVG, DXF, plates to cut, MJCF or pylinkage's JSON.",
         response_class=Response,

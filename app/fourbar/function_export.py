@@ -60,7 +60,7 @@ def function_file(request: FunctionRequest, reply: FunctionReply, rank: int, nam
     return answer_export(body, None)[0]
 
 
-def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[str, Any]]) -> None:
+def install(app: FastAPI, responses: dict[int | str, dict[str, Any]]) -> None:
     """The route /v1/function/export."""
     files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
     example = {
@@ -86,7 +86,6 @@ def install(app: FastAPI, resources: Resources, responses: dict[int | str, dict[
         FunctionExportRequest,
         answer,
         lambda _: False,
-        resources,
         tags=["function"],
         summary="A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
         response_class=Response,

@@ -105,4 +105,4 @@ def test_a_long_reply_is_sent_in_pieces_and_given_back() -> None:
 
     asyncio.run(reply({}, None, send))
     assert max(map(len, sent)) < 1 << 19 and sum(map(len, sent)) == reply.size
-    assert not reply._pieces
+    assert not reply.pieces

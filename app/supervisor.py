@@ -1,0 +1,246 @@
+"""The parent of the service's processes: loads everything once, forks the others, puts new ones where one has ended.
+
+One process talks to the clients, the *front* (`app.server`); the others compute (`app.computer`). All are forked from this one,
+which runs no threads while it forks, so they share the atlas and begin within milliseconds. It ends when it is told to, and
+with the front.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import logging
+import os
+import select
+import signal
+import socket
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+from app.computed import Question
+from app.computer import Computer, packed
+from app.resources import ServiceResources
+
+_LATE_SECONDS = 1.0
+"""After the time in which the front ends by itself."""
+_QUIET_SECONDS = 0.3
+"""Without a wish of the front, before something is prepared."""
+_LOOK_SECONDS = 0.5
+"""At most, between two looks at who has ended and whether the time is up."""
+_LEAST_LIFE = 2.0
+"""A front that has ended sooner, by itself, would do so again."""
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGCHLD)
+log = logging.getLogger("uvicorn.error")
+
+
+class Supervisor:
+    """The parent.
+
+    Parameters
+    ----------
+    front : callable
+        ``front(control)`` runs the front in its process, with its end of a socket to the supervisor, until that is told to end.
+    questions : dict
+        What the computing processes answer, by path.
+    resources : ServiceResources
+        With everything loaded.
+    listeners : list of socket.socket
+        Of the front; kept open for the next one.
+    """
+
+    def __init__(
+        self,
+        front: Callable[[socket.socket], None],
+        questions: dict[str, Question],
+        resources: ServiceResources,
+        listeners: list[socket.socket],
+    ) -> None:
+        self._run_front, self._questions, self._resources, self._listeners = front, questions, resources, listeners
+        self._computers: set[int] = set()
+        self._deadline: float | None = None
+        self._prepared = not resources.wants_more
+        self._front: int | None = None
+
+    def run(self) -> int:
+        """Until SIGINT or SIGTERM; returns the exit code."""
+        woken, self._wake = socket.socketpair()
+        for end in (woken, self._wake):
+            end.setblocking(False)
+        self._woken = woken
+        signal.set_wakeup_fd(self._wake.fileno(), warn_on_full_buffer=False)
+        signal.signal(signal.SIGCHLD, lambda *_: None)
+        for told in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(told, self._end)
+        self._start_front()
+        try:
+            return self._watch()
+        finally:
+            self._kill(self._computers)
+
+    # -- what happens -----------------------------------------------------------------------------------------------------
+
+    def _watch(self) -> int:
+        while True:
+            self._calls(_LOOK_SECONDS if self._prepared else _QUIET_SECONDS)
+            while (code := self._reaped()) is None and self._calls(0):
+                self._serve()
+            if code is not None:
+                return code
+            if self._deadline is not None and time.monotonic() > self._deadline:
+                self._kill({self._front or 0} - {0})
+            elif not self._prepared and not self._calls(0):
+                self._prepare()
+
+    def _calls(self, seconds: float) -> bool:
+        """Whether the front wishes something, or a signal has come; waits so long for it."""
+        if self._deadline is not None:
+            seconds = max(0.0, min(seconds, self._deadline - time.monotonic()))
+        ready = self._ready(seconds)
+        if self._woken in ready:
+            with contextlib.suppress(BlockingIOError):
+                self._woken.recv(4096)
+        return bool(ready)
+
+    def _ready(self, seconds: float) -> list[socket.socket]:
+        ends = [self._woken, self._control] if self._heard else [self._woken]
+        return select.select(ends, [], [], seconds)[0]
+
+    def _serve(self) -> None:
+        """Do what the front wishes."""
+        try:
+            wish, files, _, _ = socket.recv_fds(self._control, 1, 1)
+        except BlockingIOError:
+            return
+        except OSError:
+            wish = b""
+        self._heard = bool(wish)
+        if wish == b"c":
+            with socket.socket(fileno=files[0]) as connection:
+                self._computers.add(self._fork(lambda: self._compute(connection)))
+        elif wish == b"r":
+            self._make(lambda: self._resources.atlas.rocker_scan)
+            self._tell_of_more()
+        elif wish == b"p":
+            self._make(lambda: self._resources.atlas.prepare())
+            self._tell_of_more()
+
+    def _prepare(self) -> None:
+        """Make what later requests need, unless something is wanted meanwhile."""
+        made = self._make(lambda: self._resources.prepare_more(lambda: bool(self._ready(0))))
+        self._prepared = made is not False
+        if made:
+            self._tell_of_more()
+
+    @staticmethod
+    def _make(something: Callable[[], Any]) -> Any:
+        """What is made; None where that fails: then those that compute are without it, and the service goes on."""
+        try:
+            return something()
+        except Exception:
+            log.exception("What all processes were to share could not be made")
+            return None
+
+    def _tell_of_more(self) -> None:
+        gc.collect()
+        gc.freeze()
+        self._say("prepared")
+
+    def _say(self, *words: object) -> None:
+        with contextlib.suppress(OSError):
+            self._control.sendall(packed(words))
+
+    def _reaped(self) -> int | None:
+        """Take note of processes that have ended; the service's exit code where the front has, for good."""
+        while True:
+            try:
+                number, status = os.waitpid(-1, os.WNOHANG)
+            except ChildProcessError:
+                return 0
+            if not number:
+                return None
+            if number in self._computers:
+                self._computers.discard(number)
+                self._say("ended", number, status)
+            elif number == self._front and (code := self._front_ended(status)) is not None:
+                return code
+
+    def _front_ended(self, status: int) -> int | None:
+        code = os.waitstatus_to_exitcode(status)
+        if self._deadline is not None:
+            return 0
+        if code >= 0 and time.monotonic() - self._began < _LEAST_LIFE:
+            return code
+        log.error("The process that talks to the clients ended by %s; another takes its place", code)
+        self._kill(self._computers)
+        self._control.close()
+        self._start_front()
+        return None
+
+    def _end(self, number: int, frame: FrameType | None) -> None:
+        if self._deadline is None:
+            self._deadline = time.monotonic() + self._resources.settings.ending_seconds + _LATE_SECONDS
+        elif number == signal.SIGINT:  # pressed again: at once
+            self._deadline = 0.0
+        if self._front is None:
+            os._exit(0)  # nothing has begun
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._front, signal.SIGTERM)
+
+    # -- processes --------------------------------------------------------------------------------------------------------
+
+    def _start_front(self) -> None:
+        self._control, theirs = socket.socketpair()
+        self._control.setblocking(False)  # `recv_fds` passes no flags on
+        self._heard = True  # until the front closes its end
+        self._began = time.monotonic()
+        with theirs:
+            self._front = self._fork(lambda: self._talk(theirs))
+
+    def _talk(self, control: socket.socket) -> None:
+        self._control.close()
+        signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # until the server takes over: nothing has begun
+        self._run_front(control)
+
+    def _compute(self, connection: socket.socket) -> None:
+        self._control.close()
+        for listener in self._listeners:
+            listener.close()
+        Computer(connection, self._questions, self._resources).run()
+
+    def _fork(self, run: Callable[[], None]) -> int:
+        """The number of a new process that runs something and ends."""
+        sys.stdout.flush()
+        sys.stderr.flush()
+        signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # none may come to the new process before its own handlers
+        number = os.fork()
+        if number:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+            return number
+        code = 1
+        try:
+            signal.set_wakeup_fd(-1)
+            for told in _SIGNALS:
+                signal.signal(told, signal.SIG_DFL)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+            self._wake.close()
+            self._woken.close()
+            run()
+            code = 0
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else 1
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+
+    @staticmethod
+    def _kill(numbers: set[int]) -> None:
+        for number in numbers:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(number, signal.SIGKILL)

@@ -1,0 +1,296 @@
+"""The service as processes: what becomes of a request that takes too much, of a process that ends, and of the service's end."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.server import default_workers, listening
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere threads compute")
+PATIENCE = 30.0
+ROOT = Path(__file__).parents[2]
+SERVICE = """
+import os, sys
+from app import cli
+from app.scenes import knotter, lift
+from app.registry import all_queries
+
+def answer(kind):
+    def spin(body, resources):
+        while True:
+            sum(range(10**6))  # looks at no watch
+
+    def hoard(body, resources):
+        kept = []
+        while True:
+            kept.append(bytearray(1 << 20))
+
+    def die(body, resources):
+        os.kill(os.getpid(), 11)
+
+    def fail(body, resources):
+        raise RuntimeError("a fault")
+
+    return {"spin": spin, "hoard": hoard, "die": die, "fail": fail}[kind]
+
+for query in all_queries():
+    for path, kind in {"/v1/lift/batch": "spin", "/v1/knotter/curves": "hoard", "/v1/knotter/fit": "die",
+                       "/v1/knotter/tolerance": "fail"}.items():
+        if query.path == path:
+            object.__setattr__(query, "answer", answer(kind))
+raise SystemExit(cli.main(["serve", "--port", "0", "--workers", "2", *sys.argv[1:]]))
+"""
+"""The command, where some questions are answered badly."""
+BODIES = {
+    query.path: next(iter(query.examples.values())) for query in __import__("app.registry").registry.all_queries()
+}
+NEEDLE = "/v1/knotter/needle"
+
+
+class Running:
+    """A service and its processes: the supervisor, the front, and those that compute."""
+
+    def __init__(self, process: subprocess.Popen[str], log: Path) -> None:
+        self.process, self.log = process, log
+        until(lambda: re.search(r"running on http://127.0.0.1:\d+", log.read_text()) or process.poll() is not None)
+        found = re.search(r"running on http://127.0.0.1:(\d+)", log.read_text())
+        assert found, log.read_text()
+        self.port = int(found[1])
+        until(lambda: len(self.children()) == 3)
+
+    def children(self) -> list[int]:
+        return children_of(self.process.pid)
+
+    @property
+    def computing(self) -> set[int]:
+        return {number for number in self.children() if ignores(number)}
+
+    @property
+    def front(self) -> int:
+        return next(number for number in self.children() if number not in self.computing)
+
+    def sent(self, path: str, body: Any = None) -> http.client.HTTPConnection:
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
+        content = json.dumps(BODIES[path] if body is None else body)
+        connection.request("POST", path, content, {"Content-Type": "application/json"})
+        return connection
+
+    def post(self, path: str, body: Any = None) -> tuple[int, dict[str, Any]]:
+        with closing(self.sent(path, body)) as connection:
+            reply = connection.getresponse()
+            return reply.status, json.load(reply)
+
+
+def children_of(number: int) -> list[int]:
+    try:
+        return list(map(int, Path(f"/proc/{number}/task/{number}/children").read_text().split()))
+    except OSError:
+        return []
+
+
+def status(number: int) -> str:
+    try:
+        return Path(f"/proc/{number}/status").read_text()
+    except OSError:
+        return ""
+
+
+def ignores(number: int) -> bool:
+    """Whether a process ignores SIGTERM, as those that compute do."""
+    found = re.search(r"SigIgn:\t(\w+)", status(number))
+    return found is not None and bool(int(found[1], 16) >> (signal.SIGTERM - 1) & 1)
+
+
+def until(condition: Any, seconds: float = PATIENCE) -> None:
+    begin = time.monotonic()
+    while not condition():
+        assert time.monotonic() - begin < seconds
+        time.sleep(0.01)
+
+
+@contextmanager
+def serving(folder: Path, *options: str, **settings: Any) -> Iterator[Running]:
+    log = folder / "log"
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("LINKAGE_ATLAS_")}
+    environment |= {f"LINKAGE_ATLAS_{name.upper()}": str(value) for name, value in settings.items()}
+    with log.open("w") as file:
+        command = [sys.executable, "-c", SERVICE, *(options or ["--no-atlas"])]
+        process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=file, stderr=file, text=True)
+    try:
+        yield Running(process, log)
+    finally:
+        children = children_of(process.pid)
+        process.terminate()
+        assert process.wait(PATIENCE) == 0
+        until(lambda: not any(map(status, children)))
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory) -> Iterator[Running]:
+    """Answers take at most half a second of processor time and 60 MB."""
+    folder = tmp_path_factory.mktemp("processes")
+    with serving(folder, max_budget_ms=100, request_memory_bytes=60_000_000) as running:
+        yield running
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "detail"),
+    [
+        ("/v1/lift/batch", 503, "took longer"),
+        ("/v1/knotter/curves", 503, "more memory"),
+        ("/v1/knotter/fit", 503, "has ended"),
+        ("/v1/knotter/tolerance", 500, "a fault"),
+    ],
+    ids=["too long", "too large", "crash", "fault"],
+)
+def test_a_request_that_takes_too_much_fails_alone_and_says_so(path, status, detail, running) -> None:
+    with closing(running.sent(path)) as bad:
+        good = [running.post(NEEDLE)[0] for _ in range(3)]
+        reply = bad.getresponse()
+        problem = json.load(reply)
+    assert good == [200, 200, 200]
+    assert (reply.status, reply.headers.get_content_type()) == (status, "application/problem+json")
+    assert problem["status"] == status and detail in problem["detail"]
+    until(lambda: len(running.computing) == 2)
+    assert running.post(NEEDLE)[0] == 200
+    assert ("SIGSEGV" in running.log.read_text()) or path != "/v1/knotter/fit"
+
+
+def test_a_client_that_leaves_takes_its_process_with_it(running) -> None:
+    before = running.computing
+    busy = running.sent("/v1/lift/batch")
+    time.sleep(0.1)
+    busy.close()
+    until(lambda: len(running.computing) == 2 and running.computing != before)
+    assert len(before & running.computing) == 1
+
+
+def test_a_process_that_is_killed_is_replaced(running) -> None:
+    before = running.computing
+    for number in before:
+        os.kill(number, signal.SIGKILL)
+    until(lambda: len(running.computing) == 2 and not before & running.computing)
+    assert [running.post(NEEDLE)[0] for _ in range(4)] == [200] * 4
+
+
+def test_long_bodies_are_read_elsewhere_and_wait_with_the_long_ones(running) -> None:
+    motion = {**BODIES["/v1/lift/motion"], "times": [0.001 * k for k in range(1200)]}
+    motion.pop("samples", None)
+    assert len(json.dumps(motion)) > 4096
+    assert running.post("/v1/lift/motion", motion)[0] in (200, 503)
+    status, problem = running.post("/v1/lift/motion", {**motion, "times": [0.001] * 1200 + ["x"]})
+    assert status == 422 and problem["errors"][0]["pointer"].startswith("#/times")
+    assert running.post("/v1/lift/motion", {f"k{k}": 1 for k in range(2500)})[0] == 400
+
+
+def test_whoever_ends_is_seen_though_no_one_wishes_anything(running) -> None:
+    """The supervisor once waited for a wish that did not come, when a signal had woken it."""
+    for _ in range(4):
+        before = running.computing
+        for number in before:
+            os.kill(number, signal.SIGKILL)
+            time.sleep(0.02)
+        until(lambda before=before: len(running.computing) == 2 and not before & running.computing, 10)
+
+
+def test_a_front_that_is_killed_is_replaced_and_listens_on_the_same_port(running) -> None:
+    before = running.front
+    os.kill(before, signal.SIGKILL)
+    until(lambda: len(running.children()) == 3 and len(running.computing) == 2 and running.front != before)
+
+    def answers() -> bool:
+        try:
+            return running.post(NEEDLE)[0] == 200
+        except OSError:
+            return False
+
+    until(answers)
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_the_end_is_told_to_clients_and_leaves_no_process(name, tmp_path) -> None:
+    with serving(tmp_path, ending_seconds=2.5) as running:
+        with closing(running.sent("/v1/lift/batch")) as busy:
+            until(lambda: any(running.computing))
+            time.sleep(0.2)
+            for number in [
+                running.process.pid,
+                *running.children(),
+            ]:  # as a terminal's Ctrl-C, or a service manager, does
+                os.kill(number, getattr(signal, name))
+            reply = busy.getresponse()
+            assert reply.status == 503, running.log.read_text()
+            assert "ending" in json.load(reply)["detail"]
+        assert running.process.wait(PATIENCE) == 0
+        log = running.log.read_text()
+        assert "Traceback" not in log
+
+
+def test_processes_share_the_atlas_and_what_is_prepared_later(small_bytes, tmp_path) -> None:
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
+        rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
+        first = running.computing
+        assert running.post("/v1/match", rotation)[0] == 200
+        found, rocker = running.post("/v1/match", {**rotation, "curve": "rocker"})
+        assert found == 200 and rocker["matches"]
+        until(lambda: len(running.computing) == 2 and not first & running.computing)
+        body = {**rotation, "position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
+        assert running.post("/v1/synthesize", body)[0] == 200
+
+
+def test_connections_do_not_wait_for_acknowledgements() -> None:
+    """uvicorn's own sockets for several processes are not known to be TCP, and so keep Nagle's algorithm."""
+    seen: list[int] = []
+
+    async def accept() -> None:
+        done = asyncio.Event()
+
+        def connected(reader: Any, writer: asyncio.StreamWriter) -> None:
+            known = writer.get_extra_info("socket")
+            seen.append(known.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+            writer.close()
+            done.set()
+
+        (listener,) = listening("127.0.0.1", 0)
+        server = await asyncio.start_server(connected, sock=listener)
+        client = threading.Thread(target=lambda: socket.create_connection(listener.getsockname()).close())
+        client.start()
+        await done.wait()
+        client.join()
+        server.close()
+
+    asyncio.run(accept())
+    assert seen == [1]
+
+
+def test_all_addresses_of_a_host_have_the_same_port() -> None:
+    listeners = listening("localhost", 0)
+    try:
+        assert len({listener.getsockname()[1] for listener in listeners}) == 1
+        listeners[0].listen()
+        with pytest.raises(OSError):
+            listening(*listeners[0].getsockname()[:2])
+    finally:
+        for listener in listeners:
+            listener.close()
+
+
+def test_short_requests_have_a_process_whatever_the_machine() -> None:
+    assert 2 <= default_workers() <= 4
