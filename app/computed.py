@@ -67,6 +67,7 @@ class Threads:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
+        self._turnstile.start()
         self._resources.prepare()
         self._readers = anyio.CapacityLimiter(1)
         stopping = threading.Event()

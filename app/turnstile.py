@@ -49,6 +49,10 @@ class Turnstile:
         """Whether the service ends."""
         return self._stopping.is_set()
 
+    def start(self) -> None:
+        """Let requests in: the service begins, perhaps not for the first time."""
+        self._stopping.clear()
+
     def stop(self) -> None:
         """Cancel all work: the service ends."""
         self._stopping.set()
