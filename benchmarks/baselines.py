@@ -7,6 +7,7 @@ flat index and stumpy's distance profiles.
 from __future__ import annotations
 
 import importlib.util
+import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ EVOLUTION_GENERATIONS = (5, 20, 80, 320, 1280)
 _EVOLUTION_BOUNDS = [(-6.0, 6.0), (-12.0, 3.0), (-6.0, 6.0), (0.0, product.TURN)]
 _EVOLUTION_POPULATION = 10
 _EVOLUTION_SPREAD = 1e-8
+_GAPS = 2.5
+"""Largest natural logarithm of a gap between crank angles, before all are scaled to the span."""
 POSE_SUBSETS = (1, 3, 9)
 POSE_SECONDS = 3.0
 """No further subset is begun after this much time of the processor."""
@@ -72,6 +75,51 @@ def evolve(target: product.Target, generations: int, seed: int) -> float:
             rng=seed,
             updating="deferred",
             vectorized=True,
+            callback=lambda intermediate_result: intermediate_result.fun <= goal,
+        )
+        best = min(best, float(done.fun))
+        if best <= goal:
+            break
+    return float(np.sqrt(max(best, 0.0)))
+
+
+def evolve_poses(position: np.ndarray, rotation: np.ndarray, generations: int, seed: int) -> float:
+    """Least J of poses without crank angles by differential evolution over shape, start and the gaps between crank angles.
+
+    One run a branch and direction; pose and offset are projected out, order is kept by positive gaps. A run ends as in `evolve`.
+    """
+    from scipy.optimize import differential_evolution
+
+    problem = product.JointProblem(product.make_poses(rotation, position), product.FullCrankChart())
+    shapes = [*_EVOLUTION_BOUNDS, (0.05, 0.999 * product.TURN)]
+    best, goal = np.inf, product.DEFAULT_TOLERANCE**2
+    for branch, way in itertools.product((1.0, -1.0), (1.0, -1.0)):
+
+        def cost(unknowns: np.ndarray, branch: float = branch, way: float = way) -> np.ndarray:
+            points = np.atleast_2d(unknowns.T)
+            gaps = np.exp(points[:, 5:])
+            steps = np.cumsum(gaps / gaps.sum(axis=1, keepdims=True), axis=1) * points[:, 4:5]
+            angles = points[:, 3:4] + way * np.concatenate([np.zeros((len(points), 1)), steps], axis=1)
+            pose, sides = np.zeros((len(points), 3), dtype=complex), np.full(len(points), branch)
+            timed = problem.facing(product.Timed(points[:, :3], pose, np.zeros(len(points)), angles, sides))
+            turned = problem.turned(timed, derivatives=False)
+            with np.errstate(invalid="ignore"):
+                residual = problem.residual(problem.posed(timed, turned), turned)
+            value = np.sum(residual**2, axis=(1, 2))
+            value = np.where(np.isfinite(value), value, 1e6)
+            return value if unknowns.ndim == 2 else value[0]
+
+        done = differential_evolution(
+            cost,
+            shapes + [(-_GAPS, _GAPS)] * (position.size - 1),
+            maxiter=generations,
+            popsize=_EVOLUTION_POPULATION,
+            tol=_EVOLUTION_SPREAD,
+            atol=goal,
+            rng=seed,
+            updating="deferred",
+            vectorized=True,
+            polish=False,
             callback=lambda intermediate_result: intermediate_result.fun <= goal,
         )
         best = min(best, float(done.fun))

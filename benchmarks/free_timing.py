@@ -32,7 +32,8 @@ KINDS = {"motion": MOTION, "few": FEW, "mixed": MIXED, "any family": SWINGING, "
 CLASSES = tuple(f"{kind} {samples}" for kind, sizes in KINDS.items() for samples in sizes)
 RANDOM = (6, 10, 20)
 RANDOM_CLASSES = tuple(f"random {samples}" for samples in RANDOM)
-BASELINE_POSES, BASELINE_CASES = (3, 4, 5), 30
+BASELINE_POSES, BASELINE_CASES, PYLINKAGE_POSES = (3, 4, 5, 8), 30, 5
+GENERATIONS = 300
 
 
 def asked(case: FreeCase, kind: str, seed: int) -> tuple[FreeCase, dict[str, Any]]:
@@ -121,24 +122,33 @@ def truth_polished(case: FreeCase) -> float:
 
 
 def measure_baselines() -> list[dict[str, Any]]:
-    """pylinkage's answers to three to five poses, all of them, beside ours: how many fit, of how many cases, in which time."""
-    if "pylinkage" in baselines.missing():
-        return []
-    rows = []
+    """Differential evolution and pylinkage beside ours on the same poses: how many fit, of how many cases, in which time.
+
+    Of pylinkage all answers to three to five poses count; evolution is also given more poses.
+    """
+    skipped, rows = baselines.missing(), []
     for samples in BASELINE_POSES:
-        ours, theirs = Times(), Times()
-        found: dict[str, list[float]] = {"ours": [], "theirs": []}
+        found: dict[str, tuple[Times, list[float]]] = {"linkage-atlas": (Times(), [])}
+        if "scipy" not in skipped:
+            found["differential evolution"] = Times(), []
+        if "pylinkage" not in skipped and samples <= PYLINKAGE_POSES:
+            found["pylinkage 1.3"] = Times(), []
         for seed in range(BASELINE_CASES):
             case, request = asked(free_case(seed, samples), "motion", seed)
-            reply = ours.run(la.synthesize, **request)
-            told = [recompute_free(case.position, case.rotation, one.to_dict()) for one in reply.solutions]
-            found["ours"].append(min((one.objective for one in told if one.one_way), default=np.inf))
-            found["theirs"].append(theirs.run(baselines.motion_through_poses, case.position, case.rotation))
-        for name, times in (("linkage-atlas", ours), ("pylinkage 1.3", theirs)):
-            best = np.array(found["ours" if times is ours else "theirs"])
+            poses = case.position, case.rotation
+            for name, (times, best) in found.items():
+                if name == "pylinkage 1.3":
+                    best.append(times.run(baselines.motion_through_poses, *poses))
+                elif name == "differential evolution":
+                    best.append(times.run(baselines.evolve_poses, *poses, GENERATIONS, seed))
+                else:
+                    reply = times.run(la.synthesize, **request)
+                    told = [recompute_free(*poses, one.to_dict()) for one in reply.solutions]
+                    best.append(min((one.objective for one in told if one.one_way), default=np.inf))
+        for name, (times, best) in found.items():
             rows.append({"method": name, "samples": samples, "cases": len(best), **times.summary()})
             rows[-1] |= {
-                "reached": float(np.mean(best < REACHED)),
+                "reached": float(np.mean(np.array(best) < REACHED)),
                 "median_objective": report.finite(np.median(best)),
             }
     return rows
@@ -147,19 +157,22 @@ def measure_baselines() -> list[dict[str, Any]]:
 def public_case(path: Path) -> list[dict[str, Any]]:
     """The rows of a published case: its motion or path, by the family that is found best, errors as in its source."""
     told = json.loads(path.read_text())
-    if told["kind"] not in ("motion", "path") or told.get("crank_angle"):
+    if told["kind"] not in ("motion", "path"):
         return []
     position = np.array(told["position"]) @ [1, 1j]
     closed = bool(abs(position[0] - position[-1]) < 1e-9 * np.ptp(position.real))
     rows = []
     for family in ("full_crank", "any") if told["kind"] == "motion" else ("full_crank",):
         times = Times()
-        request = {"rotation": told.get("rotation"), "position": position, "timing": "free", "degrees": False}
-        request |= {"closed": closed, "limits": {"family": family}, "length_scale": told.get("length_scale")}
+        request = {"rotation": told.get("rotation"), "position": position, "degrees": False}
+        request |= {"limits": {"family": family}, "length_scale": told.get("length_scale")}
+        timed = told.get("crank_angle")
+        request |= {"crank_angle": np.subtract(timed, timed[0])} if timed else {"timing": "free", "closed": closed}
         found = times.run(la.synthesize, **request)
         rows.append(
             {
                 "case": told["name"],
+                "timing": "given" if timed else "free",
                 "citation": told["citation"],
                 "samples": position.size,
                 "family": family,
