@@ -77,7 +77,7 @@ PATH = Schedule(
 GUESSED = Schedule(
     (
         Round(Fresh(0, 0, 600), 60, _STALL, "all coarse types: none is near"),
-        *(Round(_HOPS, 60, _STALL, "minima beside the best, and beside what the round before found"),) * 5,
+        *(Round(_HOPS, 60, _STALL, "minima beside the best, and beside what the round before found"),) * 7,
         Round(Best(12), 300, 1e-5, "to the end of the best valleys"),
     ),
     32,
