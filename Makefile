@@ -54,7 +54,7 @@ run: $(READY) $(ATLAS)
 	@$(BIN)/linkage-atlas serve --atlas $(ATLAS) --host $(HOST) --port $(PORT)
 
 test: lint
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile
 
 fault: $(READY) $(ATLAS)
 	$(BIN)/python -m pytest -m fault
