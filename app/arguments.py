@@ -1,9 +1,23 @@
-"""Numbers on the command line, with their range."""
+"""Arguments that several commands have: the atlas, and numbers with their range."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import shtab
+
+
+def add_atlas(parser: Any, what: str = "the atlas") -> None:
+    """Add ``--atlas`` to a parser or a group of arguments."""
+    parser.add_argument(
+        "--atlas",
+        type=Path,
+        metavar="FILE",
+        help=f"{what} (default: atlas.h5 here, or else the default one, built once in the cache folder)",
+    ).complete = shtab.FILE
 
 
 def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:

@@ -15,7 +15,7 @@ from typing import Any, get_args
 import pydantic_core
 import shtab
 
-from app.arguments import whole_number
+from app.arguments import add_atlas, whole_number
 from app.cache import find_atlas
 from app.exits import EPILOG, Exit, exit_of
 from app.fourbar.export import LengthUnit
@@ -68,12 +68,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
         )
     parser.add_argument("--json", action="store_true", help="print the reply as JSON, not as a table")
     if query.reads_atlas:
-        parser.add_argument(
-            "--atlas",
-            type=Path,
-            metavar="FILE",
-            help="the atlas, if one is needed (default: atlas.h5 here, or else the default one, built once in the cache folder)",
-        ).complete = shtab.FILE  # type: ignore[attr-defined]
+        add_atlas(parser, "the atlas, if one is needed")
     if query.exports:
         formats = ", ".join((*query.exports, "json"))
         parser.add_argument(

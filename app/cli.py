@@ -6,13 +6,12 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import shtab
 from pydantic import ValidationError
 
 from app import bundled
-from app.arguments import whole_number
+from app.arguments import add_atlas, whole_number
 from app.asking import add_query, settings_of
 from app.cache import find_atlas, open_atlas
 from app.exits import EPILOG, Exit
@@ -135,12 +134,7 @@ def _add_index(parser: argparse.ArgumentParser) -> None:
         "Prepares an atlas for scanning, in files beside it (or in the cache folder), which later starts and other "
         "processes map. Starting without them makes them, too."
     )
-    parser.add_argument(
-        "--atlas",
-        type=Path,
-        metavar="FILE",
-        help="the atlas (default: atlas.h5 here, or else the default one, built once in the cache folder)",
-    ).complete = shtab.FILE  # type: ignore[attr-defined]
+    add_atlas(parser)
     parser.set_defaults(run=_index)
 
 
@@ -156,12 +150,7 @@ def _index(options: argparse.Namespace) -> int:
 def _add_serve(parser: argparse.ArgumentParser) -> None:
     parser.description = "Serves the queries over HTTP, and the page."
     group = parser.add_mutually_exclusive_group()
-    group.add_argument(
-        "--atlas",
-        type=Path,
-        metavar="FILE",
-        help="the atlas (default: atlas.h5 here, or else the default one, built once in the cache folder)",
-    ).complete = shtab.FILE  # type: ignore[attr-defined]
+    add_atlas(group)
     group.add_argument(
         "--no-atlas", action="store_true", help="start at once: searching needs none, what needs one says so"
     )

@@ -53,8 +53,6 @@ def evolve(target: product.Target, generations: int, seed: int) -> float:
     tolerance. scipy's own polishing (L-BFGS-B) follows. Within the tolerance no second branch is tried. The crank must turn
     counter-clockwise.
     """
-    from scipy.optimize import differential_evolution
-
     problem = product.ProjectedProblem(target, product.FullCrankChart())
     best, goal = np.inf, product.DEFAULT_TOLERANCE**2
     for branch in (1.0, -1.0):
@@ -65,18 +63,7 @@ def evolve(target: product.Target, generations: int, seed: int) -> float:
             value = np.where(np.isfinite(value), value, 1e6)
             return value if unknowns.ndim == 2 else value[0]
 
-        done = differential_evolution(
-            cost,
-            _EVOLUTION_BOUNDS,
-            maxiter=generations,
-            popsize=_EVOLUTION_POPULATION,
-            tol=_EVOLUTION_SPREAD,
-            atol=goal,
-            rng=seed,
-            updating="deferred",
-            vectorized=True,
-            callback=lambda intermediate_result: intermediate_result.fun <= goal,
-        )
+        done = _evolved(cost, _EVOLUTION_BOUNDS, generations, seed)
         best = min(best, float(done.fun))
         if best <= goal:
             break
@@ -88,10 +75,8 @@ def evolve_poses(position: np.ndarray, rotation: np.ndarray, generations: int, s
 
     One run a branch and direction; pose and offset are projected out, order is kept by positive gaps. A run ends as in `evolve`.
     """
-    from scipy.optimize import differential_evolution
-
     problem = product.JointProblem(product.make_poses(rotation, position), product.FullCrankChart())
-    shapes = [*_EVOLUTION_BOUNDS, (0.05, 0.999 * product.TURN)]
+    bounds = [*_EVOLUTION_BOUNDS, (0.05, 0.999 * product.TURN)] + [(-_GAPS, _GAPS)] * (position.size - 1)
     best, goal = np.inf, product.DEFAULT_TOLERANCE**2
     for branch, way in itertools.product((1.0, -1.0), (1.0, -1.0)):
 
@@ -109,23 +94,33 @@ def evolve_poses(position: np.ndarray, rotation: np.ndarray, generations: int, s
             value = np.where(np.isfinite(value), value, 1e6)
             return value if unknowns.ndim == 2 else value[0]
 
-        done = differential_evolution(
-            cost,
-            shapes + [(-_GAPS, _GAPS)] * (position.size - 1),
-            maxiter=generations,
-            popsize=_EVOLUTION_POPULATION,
-            tol=_EVOLUTION_SPREAD,
-            atol=goal,
-            rng=seed,
-            updating="deferred",
-            vectorized=True,
-            polish=False,
-            callback=lambda intermediate_result: intermediate_result.fun <= goal,
-        )
+        done = _evolved(cost, bounds, generations, seed, polish=False)
         best = min(best, float(done.fun))
         if best <= goal:
             break
     return float(np.sqrt(max(best, 0.0)))
+
+
+def _evolved(
+    cost: Any, bounds: Sequence[tuple[float, float]], generations: int, seed: int, polish: bool = True
+) -> Any:
+    """scipy's answer for a cost of unknowns (k,) or (k, n), ended as `evolve` says."""
+    from scipy.optimize import differential_evolution
+
+    goal = product.DEFAULT_TOLERANCE**2
+    return differential_evolution(
+        cost,
+        bounds,
+        maxiter=generations,
+        popsize=_EVOLUTION_POPULATION,
+        tol=_EVOLUTION_SPREAD,
+        atol=goal,
+        rng=seed,
+        updating="deferred",
+        vectorized=True,
+        polish=polish,
+        callback=lambda intermediate_result: intermediate_result.fun <= goal,
+    )
 
 
 def pose_subsets(samples: int, seed: int) -> Iterator[tuple[np.ndarray, ...]]:
