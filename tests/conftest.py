@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +19,11 @@ from synthesis.atlas.file import encode_atlas, generator_versions
 from synthesis.atlas.rows import compute_rows
 from synthesis.atlas.table import Atlas, AtlasRule
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
+
+if (
+    signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+):  # a job in the background: what the tests start would ignore it too
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Every run tries the same examples, and a slow machine is no failure.
 settings.register_profile(

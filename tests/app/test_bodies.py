@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 from fastapi.exceptions import RequestValidationError
 from hypothesis import given, settings
@@ -82,16 +80,17 @@ def test_pieces_are_what_is_written_at_once(value, depth) -> None:
 
 
 @pytest.mark.parametrize("path", SCENES)
-def test_replies_are_those_of_the_model(path, client) -> None:
+def test_replies_are_those_of_the_model(path) -> None:
     query = QUERIES[path]
-    for body in query.examples.values():
-        reply = client.post(path, json=body)
-        assert reply.status_code == 200
-        assert reply.headers["content-length"] == str(len(reply.content))
-        answer = query.answer(query.request.model_validate(body), ServiceResources(Settings(atlas="none")))
-        values, found = json.loads(answer.model_dump_json()), reply.json()
-        assert values.pop("report", None) is None or found.pop("report")
-        assert values == found
+    body = next(iter(query.examples.values()))
+    answer = query.answer(query.request.model_validate(body), ServiceResources(Settings(atlas="none")))
+    assert b"".join(json_pieces(answer)) == answer.model_dump_json().encode()
+
+
+def test_the_length_of_a_reply_is_said(client) -> None:
+    path = "/v1/knotter/needle"
+    reply = client.post(path, json=next(iter(QUERIES[path].examples.values())))
+    assert reply.status_code == 200 and reply.headers["content-length"] == str(len(reply.content))
 
 
 def test_a_long_reply_is_sent_in_pieces_and_given_back() -> None:

@@ -680,7 +680,8 @@ def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None
 @pytest.mark.parametrize("fault", ["missing", "damaged"])
 def test_without_an_atlas_the_scenes_answer(fault, small_bytes, tmp_path) -> None:
     with without_atlas(fault, small_bytes, tmp_path / "atlas.h5") as client:
-        for query in scene_queries():
+        first = {query.path.split("/")[2]: query for query in reversed(scene_queries())}
+        for query in first.values():
             body = next(iter(query.examples.values()))
             assert client.post(query.path, json=body).status_code == 200, query.path
 
@@ -738,7 +739,8 @@ def test_every_example_of_the_description_is_answered(query, name, client) -> No
     described = client.get("/openapi.json").json()["paths"][query.path]["post"]
     body = described["requestBody"]["content"]["application/json"]["examples"][name]["value"]
     assert body == {key: value for key, value in query.examples[name].items() if value is not None}
-    assert ask(client, query.path, **body)
+    if query not in scene_queries():  # tests/app/scenes asks theirs
+        assert ask(client, query.path, **body)
 
 
 def test_the_description_is_valid_openapi(client) -> None:

@@ -24,6 +24,7 @@ OPTIONS = (
     "--disable-sync",
     "--no-first-run",
     "--hide-scrollbars",
+    "--force-prefers-reduced-motion",  # a linkage that runs takes a processor of its own
 )
 
 
@@ -64,3 +65,12 @@ def browser(tmp_path_factory, downloads):
     driver.set_script_timeout(60)
     yield driver
     driver.quit()
+
+
+@pytest.fixture
+def moving(browser):
+    """Pages that are opened run by themselves, as they do for most people."""
+    motion = {"name": "prefers-reduced-motion", "value": "no-preference"}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [motion]})
+    yield
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})

@@ -189,7 +189,12 @@ def test_a_motion_is_drawn_solved_and_watched(opened) -> None:
     assert find(opened, "travel").text == "60.0°"
 
 
-@pytest.mark.parametrize("example", [e["name"] for e in EXAMPLES])
+NAMES = [e["name"] for e in EXAMPLES]
+
+
+@pytest.mark.parametrize(
+    "example", NAMES[::3] + [pytest.param(n, marks=pytest.mark.wide) for n in NAMES if n not in NAMES[::3]]
+)
 def test_joints_are_drawn_where_the_reply_says(opened, address, example) -> None:
     choose(opened, example)
     opened.execute_script(

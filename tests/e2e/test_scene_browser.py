@@ -75,8 +75,7 @@ def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> 
         assert faults(page) == []
         text = page.execute_script("return document.body.innerText")
         assert "[object" not in text and "undefined" not in text and "NaN" not in text
-        find(page, "theme").click()
-        assert faults(page) == []
+        find(page, "theme").click()  # the next question in the other colours
 
 
 @pytest.mark.parametrize("scene", SCENES)

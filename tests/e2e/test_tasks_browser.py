@@ -92,7 +92,7 @@ def found(browser) -> None:
 # -- the first ten seconds ---------------------------------------------------------------------------------------------
 
 
-def test_a_buildable_machine_moves_on_load(opened) -> None:  # noqa: F811
+def test_a_buildable_machine_moves_on_load(moving, opened) -> None:  # noqa: F811
     assert find(opened, "play").get_attribute("aria-label") == "Pause"
     before = opened.execute_script("return document.querySelector('#canvas .crank').getAttribute('d')")
     wait(opened, f"document.querySelector('#canvas .crank').getAttribute('d') !== {json.dumps(before)}")
