@@ -9,6 +9,7 @@ import gzip
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache, cached_property
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
@@ -47,18 +48,18 @@ SCENE_TITLES = {"lift": "Lift", "chain": "Chain slide", "knotter": "Knotter"}
 
 @dataclass(frozen=True)
 class StaticFile:
-    """A file of the page, plain and compressed."""
+    """A file of the page; compressed when it is first sent so, which takes longer than reading all files."""
 
     content: bytes
-    compressed: bytes
     media_type: str
-    etag: str
 
-    @classmethod
-    def of(cls, name: str, content: bytes) -> StaticFile:
-        ending = name[name.rindex(".") :]
-        etag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
-        return cls(content, gzip.compress(content, mtime=0), MEDIA_TYPES[ending], etag)
+    @cached_property
+    def compressed(self) -> bytes:
+        return gzip.compress(self.content, mtime=0)
+
+    @cached_property
+    def etag(self) -> str:
+        return f'"{hashlib.sha256(self.content).hexdigest()[:32]}"'
 
     def reply(self, request: Request, **more: str) -> Response:
         """The file, or 304 where the browser has it already; with ``more`` headers."""
@@ -92,38 +93,42 @@ def _walk(folder: Traversable, prefix: str = "") -> Iterator[tuple[str, bytes]]:
 
 def static_files(folder: str = "static") -> dict[str, StaticFile]:
     """The files of a folder of the package by their name in it: of the page, or of the one that shows the routes."""
-    return {name: StaticFile.of(name, content) for name, content in _walk(files("app").joinpath(folder))}
+    stored = _walk(files("app").joinpath(folder))
+    return {name: StaticFile(content, MEDIA_TYPES[name[name.rindex(".") :]]) for name, content in stored}
 
 
 def _scene(query: Query) -> str:
     return query.command.split()[0]
 
 
-def scene_pages() -> dict[str, dict[str, Any]]:
+def scenes() -> dict[str, str]:
+    """Title of each scene, by its name."""
+    names = dict.fromkeys(map(_scene, scene_queries()))
+    return {name: SCENE_TITLES.get(name, name.capitalize()) for name in names}
+
+
+@cache
+def scene_details(name: str) -> dict[str, Any]:
     """What a scene's page is made from: its queries with the schema of their requests and their examples."""
-    scenes: dict[str, dict[str, Any]] = {}
-    for query in scene_queries():
-        name = _scene(query)
-        scene = scenes.setdefault(
-            name, {"name": name, "title": SCENE_TITLES.get(name, name.capitalize()), "queries": []}
-        )
-        scene["queries"].append(
-            {
-                "path": query.path,
-                "command": query.command,
-                "summary": query.summary,
-                "schema": query.request.model_json_schema(),
-                "examples": dict(query.examples),
-                "exports": list(query.exports),
-            }
-        )
-    return scenes
+    queries = [
+        {
+            "path": query.path,
+            "command": query.command,
+            "summary": query.summary,
+            "schema": query.request.model_json_schema(),
+            "examples": dict(query.examples),
+            "exports": list(query.exports),
+        }
+        for query in scene_queries()
+        if _scene(query) == name
+    ]
+    return {"name": name, "title": scenes()[name], "queries": queries}
 
 
 def install(app: FastAPI) -> None:
     """The routes ``/``, ``/function``, ``/static/...``, one page a scene, and what those pages are made from."""
     stored, shown = static_files(), static_files("docs")
-    scenes = scene_pages()
+    titles = scenes()
     methods = ["GET", "HEAD"]
     hidden: dict[str, Any] = {"methods": methods, "include_in_schema": False}
 
@@ -141,7 +146,7 @@ def install(app: FastAPI) -> None:
         return shown["index.html"].reply(request, **{"Content-Security-Policy": DOCS_POLICY})
 
     @app.api_route("/docs/{name}", **hidden)
-    async def docs_file(name: str, request: Request) -> Response:
+    def docs_file(name: str, request: Request) -> Response:  # no coroutine: compressed on a thread
         if name not in shown or name.endswith(".html"):
             raise NotFound("the page has no such file")
         return shown[name].reply(request)
@@ -158,16 +163,16 @@ def install(app: FastAPI) -> None:
 
     @app.api_route("/scenes", **hidden)
     async def scene_list() -> list[dict[str, str]]:
-        return [{"name": scene["name"], "title": scene["title"]} for scene in scenes.values()]
+        return [{"name": name, "title": title} for name, title in titles.items()]
 
     @app.api_route("/scenes/{name}", **hidden)
     async def scene_page(name: str, request: Request) -> Response:
-        if name not in scenes:
+        if name not in titles:
             raise NotFound("there is no such scene")
         return stored["scene.html"].reply(request)
 
     @app.api_route("/scenes/{name}/queries", **hidden)
-    async def scene_details(name: str) -> dict[str, Any]:
-        if name not in scenes:
+    def scene_queries_of(name: str) -> dict[str, Any]:  # no coroutine: the schemas are made on a thread
+        if name not in titles:
             raise NotFound("there is no such scene")
-        return scenes[name]
+        return scene_details(name)

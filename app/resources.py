@@ -72,17 +72,22 @@ class ServiceResources:
         """A watch over the time of an answer, in seconds, and over whether it is still wanted."""
         return la.Work(budget, cancelled, processor_clock() if self.complete else time.perf_counter)
 
-    def prepare(self) -> None:
-        """Load everything now; an atlas that cannot be used is remembered as the `failure` and not raised."""
-        la.prepare()
+    def load(self) -> None:
+        """Load the atlas now; one that cannot be used is remembered as the `failure` and not raised."""
         try:
             if self.settings.with_atlas:
                 _ = self.atlas.content_sha256
         except la.AtlasError as error:
             self.failure = error
         give_back_memory()
-        gc.collect()
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
+
+    def prepare(self) -> None:
+        """Load everything now, what only answers need included."""
+        self.load()
+        la.prepare()
+        give_back_memory()
+        gc.freeze()
 
     @property
     def wants_more(self) -> bool:

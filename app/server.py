@@ -114,7 +114,7 @@ def _serve_with_processes(
         app.state.computing.supervisor = supervisor
         _run(server, listeners)
 
-    resources.prepare()
+    resources.load()
     return Supervisor(front, app.state.questions, resources, listeners).run()
 
 

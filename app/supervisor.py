@@ -47,7 +47,7 @@ class Supervisor:
     questions : dict
         What the computing processes answer, by path.
     resources : ServiceResources
-        With everything loaded.
+        With the atlas loaded.
     listeners : list of socket.socket
         Of the front; kept open for the next one.
     """
@@ -76,6 +76,7 @@ class Supervisor:
         for told in (signal.SIGINT, signal.SIGTERM):
             signal.signal(told, self._end)
         self._start_front()
+        self._resources.prepare()  # while the front begins, which computes nothing
         try:
             return self._watch()
         finally:

@@ -173,9 +173,8 @@ def _proc(process: int, name: str) -> str:
 
 
 def serve_command(port: int) -> list[str]:
-    """What the container runs."""
-    entry = "from app.cli import main; raise SystemExit(main())"  # the script `linkage-atlas`, by this interpreter
-    return [sys.executable, "-c", entry, "serve", "--host", "127.0.0.1", "--port", str(port)]
+    """What the container runs: the script `linkage-atlas`, by this interpreter."""
+    return [sys.executable, "-m", "app.start", "serve", "--host", "127.0.0.1", "--port", str(port)]
 
 
 def uvicorn_command(port: int) -> list[str]:

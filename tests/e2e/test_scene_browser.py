@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from app.page import scene_pages
+from app.page import scene_details
 from app.scenes import SCENES
 from tests.e2e.test_page_browser import (  # noqa: F401
     ActionChains,
@@ -67,7 +67,7 @@ def choose(page, query: int) -> None:
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> None:
     page = at(scene, width)
-    for k in range(len(scene_pages()[scene]["queries"])):
+    for k in range(len(scene_details(scene)["queries"])):
         choose(page, k)
         page.execute_script("for (const fold of document.querySelectorAll('details')) fold.open = true")
         wait(page, "document.getElementById('all').childElementCount")
@@ -82,7 +82,7 @@ def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> 
 def test_every_example_goes_through_the_form_unchanged(at, scene) -> None:
     """What the form reads back from an example's fields is the example: nothing is lost, nothing is typed as JSON."""
     page = at(scene)
-    for query in scene_pages()[scene]["queries"]:
+    for query in scene_details(scene)["queries"]:
         for name, example in query["examples"].items():
             page.execute_script("document.body.innerHTML = '<section class=schema id=fields></section>'")
             read = page.execute_async_script(
