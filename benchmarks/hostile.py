@@ -143,8 +143,11 @@ async def ask(port: int, path: str, body: Any = None, half_closed: bool = False)
         writer.close()
 
 
-async def repeat(until: float, seen: Seen, work: Callable[[], Awaitable[int]], pause: float = 0.0) -> None:
-    """Ask again and again."""
+async def repeat(
+    until: float, seen: Seen, work: Callable[[], Awaitable[int]], pause: float = 0.0, after: float = 0.0
+) -> None:
+    """Ask again and again, first after some seconds."""
+    await asyncio.sleep(after)
     while time.perf_counter() < until:
         begin = time.perf_counter()
         try:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import http.client
 import json
 import os
@@ -178,18 +179,19 @@ def budgets(running: service.Service, port: int) -> list[dict[str, Any]]:
 
 
 async def _crowd(port: int, seconds: float, with_hostile: bool) -> dict[str, hostile.Seen]:
-    """64 clients on a mix of short requests, /livez beside, and one hostile client of each kind."""
+    """64 clients on a mix of short requests, /livez beside, and one hostile client of each kind.
+
+    The clients know nothing of each other: each begins at a random moment of the first second.
+    """
     until = time.perf_counter() + seconds
     seen = {name: hostile.Seen() for name in (*hostile.SHORT, "beat", "hostile", "half closed")}
     tasks = [hostile.repeat(until, seen["beat"], lambda: hostile.ask(port, "/livez"), 0.02)]
-    names = list(hostile.SHORT)
+    names, rng = list(hostile.SHORT), random.Random(4)
     for number in range(CLIENTS):
-        path, body = hostile.SHORT[names[number % len(names)]]
-        tasks.append(
-            hostile.repeat(
-                until, seen[names[number % len(names)]], lambda p=path, b=body: hostile.ask(port, p, b), 1.0
-            )
-        )
+        name = names[number % len(names)]
+        path, body = hostile.SHORT[name]
+        work = functools.partial(hostile.ask, port, path, body)
+        tasks.append(hostile.repeat(until, seen[name], work, pause=1.0, after=rng.random()))
     if with_hostile:
         for path, body in hostile.expensive().values():
             tasks.append(hostile.repeat(until, seen["hostile"], lambda p=path, b=body: hostile.ask(port, p, b), 0.5))
