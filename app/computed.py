@@ -13,7 +13,8 @@ from typing import Any, Protocol
 import anyio
 import anyio.to_thread
 from fastapi import FastAPI, Request, Response
-from fastapi.routing import APIRoute
+from starlette.routing import BaseRoute, Match, Route, get_route_path
+from starlette.types import Receive, Scope, Send
 
 from app import bodies, problems
 from app.query import RequestModel, Resources
@@ -101,11 +102,45 @@ async def _content(request: Request) -> bytes:
         give_back_memory(every=1.0)
 
 
-class _ComputedRoute(APIRoute):
-    """A route that is described by the models of its endpoint and handled by its own handler."""
+class Routes(BaseRoute):
+    """All computed routes. One is found by its path at once: to try one after the other takes a tenth of a short request.
 
-    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        return self.endpoint.handle  # type: ignore[attr-defined, no-any-return]
+    FastAPI describes them, which takes a while and is done when the description is asked for; it handles none of them.
+    """
+
+    def __init__(self) -> None:
+        self._routes: dict[str, Route] = {}
+        self._described: list[tuple[str, Callable[..., Any], dict[str, Any]]] = []
+
+    def matches(self, scope: Scope) -> tuple[Match, Scope]:
+        route = self._routes.get(get_route_path(scope)) if scope["type"] == "http" else None
+        return (Match.NONE, {}) if route is None else route.matches(scope)
+
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        await self._routes[get_route_path(scope)].handle(scope, receive, send)
+
+    def add(
+        self,
+        path: str,
+        name: str,
+        model: type[RequestModel],
+        handle: Callable[[Request], Coroutine[Any, Any, Response]],
+        details: dict[str, Any],
+    ) -> None:
+        """A POST route: how requests of a model are handled, and what FastAPI is told beyond it."""
+
+        def described(body):  # type: ignore[no-untyped-def]
+            raise NotImplementedError("only described: the route has its own handler")
+
+        described.__annotations__ = {"body": model}
+        described.__name__ = name
+        self._routes[path] = Route(path, handle, methods=["POST"])
+        self._described.append((path, described, details))
+
+    def describe(self, app: FastAPI) -> None:
+        """Add them to an application that is asked for its description and nothing else."""
+        for path, described, details in self._described:
+            app.add_api_route(path, described, methods=["POST"], **details)
 
 
 def install(app: FastAPI, computing: Computing) -> None:
@@ -113,6 +148,8 @@ def install(app: FastAPI, computing: Computing) -> None:
     app.state.computing = computing
     app.state.questions = {}
     app.state.large = asyncio.Semaphore(16)
+    app.state.routes = Routes()
+    app.router.routes.append(app.state.routes)
 
 
 def add(
@@ -131,12 +168,6 @@ def add(
         content = await _content(request)
         if content and not problems.says_json(request.headers):
             raise problems.NotJson
-        return await app.state.computing.answer(request, question, content)
+        return await app.state.computing.answer(request, question, content)  # type: ignore[no-any-return]
 
-    def described(body):  # type: ignore[no-untyped-def]
-        raise NotImplementedError("only described: the route has its own handler")
-
-    described.__annotations__ = {"body": model}
-    described.__name__ = name
-    described.handle = handle  # type: ignore[attr-defined]
-    app.router.add_api_route(path, described, methods=["POST"], route_class_override=_ComputedRoute, **details)
+    app.state.routes.add(path, name, model, handle, details)

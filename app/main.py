@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import cache
 from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI, Response
 from fastapi import Path as PathParameter
+from fastapi.responses import JSONResponse
 from pydantic import BeforeValidator
 
 import linkage_atlas as la
@@ -48,6 +50,7 @@ def create_app(
         summary="Finds planar linkages for a required motion.",
         lifespan=lifespan,
         redirect_slashes=False,
+        openapi_url=None,  # `_describe` has its own
         docs_url=None,  # the page has its own, of local files
         redoc_url=None,
     )
@@ -66,19 +69,27 @@ def create_app(
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)
-    _describe_problems(app)
+    _describe(app)
     return app
 
 
-def _describe_problems(app: FastAPI) -> None:
-    describe = app.openapi
+def _describe(app: FastAPI) -> None:
+    """The description, made when it is first asked for: that takes longer than all else in here."""
 
+    @cache
     def openapi() -> dict[str, Any]:
-        document = describe()
+        whole = FastAPI(title=app.title, version=app.version, summary=app.summary)
+        whole.router.routes += app.routes
+        app.state.routes.describe(whole)
+        document = whole.openapi()
         document["components"]["schemas"]["Problem"] = problems.SCHEMA
         return document
 
     app.openapi = openapi  # type: ignore[method-assign]
+
+    @app.get("/openapi.json", include_in_schema=False)
+    def description() -> JSONResponse:  # no coroutine: made on a thread
+        return JSONResponse(openapi())
 
 
 class AtlasReply(ReplyModel):
