@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from functools import cache
@@ -12,6 +13,7 @@ from fastapi import FastAPI, Response
 from fastapi import Path as PathParameter
 from fastapi.responses import JSONResponse
 from pydantic import BeforeValidator
+from pydantic.warnings import UnsupportedFieldAttributeWarning
 
 import linkage_atlas as la
 from app import computed, page, problems
@@ -81,7 +83,9 @@ def _describe(app: FastAPI) -> None:
         whole = FastAPI(title=app.title, version=app.version, summary=app.summary)
         whole.router.routes += app.routes
         app.state.routes.describe(whole)
-        document = whole.openapi()
+        with warnings.catch_warnings():  # FastAPI's own, which it keeps quiet where models are built at once
+            warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
+            document = whole.openapi()
         document["components"]["schemas"]["Problem"] = problems.SCHEMA
         return document
 

@@ -52,13 +52,23 @@ class Angles:
 class RequestModel(BaseModel):
     """Base of all requests: an unknown field is an error."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class ReplyModel(BaseModel):
     """Base of all replies; no number in a reply is NaN or infinite."""
 
-    model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True)
+    model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True)
+
+
+def build_models(base: type[BaseModel] | None = None) -> None:
+    """Build what checks requests and replies now, of all or of those with a base: otherwise each when it is first used.
+
+    A command uses few of them, and a service is ready before all are built.
+    """
+    for model in base.__subclasses__() if base else (RequestModel, ReplyModel):
+        model.model_rebuild()
+        build_models(model)
 
 
 class Resources(Protocol):

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
 from app.cache import open_atlas
+from app.query import build_models
 from app.settings import Settings
 
 
@@ -83,9 +84,14 @@ class ServiceResources:
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
     def prepare(self) -> None:
-        """Load everything now, what only answers need included."""
+        """Load everything now, what only answers need included.
+
+        Models of requests and replies too, where no `prepare_more` follows.
+        """
         self.load()
         la.prepare()
+        if not self.wants_more:
+            build_models()
         give_back_memory()
         gc.freeze()
 
@@ -95,8 +101,12 @@ class ServiceResources:
         return self.settings.with_atlas and self.failure is None
 
     def prepare_more(self, cancelled: Callable[[], bool]) -> bool:
-        """Prepare the scan for short spans, and for positions if that is set, where it `wants_more`; false if cancelled."""
+        """Prepare all models, the scan for short spans, and for positions if that is set, where it `wants_more`.
+
+        Returns false if cancelled.
+        """
         if self.wants_more:
+            build_models()
             try:
                 self.atlas.prepare(positions=self.settings.prepare_positions, work=la.Work(cancelled=cancelled))
             except la.Cancelled:

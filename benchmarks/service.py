@@ -193,8 +193,12 @@ def uvicorn_command(port: int) -> list[str]:
 
 
 def environment(**settings: Any) -> dict[str, str]:
-    """This process's environment with the service's settings being those given, all others at their defaults."""
-    inherited = {name: value for name, value in os.environ.items() if not name.startswith("LINKAGE_ATLAS_")}
+    """This process's environment with the service's settings being those given, all others at their defaults.
+
+    Compiled modules are kept, as an installation has them: otherwise each start would compile all of them anew.
+    """
+    other = ("LINKAGE_ATLAS_", "PYTHONDONTWRITEBYTECODE")
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith(other)}
     given = {f"LINKAGE_ATLAS_{name.upper()}": str(value) for name, value in settings.items()}
     return {**inherited, "OMP_NUM_THREADS": "1", **given}
 
