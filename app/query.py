@@ -62,7 +62,7 @@ class ReplyModel(BaseModel):
 
 
 def build_models(base: type[BaseModel] | None = None) -> None:
-    """Build what checks requests and replies now, of all or of those with a base: otherwise each when it is first used.
+    """Build what checks requests and replies now, of all that are loaded or of those with a base: otherwise each when first used.
 
     A command uses few of them, and a service is ready before all are built.
     """

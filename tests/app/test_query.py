@@ -16,7 +16,8 @@ def test_a_model_is_built_when_it_is_first_used_or_with_all_others() -> None:
     assert not Inner.__pydantic_complete__ and not Outer.__pydantic_complete__
     assert Inner(value=1).value == 1
     assert Inner.__pydantic_complete__ and not Outer.__pydantic_complete__
+    queries = all_queries()  # which loads the scenes
     build_models()
     assert Outer.__pydantic_complete__
-    assert all(model.__pydantic_complete__ for query in all_queries() for model in (query.request, query.reply))
+    assert all(model.__pydantic_complete__ for query in queries for model in (query.request, query.reply))
     assert all(model.__pydantic_complete__ for base in (RequestModel, ReplyModel) for model in base.__subclasses__())
