@@ -115,9 +115,10 @@ class Atlas:
         threads: int | None = None,
         short_spans: bool = True,
     ) -> None:
-        """Prepare the scan now, also its index of short spans and the series for positions, as far as the work's time allows.
+        """Prepare the scan now, also its indexes of windows and the series for positions, as far as the work's time allows.
 
-        Without them it answers too: short spans more slowly, and the first request with positions makes their series.
+        Without them it answers too: short spans and positions without rotation more slowly, and the first request with positions
+        makes their series.
         Afterwards it scans on so many ``threads``, if that is given.
         """
         work = work or Work()
@@ -127,8 +128,9 @@ class Atlas:
         if short_spans:
             with suppress(OutOfTime):
                 scan.prepare_short_spans(work)
-        if positions:
-            scan.prepare_positions(work)
+        if positions and scan.prepare_positions(work) and short_spans:
+            with suppress(OutOfTime):
+                scan.prepare_paths(work)
 
     def type_of(self, row: int) -> AtlasType:
         """The type of a row, counted from 0."""

@@ -140,6 +140,16 @@ def rotation_residual(target: Target, angle: Floats) -> tuple[Floats, Floats]:
     return offset, difference - offset[:, None]
 
 
+def position_errors(target: Target, angle: Floats) -> Floats:
+    """Rms position error of candidates over l, shape (n,), infinite for those that do not close at every sample.
+
+    Law: for some of the samples, counted as part of all, no more than for all of them.
+    """
+    left = fit_positions(target, angle).residual / target.length_scale
+    total = target.position_mean(np.abs(left) ** 2)
+    return np.sqrt(np.where(np.isnan(total), np.inf, total))
+
+
 def objective(target: Target, angle: Floats) -> Floats:
     """J of candidates: sqrt(mean square rotation error + mean square position error / l^2), shape (n,).
 

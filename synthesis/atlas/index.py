@@ -1,7 +1,8 @@
 """The index of an atlas file: what its scan needs, prepared once and kept in files that processes map and share.
 
 Files of `prepared`: cells with the table itself, made when the scan is first wanted; beside it the series for positions
-(``.positions``), made when those are first wanted, and the index of short spans (``.spans``), made when it is asked for.
+(``.positions``), made when those are first wanted, and the indexes of short spans (``.spans``) and of paths (``.paths``), made
+when they are asked for.
 All name the SHA-256 of the atlas file and the code that made them.
 Where they cannot be written everything is prepared in memory; where a page turns out damaged they are removed and made
 anew from the atlas file, and whatever was being answered is answered again.
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -20,11 +21,12 @@ from typing import Any
 import numpy as np
 
 from synthesis.atlas.cells import Cells, Level
+from synthesis.atlas.path_storeys import PATH_STOREYS, build_path_storey
 from synthesis.atlas.preparation import Key, Kind, Preparation, Progress, all_cells, all_phasors
 from synthesis.atlas.prepared import Prepared, Writer, log, make_prepared, open_prepared
 from synthesis.atlas.series import COLUMNS, PHASOR_COLUMNS, Bucket, New, Phasors
 from synthesis.atlas.stored import DamagedError
-from synthesis.atlas.storeys import STOREYS, Arrays, StoreyIndex, build_storey
+from synthesis.atlas.storeys import STOREYS, Arrays, Storey, StoreyIndex, build_storey
 from synthesis.atlas.table import COLUMNS as TABLE_COLUMNS
 from synthesis.atlas.table import Atlas, AtlasRule, Table
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -33,6 +35,7 @@ from synthesis.work import Work
 
 _POSITIONS = ".positions"
 _SPANS = ".spans"
+_PATHS = ".paths"
 _MOST_RENEWED = 3
 """Times that a process makes an index anew: a disk that damages every file is not waited for."""
 
@@ -87,13 +90,8 @@ class Index:
         }
         self._files: list[Prepared] = []
 
-    @property
-    def _positions(self) -> Path:
-        return self.place.with_name(self.place.name + _POSITIONS)
-
-    @property
-    def _spans(self) -> Path:
-        return self.place.with_name(self.place.name + _SPANS)
+    def _beside(self, ending: str) -> Path:
+        return self.place.with_name(self.place.name + ending)
 
     def beside(self, name: str, mechanism: Mechanism, load: Callable[[], Table]) -> Index:
         """Of another table from the same source, in a file beside this one."""
@@ -149,7 +147,7 @@ class Index:
         if not self._files:  # the cells are in memory
             return all_phasors(table, cells, threads, work)
         try:
-            file = make_prepared(self._positions, self._key, fill, go_on)
+            file = make_prepared(self._beside(_POSITIONS), self._key, fill, go_on)
         except _OutOfTime:
             return []
         except OSError as error:
@@ -169,42 +167,59 @@ class Index:
     def short_spans(self, cells: list[Cells], work: Work) -> list[StoreyIndex]:
         """The index of windows of short spans, mapped, see `storeys`; OutOfTime where the work's time runs out."""
         buckets = [one.bucket for one in cells]
+        return self._made(_SPANS, STOREYS, lambda storey: build_storey(storey, buckets, work.go_on), work)
 
-        def made() -> Iterator[Arrays]:
-            return (build_storey(storey, buckets, work.go_on) for storey in STOREYS)
+    def shapes(self, cells: list[Cells], phasors: list[Phasors], work: Work) -> list[StoreyIndex]:
+        """The index of shapes of paths, mapped, see `path_storeys`; OutOfTime where the work's time runs out."""
+        buckets = [one.bucket for one in cells]
+        return self._made(
+            _PATHS, PATH_STOREYS, lambda storey: build_path_storey(storey, buckets, phasors, work.go_on), work
+        )
+
+    def known_short_spans(self) -> list[StoreyIndex]:
+        """The same where it has been made before, and none otherwise."""
+        return self._known(_SPANS, STOREYS)
+
+    def known_paths(self) -> list[StoreyIndex]:
+        """The same where it has been made before, and none otherwise."""
+        return self._known(_PATHS, PATH_STOREYS)
+
+    def _made(
+        self, ending: str, storeys: Sequence[Storey], build: Callable[[Storey], Arrays], work: Work
+    ) -> list[StoreyIndex]:
+        """Storeys, mapped from the file of an ending, which is made first; in memory where none can be written."""
 
         def fill(writer: Writer) -> dict[str, Any]:
-            for number, arrays in enumerate(made()):
-                for name, values in arrays.items():
+            for number, storey in enumerate(storeys):
+                for name, values in build(storey).items():
                     writer.put(f"{number}.{name}", values)
             return {}
 
         if self._files:  # else the cells are in memory
             try:
-                return self._spans_of(make_prepared(self._spans, self._key, fill, work.go_on))
+                return self._storeys_of(make_prepared(self._beside(ending), self._key, fill, work.go_on), storeys)
             except OSError as error:
-                log.warning("the index of short spans is made in memory: %s", error)
-        return [StoreyIndex(storey, arrays) for storey, arrays in zip(STOREYS, made())]
+                log.warning("an index of windows (%s) is made in memory: %s", ending, error)
+        return [StoreyIndex(storey, build(storey)) for storey in storeys]
 
-    def known_short_spans(self) -> list[StoreyIndex]:
-        """The same where it has been made before, and none otherwise."""
-        file = open_prepared(self._spans, self._key) if self._files else None
+    def _known(self, ending: str, storeys: Sequence[Storey]) -> list[StoreyIndex]:
+        file = open_prepared(self._beside(ending), self._key) if self._files else None
         if file is None:
             return []
         try:
-            return self._spans_of(file)
+            return self._storeys_of(file, storeys)
         except DamagedError as damage:
-            log.warning("the index of short spans is left alone: %s", damage)
+            log.warning("an index of windows (%s) is left alone: %s", ending, damage)
             self._files.remove(file)
             file.drop()
             return []
 
-    def _spans_of(self, file: Prepared) -> list[StoreyIndex]:
+    def _storeys_of(self, file: Prepared, storeys: Sequence[Storey]) -> list[StoreyIndex]:
         self._files.append(file)
         parts = [(name.partition("."), values) for name, values in file.arrays.items()]
         return [
             StoreyIndex(storey, {name: values for (number, _, name), values in parts if number == str(k)})
-            for k, storey in enumerate(STOREYS)
+            for k, storey in enumerate(storeys)
         ]
 
     def drop(self) -> None:
@@ -287,12 +302,16 @@ class IndexedPreparation(Preparation):
         self.table, self.cells = table, cells
         self._renewed = 0
         self.storeys = index.known_short_spans()
+        self.path_storeys = index.known_paths()
 
     def _positions(self, work: Work) -> list[Phasors]:
         return self.index.positions(self.table, self.cells, self.threads, work)
 
     def _short_spans(self, work: Work) -> list[StoreyIndex]:
         return self.index.short_spans(self.cells, work)
+
+    def _paths(self, work: Work) -> list[StoreyIndex]:
+        return self.index.shapes(self.cells, self.phasors, work)
 
     def renew(self, seen: list[Cells], damage: DamagedError) -> None:
         """Make the files anew from the atlas, unless that has been done since ``seen`` were the cells."""
@@ -308,4 +327,4 @@ class IndexedPreparation(Preparation):
             else:
                 log.warning("the index is damaged again and again, everything is prepared in memory: %s", damage)
                 self.table, self.cells = self.index.make_in_memory(table, self.threads)
-            self.phasors, self.storeys = [], []
+            self.phasors, self.storeys, self.path_storeys = [], [], []

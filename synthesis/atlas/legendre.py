@@ -10,6 +10,11 @@ curve is nowhere more than
     sum_{K < k <= M} |a_k|  +  sum_h |c_h| sum_{k > M} (2k + 1) |j_k(hw)|
 
 for any M. j_k(z) falls faster than any power once k is beyond z, so an M a little above the largest hw suffices.
+
+The same holds for e^{i theta2} = sum_h f_h e^{ihx}. A path is fitted by {1, e^{ix}} too, whatever it is (`pose`), so
+as much of e^{ix} is taken off as leaves no a_1. Of the harmonic h that leaves
+
+    (2k + 1) i^k (j_k(hw) - j_k(w) j_1(hw) / j_1(w)) e^{ihc},   nothing for h = 0 and h = 1.
 """
 
 from __future__ import annotations
@@ -35,13 +40,18 @@ def polynomials(v: Floats, terms: int) -> Floats:
     return result
 
 
+def _order(terms: int, reach: float) -> int:
+    """M for waves of so large an argument hw."""
+    return max(2 * terms, terms + 6, int(np.ceil(12 + 1.15 * reach)))
+
+
 @lru_cache(maxsize=512)
 def _waves(harmonics: int, half_width: float, terms: int) -> tuple[NDArray[np.complex128], Floats]:
     """(2k + 1) i^k j_k(hw) for k = 1 .. M (M, H), and the sum of their sizes above M (H,)."""
     from scipy.special import spherical_jn
 
     reach = harmonics * half_width
-    most = max(2 * terms, terms + 6, int(np.ceil(12 + 1.15 * reach)))
+    most = _order(terms, reach)
     order = np.arange(1, most + _BEYOND + int(reach / 4) + 1)
     argument = np.arange(1, harmonics + 1) * half_width
     size = (2 * order[:, None] + 1) * spherical_jn(order[:, None], argument)
@@ -99,3 +109,74 @@ class Expansion:
         tail = np.hypot(periodic[:, ::2], periodic[:, 1::2]) @ self._beyond
         rest = np.abs(every[..., self.terms :]).sum(axis=-1) + (tail + error)[:, None] + 1e-12
         return every[..., : self.terms], rest
+
+
+TAIL = 20
+"""Terms above K of which a request knows how much of them its samples see, see `PhasorExpansion.shapes`."""
+LEAST_SEEN = 1 / 8
+"""Part of the terms up to `TAIL` above K that is counted at least."""
+
+
+class PhasorExpansion:
+    """What series of e^{i theta2} are multiplied with to give their *shapes* over intervals, see `shapes`.
+
+    Parameters
+    ----------
+    reach : int
+        Of the series: coefficients -reach .. reach.
+    centres : ndarray, shape (P,)
+        Middles of the intervals, radians.
+    half_width : float
+        Of each interval.
+    terms : int
+        K.
+    """
+
+    def __init__(self, reach: int, centres: Floats, half_width: float, terms: int) -> None:
+        from scipy.special import spherical_jn
+
+        highest = reach * half_width
+        most = _order(terms, highest)
+        harmonic = np.arange(-reach, reach + 1)
+        order = np.arange(most + _BEYOND + int(highest / 4) + 1)
+        waves = spherical_jn(order[:, None], np.abs(harmonic) * half_width)
+        waves[1::2, :reach] *= -1
+        crank = spherical_jn(order, half_width)[:, None] * (waves[1] / waves[1, reach + 1])
+        size = 2 * order[:, None] + 1
+        self._beyond = (size * (np.abs(waves) + np.abs(crank)))[most + 1 :].sum(axis=0)
+        own = (size * (1j ** order[:, None]) * (waves - crank))[2 : most + 1]
+        turned = np.exp(1j * np.outer(harmonic, centres))
+        self._matrix = (turned[:, :, None] * own.T[:, None, :]).reshape(len(harmonic), -1)
+        self._shape = (len(centres), most - 1)
+        self.terms = terms
+
+    @property
+    def width(self) -> int:
+        """Real numbers that are computed for each series."""
+        return 2 * self._shape[0] * self._shape[1]
+
+    def shapes(self, series: NDArray[np.complex128], error: Floats) -> tuple[NDArray[np.complex128], Floats]:
+        """a_3 .. a_K over a_2, and the rest over |a_2|.
+
+        Parameters
+        ----------
+        series : ndarray, shape (n, 2 reach + 1)
+        error : ndarray, shape (n,)
+            By how much a series may be off e^{i theta2}.
+
+        Returns
+        -------
+        shapes : ndarray of complex, shape (n, P, K - 2)
+        rest : ndarray, shape (n, P)
+            Infinite where a_2 is 0. Law: for some alpha, beta and any s from `LEAST_SEEN` to 1 that the rms of no P_k over the
+            samples exceeds, K < k <= K + TAIL, the rms of e^{i theta2} - alpha - beta e^{ix} - a_2 (P_2 + sum shapes_k P_k) over
+            the samples is at most s |a_2| times this.
+        """
+        every = (series @ self._matrix).reshape(len(series), *self._shape)
+        size, own = np.abs(every), self.terms - 1
+        lost = np.abs(series) @ self._beyond + error + 1e-12
+        lost = lost[:, None] + size[..., own + TAIL :].sum(axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            rest = (size[..., own : own + TAIL].sum(axis=-1) + lost / LEAST_SEEN) / size[..., 0]
+            shapes = every[..., 1:own] / every[..., :1]
+        return shapes, rest

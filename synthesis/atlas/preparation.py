@@ -16,6 +16,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 
 from synthesis.atlas.cells import Cells, make_cells
+from synthesis.atlas.path_storeys import PATH_STOREYS, build_path_storey
 from synthesis.atlas.series import (
     COLUMNS,
     Bucket,
@@ -30,7 +31,7 @@ from synthesis.atlas.series import (
 from synthesis.atlas.stored import DamagedError
 from synthesis.atlas.storeys import STOREYS, StoreyIndex, build_storey
 from synthesis.atlas.table import Table
-from synthesis.work import Work
+from synthesis.work import OutOfTime, Work
 
 PREPARED_AT_ONCE = 512
 _PATIENCE = 0.01
@@ -65,6 +66,7 @@ class Preparation:
         self.threads = threads
         self.phasors: list[Phasors] = []
         self.storeys: list[StoreyIndex] = []
+        self.path_storeys: list[StoreyIndex] = []
         self._lock, self._storeys_lock = Lock(), Lock()
         self.table, self.cells = self._prepared(table)
 
@@ -78,7 +80,8 @@ class Preparation:
         arrays = [value for cells in self.cells for value in vars(cells.bucket).values()]
         arrays += [value for phasors in self.phasors for value in vars(phasors).values()]
         own = sum(value.nbytes for value in arrays if hasattr(value, "nbytes"))
-        own += sum(cells.nbytes for cells in self.cells) + sum(index.nbytes for index in self.storeys)
+        own += sum(cells.nbytes for cells in self.cells)
+        own += sum(index.nbytes for index in (*self.storeys, *self.path_storeys))
         return len(self.table) * 32 + own
 
     def prepare_positions(self, work: Work) -> bool:
@@ -119,6 +122,24 @@ class Preparation:
     def _short_spans(self, work: Work) -> list[StoreyIndex]:
         buckets = [cells.bucket for cells in self.cells]
         return [StoreyIndex(storey, build_storey(storey, buckets, work.go_on)) for storey in STOREYS]
+
+    def prepare_paths(self, work: Work) -> None:
+        """Make the index of shapes that answers positions without rotation sooner; without it all windows are compared.
+
+        Raises
+        ------
+        OutOfTime
+        """
+        if not self.prepare_positions(work):
+            raise OutOfTime
+        with self._storeys_lock:
+            if not self.path_storeys:
+                self.path_storeys = self._paths(work)
+
+    def _paths(self, work: Work) -> list[StoreyIndex]:
+        buckets = [cells.bucket for cells in self.cells]
+        made = (build_path_storey(storey, buckets, self.phasors, work.go_on) for storey in PATH_STOREYS)
+        return [StoreyIndex(storey, arrays) for storey, arrays in zip(PATH_STOREYS, made)]
 
     def renew(self, seen: list[Cells], damage: DamagedError) -> None:
         """Prepare everything anew after damage to the cells that were ``seen``, unless that has been done since."""

@@ -26,13 +26,14 @@ Q spans the polynomials of degree K over the samples, less the constant: the sam
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.legendre import polynomials
-from synthesis.atlas.series import Floats, Ints
+from synthesis.atlas.series import Floats, Ints, gather
 from synthesis.atlas.storeys import Singles, Storey
 from synthesis.target import TURN, Target
 
@@ -40,8 +41,21 @@ ABOVE_SINGLE = np.float32(1 + 2e-6)
 """Makes up for the rounding of a few operations in single precision."""
 _SINGLE = 16 * 2.0**-24
 """Rounding of a few products in single precision, relative to the sum of the sizes of their terms."""
+MALUS = 0.3
+"""By how much of its rest an entry counts as worse in a first look."""
 _RANGES = 32
+_FEW_SAMPLES = 4
+_OF_ALL_SAMPLES = 8
+_LEAST_SHARE = 0.3
 _NEXT_TO_NOTHING = np.finfo(float).tiny
+
+
+class Bounds(NamedTuple):
+    """Entries that are left of some leaves: place, lower bound and estimate of the error."""
+
+    near: Ints
+    bound: Floats
+    estimate: Floats
 
 
 class Queries(NamedTuple):
@@ -70,11 +84,47 @@ class Queries(NamedTuple):
     rest: Singles
     share: Singles
 
-    def distances(self, part: int, points: Singles) -> Singles:
-        """The components of R a - y, (J, Q, points), of a part."""
+    def likely(self, part: int, points: Singles, rest: Singles) -> Singles:
+        """About the error of entries of a part, for each query: (Q, points); the worse the less is known of one."""
         gap = self.rows[part].reshape(-1, points.shape[1]) @ points.T
         gap -= self.wanted[part].reshape(-1, 1)
-        return gap.reshape(-1, self.rows.shape[2], len(points))
+        gap = gap.reshape(-1, self.rows.shape[2], len(points))
+        far: Singles = np.sqrt(np.einsum("jqn,jqn->qn", gap, gap) + self.rest[part][:, None])
+        far += np.float32(MALUS) * rest
+        far[self.share[part] < _LEAST_SHARE] = np.inf
+        return far
+
+    def entries(self, limit: float, problem: Ints, points: Singles, half: Singles, rest: Singles) -> Bounds:
+        """Which entries of some leaves, each for a query, may have an error of at most ``limit``.
+
+        Parameters
+        ----------
+        limit : float
+        problem : ndarray of int, shape (n,)
+            part * Q + query.
+        points : ndarray of float32, shape (n, K, LEAF)
+        half : ndarray of float32, shape (n, K, 1)
+            By how much the points may be off.
+        rest : ndarray of float32, shape (n, LEAF)
+        """
+
+        def of(values: Singles) -> Singles:
+            return gather(values.swapaxes(1, 2).reshape(-1, *values.shape[1:2], *values.shape[3:]), problem)
+
+        gap = of(self.rows) @ points
+        gap -= of(self.wanted)[..., None]
+        estimate = np.einsum("pjn,pjn->pn", gap, gap)
+        np.abs(gap, out=gap)
+        reach = (of(self.sizes) @ half)[..., 0] + of(self.slack)
+        gap -= reach[..., None]
+        np.maximum(gap, 0, out=gap)
+        least = np.einsum("pjn,pjn->pn", gap, gap)
+        lost = gather(self.rest.ravel(), problem)[:, None]
+        error = gather(self.share.ravel(), problem)[:, None] * rest
+        near = np.flatnonzero(least <= (error + np.float32(limit)) ** 2 * ABOVE_SINGLE - lost)
+        left = lost[near // points.shape[-1], 0].astype(float)
+        bound = np.sqrt(least.ravel()[near] * (1 - 2e-6) + left) - error.ravel()[near] * (1 + 1e-6)
+        return Bounds(near, bound, np.sqrt(estimate.ravel()[near] + left))
 
     def may_be_below(self, limit: float, part: int, box: Singles) -> NDArray[np.bool_]:
         """Which boxes may hold an error of at most ``limit``, for each query of a part: (Q, boxes)."""
@@ -95,32 +145,20 @@ class Queries(NamedTuple):
         return gap.reshape(-1, self.rows.shape[2], len(box)).sum(axis=0) <= most
 
 
-class Request:
-    """A target as it meets the entries of a storey.
+class Offsets:
+    """Where the windows of a request lie in the intervals of a storey.
 
     Parameters
     ----------
     target : Target
-        With a rotation, of a span that the storey is for.
+        Of a span that the storey is for.
     storey : Storey
     starts : int
         Of the turn, a multiple of the storey's intervals.
-
-    Attributes
-    ----------
-    size : int
-        Q: offsets of both branches.
-    rounding : float
-        Of errors, in radians, and of what bounds them.
     """
 
     def __init__(self, target: Target, storey: Storey, starts: int) -> None:
-        assert target.rotation is not None
-        self.storey, self.starts = storey, starts
-        mean = target.rotation_mean
-        centred = target.rotation - mean(target.rotation)
-        self._given = centred - mean(centred)
-        self._weights = np.full(target.samples, 1 / target.samples) if mean.weights is None else mean.weights
+        self.target, self.storey, self.starts = target, storey, starts
         low, high = float(target.crank.min()), float(target.crank.max())
         self._along = target.crank - (low + high) / 2
         self._per_branch = starts // storey.places
@@ -132,12 +170,10 @@ class Request:
         places = along[:, None] + step * offsets[..., None]
         self._places = places.reshape(self.size, -1) / storey.half_width
         self._shift = step * offsets.ravel()
-        # of theta2 and of the rotation at the samples, as the exact error has them
-        self.rounding = 1e-12 + 16 * np.finfo(float).eps * float(np.abs(target.rotation).max())
 
     @property
     def size(self) -> int:
-        """Queries of a part."""
+        """Queries of a part: offsets of both branches."""
         return 2 * self._per_branch
 
     def windows(self, entry: NDArray[np.integer], query: Ints) -> Ints:
@@ -147,6 +183,44 @@ class Request:
         start = place * self._per_branch + offset + self._first[mirrored]
         start = np.where(mirrored == 1, -start, start) % self.starts
         return (2 * row + mirrored) * self.starts + start
+
+    def _some(self, weights: Floats | None, least: int) -> tuple[Ints, float]:
+        """A few of the samples, at least so many of those that are given, and the root of their part of the weights."""
+        samples = self.target.samples
+        given = np.arange(samples) if weights is None else np.flatnonzero(weights)
+        count = min(max(least, -(-given.size // _OF_ALL_SAMPLES)), given.size)
+        some = given[np.round(np.linspace(0, given.size - 1, count)).astype(int)]
+        share = count / samples if weights is None else weights[some].sum() / weights.sum()
+        return some, float(np.sqrt(share))
+
+
+class Request(Offsets):
+    """A rotation as it meets the entries of a storey; parameters of `Offsets`.
+
+    Attributes
+    ----------
+    rounding : float
+        Of errors, in radians, and of what bounds them.
+    """
+
+    def __init__(self, target: Target, storey: Storey, starts: int) -> None:
+        super().__init__(target, storey, starts)
+        assert target.rotation is not None
+        mean = target.rotation_mean
+        centred = target.rotation - mean(target.rotation)
+        self._given = centred - mean(centred)
+        self._weights = np.full(target.samples, 1 / target.samples) if mean.weights is None else mean.weights
+        # of theta2 and of the rotation at the samples, as the exact error has them
+        self.rounding = 1e-12 + 16 * np.finfo(float).eps * float(np.abs(target.rotation).max())
+
+    def some_samples(self) -> tuple[Target, float]:
+        """The rotation at a few of the samples, and the root of their part of the weights."""
+        target, weights = self.target, self.target.rotation_weights
+        some, share = self._some(weights, _FEW_SAMPLES)
+        own = None if weights is None else weights[some]
+        assert target.rotation is not None
+        part = replace(target, crank=target.crank[some], rotation=target.rotation[some], rotation_weights=own)
+        return replace(part, position=None, position_weights=None), share
 
     def queries(self, parts: NDArray[np.float64], reach: NDArray[np.floating]) -> Queries:
         """The request against the entries of some parts of the intervals.

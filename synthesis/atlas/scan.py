@@ -45,7 +45,7 @@ from synthesis.atlas.short_spans import LEAST_SPAN, ShortSpan
 from synthesis.atlas.stored import DamagedError
 from synthesis.atlas.table import Table
 from synthesis.atlas.windows import TIE, ScanReport, Windows, best_of, each_once
-from synthesis.pose import objective
+from synthesis.pose import objective, position_errors
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
@@ -147,6 +147,10 @@ class Scan:
         """Make the index of windows that answers short spans sooner, see `Preparation.prepare_short_spans`."""
         self.intact(lambda: self.prepared.prepare_short_spans(work))
 
+    def prepare_paths(self, work: Work) -> None:
+        """Make the index of shapes that answers positions without rotation sooner, see `Preparation.prepare_paths`."""
+        self.intact(lambda: self.prepared.prepare_paths(work))
+
     def intact(self, answer: Callable[[], Answer]) -> Answer:
         """An answer that no damaged page of an index had a part in."""
         while True:
@@ -176,7 +180,8 @@ class Scan:
     def _short_span(self, target: Target, expired: Callable[[], bool]) -> ShortSpan | None:
         """The request against the index of its span, if there is one."""
         span = float(np.ptp(target.crank))
-        for index in self.prepared.storeys if target.rotation is not None and span >= LEAST_SPAN else []:
+        storeys = self.prepared.path_storeys if target.rotation is None else self.prepared.storeys
+        for index in storeys if span >= LEAST_SPAN else []:
             if index.storey.serves(span, self.starts):
                 return ShortSpan(index, target, self.starts, expired)
         return None
@@ -201,6 +206,11 @@ class Scan:
             part = windows.take(np.arange(first, min(first + batch, errors.size)))
             errors[first : first + batch] = objective(target, self.angles(target, part))
         return errors
+
+    def _errors_of_some(self, target: Target, windows: Windows) -> Floats:
+        """Exact error of windows for a rotation or a path at some samples of a request: no more than that for all of them."""
+        angles = self.angles(target, windows)
+        return objective(target, angles) if target.position is None else position_errors(target, angles)
 
     def error_table(self, target: Target) -> Floats:
         """Approximate squared error of every window, (types, 2, starts): branch +1, then branch -1. For small atlases."""
@@ -281,7 +291,7 @@ class Scan:
             return first.windows, ScanReport(self.windows, first.evaluated, not cut_short and first.evaluated < most)
         probed = leaders()
         short = self._short_span(target, out_of_time)
-        near = short.candidates(probed, self.errors) if short else None
+        near = short.candidates(probed, self._errors_of_some) if short else None
         if near is not None:
             keep, cut = lowest(self.numbering, *near, int(min(near[0].size, most)))
             looked_at = probed.evaluated

@@ -4,15 +4,14 @@
     boxes of all parts, level by level, all queries at once --(bound <= limit)--> leaves, each with some of the queries
     --(bound from the codes)--> windows --(limit of the likeliest)--> windows --(some exact samples)--> those to evaluate
 
-The bounds are those of `queries`; that of a box holds for all it contains, so no window below the limit is lost. Where the
-limit is large or many leaves are left, boxes of windows exclude little and the cells of types do better: the search is given
-up, and what it knows by then serves as their ceiling.
+The bounds are those of `queries`, for positions without rotation those of `path_queries`. That of a box holds for all it
+contains, so no window below the limit is lost. Where the limit is large or many leaves are left, boxes of windows exclude
+little and the cells of types do better: the search is given up, and what it knows by then serves as their ceiling.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.leaders import Leaders
+from synthesis.atlas.path_queries import PathQueries, PathRequest
 from synthesis.atlas.queries import ABOVE_SINGLE, Queries, Request
 from synthesis.atlas.series import Floats, Ints, gather
 from synthesis.atlas.storeys import CODES, LEAF, NO_ENTRY, PARTS, Singles, StoreyIndex, Tree
@@ -36,15 +36,19 @@ MOST_WINDOWS = 0.25
 """Windows, over the number of types, likewise: each costs a microsecond, and the cells need less."""
 MOST_PLACED = 0.04
 """The same where positions are wanted too, of which the index knows nothing."""
+LARGEST_SINE = 0.7
+"""First limit, over what {1, e^{it}} leave of a path, beyond which all windows are compared with it."""
+MOST_COMPARED = 3.0
+"""Pairs of a leaf and a query for a path, over the number of types, beyond which the same."""
+MOST_PATHS = 24.0
+"""Windows for a path, over the number of types, likewise."""
+_MOST_HELD = 1 << 22
+"""Windows for a path at most: so many are held."""
 _BEAM = 48
 _LIKELY = 64
 _BOXES_AT_ONCE = 512
 _PAIRS_AT_ONCE = 512
 _EVALUATED_AT_ONCE = 1 << 14
-_FEW_SAMPLES = 4
-_OF_ALL_SAMPLES = 8
-_MALUS = 0.3
-_LEAST_SHARE = 0.3
 _TOO_MANY = 0.71
 _MANY = 128
 """Windows for which a closer limit, or a few of their samples, are worth their time."""
@@ -73,14 +77,24 @@ class _OutOfTime(Exception):
     """The time is up."""
 
 
+class _Worth(NamedTuple):
+    """How far it pays to go on: a first limit, and numbers of leaves, of pairs of a leaf and a query, and of windows."""
+
+    limit: float
+    leaves: float
+    pairs: float
+    windows: float
+
+
 class ShortSpan:
-    """A request of a short span and the index of its storey.
+    """A request of a short span, or a path, and the index of its storey.
 
     Parameters
     ----------
     index : StoreyIndex
+        Of rotations where the target has one, else of paths.
     target : Target
-        With a rotation, of a span that the storey is for.
+        Of a span that the storey is for.
     starts : int
         Of the turn, a multiple of the storey's intervals.
     expired : callable
@@ -90,7 +104,17 @@ class ShortSpan:
     def __init__(self, index: StoreyIndex, target: Target, starts: int, expired: Callable[[], bool]) -> None:
         self.index, self.target = index, target
         self._expired = expired
-        self._request = Request(target, index.storey, starts)
+        self._request: Request | PathRequest
+        if target.rotation is not None:
+            self._request = Request(target, index.storey, starts)
+            windows = MOST_WINDOWS if target.position is None else MOST_PLACED
+            worth = _Worth(LARGEST_LIMIT, MOST_LEAVES * np.sqrt(index.types), np.inf, windows * index.types)
+        else:
+            self._request = PathRequest(target, index.storey, starts)
+            limit = LARGEST_SINE * self._request.length
+            windows = min(MOST_PATHS * index.types, _MOST_HELD)
+            worth = _Worth(limit, np.inf, MOST_COMPARED * index.types, windows)
+        self._worth = worth
         self._parts = [number for number, tree in enumerate(index.trees) if tree.levels]
 
     def candidates(self, leaders: Leaders, errors: Callable[[Target, Windows], Floats]) -> tuple[Ints, Floats] | None:
@@ -102,7 +126,7 @@ class ShortSpan:
             Gets the windows that are looked at on the way. Those that are left are compared with the worst of the best of them,
             also where the answer is None; where the time runs out it has the best found so far, and nothing is left.
         errors : callable
-            ``errors(target, windows)``: the exact errors of windows for some of the samples.
+            ``errors(target, windows)``: the exact errors of windows for some of the samples, whatever rule there is beside them.
         """
         try:
             return self._candidates(leaders, errors)
@@ -112,7 +136,7 @@ class ShortSpan:
             return _NOTHING.id, _NOTHING.bound
 
     def _candidates(self, leaders: Leaders, errors: Callable[[Target, Windows], Floats]) -> tuple[Ints, Floats]:
-        if not self._parts or not self._any_below(LARGEST_LIMIT):
+        if not self._parts or not self._any_below(self._worth.limit):
             raise _GivenUp
         wanted = max(_LIKELY, leaders.top)
         looked = self._likely(0, wanted)[0]
@@ -121,7 +145,7 @@ class ShortSpan:
             looked = np.union1d(looked, self._look_at_sharp_ones(looked, wanted, leaders, errors))
         if leaders.reached:
             return _NOTHING.id, _NOTHING.bound
-        if not leaders.worst <= LARGEST_LIMIT:
+        if not leaders.worst <= self._worth.limit:
             raise _GivenUp
         near = self._below(leaders.worst + TIE)
         if near.id.size > _MANY:
@@ -142,7 +166,7 @@ class ShortSpan:
         ids = ids[np.isin(ids, looked, invert=True)]
         if not ids.size:
             return ids
-        part, _ = self._some_samples()
+        part, _ = self._request.some_samples()
         error = errors(part, leaders.numbering.windows(ids))
         best = ids[np.argsort(error, kind="stable")[:wanted]]
         self._go_on()
@@ -160,7 +184,7 @@ class ShortSpan:
         self, near: Near, leaders: Leaders, errors: Callable[[Target, Windows], Floats]
     ) -> tuple[Ints, Floats]:
         """Those of some windows whose exact error over a few samples allows them among the best."""
-        part, share = self._some_samples()
+        part, share = self._request.some_samples()
         if share > _TOO_MANY:
             return near.id, near.bound
         bound = near.bound
@@ -172,24 +196,12 @@ class ShortSpan:
         kept = np.flatnonzero(bound <= leaders.worst + TIE)
         return near.id[kept], bound[kept]
 
-    def _some_samples(self) -> tuple[Target, float]:
-        """The rotation at a few of the samples, and the root of their part of the weights."""
-        target, weights = self.target, self.target.rotation_weights
-        given = np.arange(target.samples) if weights is None else np.flatnonzero(weights)
-        count = min(max(_FEW_SAMPLES, -(-given.size // _OF_ALL_SAMPLES)), given.size)
-        some = given[np.round(np.linspace(0, given.size - 1, count)).astype(int)]
-        own = None if weights is None else weights[some]
-        assert target.rotation is not None
-        part = replace(target, crank=target.crank[some], rotation=target.rotation[some], rotation_weights=own)
-        share = count / target.samples if weights is None else weights[some].sum() / weights.sum()
-        return replace(part, position=None, position_weights=None), float(np.sqrt(share))
-
     def _go_on(self) -> None:
         if self._expired():
             raise _OutOfTime
 
     @cached_property
-    def _queries(self) -> Queries:
+    def _queries(self) -> Queries | PathQueries:
         """Of all parts that have entries."""
         ends = np.array([self.index.trees[part].part for part in self._parts])
         return self._request.queries(ends, self.index.reach[self._parts])
@@ -204,21 +216,14 @@ class ShortSpan:
 
     def _likely(self, number: int, wanted: int) -> tuple[Ints, Singles]:
         """Windows of a tree that are likely among the best, each once, with their distances."""
-        tree, terms = self.index.trees[self._parts[number]], self.index.storey.terms
+        tree, terms = self.index.trees[self._parts[number]], self.index.size
         queries = self._queries
-
-        def distances(points: Singles, rest: Singles) -> Singles:
-            gap = queries.distances(number, points)
-            far = np.sqrt(np.einsum("jqn,jqn->qn", gap, gap) + queries.rest[number][:, None])
-            far += np.float32(_MALUS) * rest
-            far[queries.share[number] < _LEAST_SHARE] = np.inf
-            return far
 
         at = np.arange(tree.levels[0][1])
         for level, (first, _) in enumerate(tree.levels):
             box = gather(self.index.boxes, first + at)
             if at.size > _BEAM:
-                far = distances(box[:, :terms], box[:, -1]).min(axis=0)
+                far = queries.likely(number, box[:, :terms], box[:, -1]).min(axis=0)
                 best = np.argpartition(far, _BEAM)[:_BEAM]
                 at, box = at[best], box[best]
             if level + 1 < len(tree.levels):
@@ -226,7 +231,7 @@ class ShortSpan:
                 at = at[at < tree.levels[level + 1][1]]
         points, rest = self._points(tree.first + at, box)
         entry = gather(self.index.entries, tree.first + at).ravel()
-        far = distances(points.swapaxes(1, 2).reshape(-1, terms), rest.ravel())
+        far = queries.likely(number, points.swapaxes(1, 2).reshape(-1, terms), rest.ravel())
         far[:, entry == NO_ENTRY] = np.inf
         far = far.ravel()
         count = min(wanted, far.size)
@@ -237,7 +242,7 @@ class ShortSpan:
 
     def _points(self, leaves: Ints, box: Singles) -> tuple[Singles, Singles]:
         """Coefficients of the entries of some leaves, (leaves, K, LEAF), to half a step of their codes, and their rests."""
-        terms = self.index.storey.terms
+        terms = self.index.size
         codes = gather(self.index.codes, leaves).astype(np.float32)
         points = codes[:, :terms]
         points *= box[:, terms:-1, None] / np.float32(CODES)
@@ -253,26 +258,27 @@ class ShortSpan:
         """All windows whose bound is at most ``limit``."""
         limit += self._request.rounding
         queries, trees = self._queries, [self.index.trees[part] for part in self._parts]
-        most, pairs = MOST_LEAVES * np.sqrt(self.index.types), []
+        most, pairs = self._worth.leaves, []
         for number, tree in enumerate(trees):
             leaves, boxes, mask = self._leaves(tree, queries, number, limit, most)
-            query, which = np.nonzero(mask)
+            which, query = np.nonzero(mask.T)  # leaf by leaf: the entries of each are decoded once
             pairs.append((number * self._request.size + query, leaves[which] + tree.first, boxes[which]))
             most -= leaves.size
         problem, leaf, box = (np.concatenate(column) for column in zip(*pairs))
+        if problem.size > self._worth.pairs:
+            raise _GivenUp
         found, held = [_NOTHING], 0
-        most_windows = (MOST_WINDOWS if self.target.position is None else MOST_PLACED) * self.index.types
         for first in range(0, problem.size, _PAIRS_AT_ONCE):
             part = slice(first, first + _PAIRS_AT_ONCE)
             found.append(self._entries(queries, limit, problem[part], leaf[part], box[part]))
             held += found[-1].id.size
-            if held > most_windows:
+            if held > self._worth.windows:
                 raise _GivenUp
             self._go_on()
         return Near(*(np.concatenate(column) for column in zip(*found)))
 
     def _leaves(
-        self, tree: Tree, queries: Queries, number: int, limit: float, most: float
+        self, tree: Tree, queries: Queries | PathQueries, number: int, limit: float, most: float
     ) -> tuple[Ints, Ints, NDArray[np.bool_]]:
         """Leaves that are left, their boxes, and for which queries (Q, leaves)."""
         at = np.arange(tree.levels[0][1])
@@ -294,35 +300,16 @@ class ShortSpan:
                 at = at[at < tree.levels[level + 1][1]]
         return at, first + at, np.concatenate(masks, axis=1)
 
-    def _entries(self, queries: Queries, limit: float, problem: Ints, leaf: Ints, boxes: Ints) -> Near:
+    def _entries(self, queries: Queries | PathQueries, limit: float, problem: Ints, leaf: Ints, boxes: Ints) -> Near:
         """Windows of the entries of some leaves, each for a query."""
-        terms = self.index.storey.terms
-        box = gather(self.index.boxes, boxes)
-        points, rest = self._points(leaf, box)
-
-        def of(values: Singles) -> Singles:
-            return gather(values.swapaxes(1, 2).reshape(-1, *values.shape[1:2], *values.shape[3:]), problem)
-
-        gap = of(queries.rows) @ points
-        gap -= of(queries.wanted)[..., None]
-        estimate = np.einsum("pjn,pjn->pn", gap, gap)
-        np.abs(gap, out=gap)
-        reach = (of(queries.sizes) @ (box[:, terms:-1, None] / np.float32(2 * CODES)))[..., 0] + of(queries.slack)
-        gap -= reach[..., None]
-        np.maximum(gap, 0, out=gap)
-        least = np.einsum("pjn,pjn->pn", gap, gap)
-        lost = gather(queries.rest.ravel(), problem)[:, None]
-        error = gather(queries.share.ravel(), problem)[:, None] * rest
-        near = np.flatnonzero(least <= (error + np.float32(limit)) ** 2 * ABOVE_SINGLE - lost)
+        size = self.index.size
+        leaves, first, which = np.unique(leaf, return_index=True, return_inverse=True)
+        box = gather(self.index.boxes, boxes[first])
+        points, rest = self._points(leaves, box)
+        half = box[:, size:-1, None] / np.float32(2 * CODES)
+        near, bound, likely = queries.entries(limit, problem, points[which], half[which], rest[which])
         entry = gather(self.index.entries, leaf).ravel()[near]
-        near, entry = near[entry != NO_ENTRY], entry[entry != NO_ENTRY]
-        left = lost[near // LEAF, 0].astype(float)
-        bound = (
-            np.sqrt(least.ravel()[near] * (1 - 2e-6) + left)
-            - error.ravel()[near] * (1 + 1e-6)
-            - self._request.rounding
-        )
-        likely = np.sqrt(estimate.ravel()[near] + left)
-        return Near(
-            self._request.windows(entry, problem[near // LEAF] % self._request.size), np.maximum(bound, 0.0), likely
-        )
+        real = entry != NO_ENTRY
+        near, bound, likely = near[real], bound[real] - self._request.rounding, likely[real]
+        ids = self._request.windows(entry[real], problem[near // LEAF] % self._request.size)
+        return Near(ids, np.maximum(bound, 0.0), likely)

@@ -14,6 +14,8 @@ Sharp windows. Where a linkage nearly folds, no polynomial of few terms follows 
 exclude nothing. But it is sharp in one place only: such an entry is kept by the coefficients over a *part* of its interval, in
 a tree of that part, and is compared with the samples that lie there (see `queries`).
 
+`path_storeys` keeps the shapes that paths are compared with in the same way.
+
 The index is plain arrays by name, so that they can be mapped from a file.
 """
 
@@ -67,6 +69,9 @@ _CELL = 2.0**-14
 _CLASSES = np.array([1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3])
 """Rests between the classes of the order."""
 _SINGLE = np.float32(1 + 2.0**-22)
+_USUAL = 0.995
+"""Part of the values that the steps of the order are made for."""
+_COUNTED = 1 << 16
 
 
 class Storey(NamedTuple):
@@ -98,8 +103,14 @@ class Storey(NamedTuple):
         """Whether the windows of so long a span lie in the intervals, each interval having the same ``starts``."""
         return span <= self.top * (1 + _MARGIN / 4) and starts % self.places == 0
 
+    @property
+    def centres(self) -> Floats:
+        """Middles of the intervals, radians."""
+        return np.arange(self.places, dtype=np.float64) * (TURN / self.places)
+
 
 STOREYS = (
+    Storey(np.deg2rad(12.0), 30, 5, 2e-5),
     Storey(np.deg2rad(20.0), 24, 5, 1e-4),
     Storey(np.deg2rad(60.0), 24, 6, 1e-3),
     Storey(np.deg2rad(100.0), 30, 6, 3e-3),
@@ -162,6 +173,11 @@ class StoreyIndex:
             box, leaf = int(first[-1]), leaf + leaves
 
     @property
+    def size(self) -> int:
+        """Numbers that an entry is kept by, K of the boxes."""
+        return int(self.boxes.shape[1]) // 2
+
+    @property
     def nbytes(self) -> int:
         """Memory of the arrays."""
         return sum(int(array.nbytes) for array in self.arrays.values())
@@ -196,7 +212,7 @@ def build_storey(storey: Storey, buckets: Sequence[Bucket], go_on: Callable[[], 
         raise ValueError(f"an index has at most {NO_ENTRY:,} entries, wanted {count:,}")
     values, rests = np.empty((count, storey.terms), np.float32), np.empty(count, np.float32)
     sharp: list[tuple[Bucket, NDArray[np.intp], NDArray[np.intp]]] = []
-    centres: Floats = np.arange(storey.places, dtype=np.float64) * (TURN / storey.places)
+    centres = storey.centres
     for bucket in buckets:
         expansion = Expansion(bucket.harmonics, centres, storey.half_width, storey.terms)
         at_once = max(1, _AT_ONCE // expansion.width)
@@ -205,19 +221,24 @@ def build_storey(storey: Storey, buckets: Sequence[Bucket], go_on: Callable[[], 
             part = bucket.take(slice(first, first + at_once))
             found, rest = expansion.coefficients(part.periodic, part.winding, part.error)
             at = part.rows[:, None] * storey.places + np.arange(storey.places)
-            values[at], rests[at] = found, _upwards(rest)
+            values[at], rests[at] = found, upwards(rest)
             unresolved, place = np.nonzero(rests[at] > storey.sharp)
             kept, which = np.unique(unresolved, return_inverse=True)
             sharp.append((part.take(kept), which, place))
-    trees = [_tree(np.flatnonzero(rests <= storey.sharp), values, rests, go_on)]
+    trees = [tree_of(np.flatnonzero(rests <= storey.sharp), values, rests, go_on)]
     del values, rests
     trees += _sharp_trees(storey, centres, sharp, go_on)
+    return joined_trees(trees, types)
+
+
+def joined_trees(trees: Sequence[Arrays], types: int) -> Arrays:
+    """The arrays of a `StoreyIndex` of some types."""
     leaves = np.array([len(tree["entries"]) for tree in trees])
     joined = {name: np.concatenate([tree[name] for tree in trees]) for name in trees[0]}
     return {**joined, "leaves": leaves, "types": np.array([types])}
 
 
-def _upwards(values: NDArray[np.floating]) -> Singles:
+def upwards(values: NDArray[np.floating]) -> Singles:
     """As float32, not smaller."""
     return np.nextafter(values.astype(np.float32) * _SINGLE, np.float32(np.inf))
 
@@ -252,9 +273,9 @@ def _sharp_trees(
             half = storey.half_width * (high - low) / 2 * (1 + _MARGIN)
             expansion = Expansion(harmonics, middle, half, storey.terms)
             every, rest = expansion.coefficients(own.periodic[left], winding, own.error[left])
-            better = _upwards(rest[:, 0]) < (least[left] if index < _CENTRAL else storey.sharp)
+            better = upwards(rest[:, 0]) < (least[left] if index < _CENTRAL else storey.sharp)
             at = left[better]
-            best[at], least[at], found[at] = index, _upwards(rest[better, 0]), every[better, 0]
+            best[at], least[at], found[at] = index, upwards(rest[better, 0]), every[better, 0]
         entries.append(own.rows * storey.places + place)
         chosen.append(best)
         values.append(found)
@@ -262,7 +283,7 @@ def _sharp_trees(
     numbers, part = np.concatenate(entries), np.concatenate(chosen)
     coefficients, largest = np.concatenate(values), np.concatenate(rests)
     for index in range(len(INTERVAL_PARTS) - 1):
-        yield _tree(np.flatnonzero(part == index), coefficients, largest, go_on, numbers)
+        yield tree_of(np.flatnonzero(part == index), coefficients, largest, go_on, numbers)
 
 
 def _runs(keys: NDArray[np.intp], values: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[NDArray[np.intp]]]:
@@ -271,15 +292,30 @@ def _runs(keys: NDArray[np.intp], values: NDArray[np.intp]) -> tuple[NDArray[np.
     return found, np.split(values, first[1:]) if found.size else []
 
 
-def _tree(
+def tree_of(
     chosen: NDArray[np.intp],
     values: Singles,
     rests: Singles,
     go_on: Callable[[], None],
     numbers: NDArray[np.int64] | None = None,
+    weight: Floats | None = None,
 ) -> Arrays:
-    """Boxes (coarse to fine), codes and entries of some points, in the order of their bits."""
+    """Boxes (coarse to fine), codes and entries of some points, in the order of their bits.
+
+    Parameters
+    ----------
+    chosen : ndarray of int
+        Which of the points.
+    values, rests : ndarray of float32, shapes (n, K) and (n,)
+    go_on : callable
+    numbers : ndarray of int, optional
+        Entry of each point; default: its place.
+    weight : ndarray, shape (K,), optional
+        By what a value counts in the order, in steps. Default: by what a coefficient does to the rms of a curve.
+    """
     terms = values.shape[1]
+    if weight is None:
+        weight = 1 / np.sqrt(2 * np.arange(1, terms + 1) + 1) / _CELL
     if not chosen.size:
         return {
             "boxes": np.empty((0, 2 * terms + 1), np.float32),
@@ -287,7 +323,7 @@ def _tree(
             "entries": np.empty((0, LEAF), np.uint32),
             "reach": np.zeros((1, terms), np.float32),
         }
-    order = chosen[np.argsort(_keys(chosen, values, rests), kind="stable")]
+    order = chosen[np.argsort(_keys(chosen, values, rests, weight.astype(np.float32)), kind="stable")]
     leaves = -(-order.size // LEAF)
     entries = np.full(leaves * LEAF, NO_ENTRY)
     entries[: order.size] = order if numbers is None else numbers[order]
@@ -315,7 +351,7 @@ def _tree(
         "boxes": np.concatenate(levels),
         "codes": codes,
         "entries": entries.reshape(leaves, LEAF),
-        "reach": _upwards(reach),
+        "reach": upwards(reach),
     }
 
 
@@ -323,19 +359,18 @@ def _box(low: Singles, high: Singles, rest: Singles) -> Singles:
     """Boxes from their corners: whatever the rounding, what lay between the corners lies in the box."""
     middle = (low + high) / 2
     slack = np.maximum(np.abs(low), np.abs(high)) * np.float32(2.0**-22)
-    half = _upwards(np.maximum(high - middle, middle - low) + slack)
+    half = upwards(np.maximum(high - middle, middle - low) + slack)
     return np.concatenate([middle, half, rest[:, None]], axis=1)
 
 
-def _keys(chosen: NDArray[np.intp], values: Singles, rests: Singles) -> NDArray[np.uint64]:
-    """Places in the order: class of the rest, then the bits of the coefficients, coarse ones first.
+def _keys(chosen: NDArray[np.intp], values: Singles, rests: Singles, weight: Singles) -> NDArray[np.uint64]:
+    """Places in the order: class of the rest, then the bits of the values in steps, coarse ones first.
 
-    A coefficient counts by what it does to the rms of a curve, a_k / sqrt(2k + 1).
+    The few largest values share the outermost step: bits for them would be lost to all others.
     """
-    terms = values.shape[1]
-    weight = (1 / np.sqrt(2 * np.arange(1, terms + 1) + 1) / _CELL).astype(np.float32)
     keys = np.searchsorted(_CLASSES, rests[chosen]).astype(np.uint64)
-    largest = [float(np.abs(column[chosen]).max()) * float(w) for column, w in zip(values.T, weight)]
+    some = chosen[:: max(1, chosen.size // _COUNTED)]
+    largest = [float(np.quantile(np.abs(column[some]), _USUAL) * w) for column, w in zip(values.T, weight)]
     bits = [int(np.ceil(np.log2(max(size, 1.0)))) + 1 for size in largest]
     whole = [
         (np.floor(column[chosen] * w) + (1 << (b - 1))).clip(0, (1 << b) - 1).astype(np.uint32)

@@ -162,7 +162,7 @@ def test_each_type_is_in_each_interval_once(scans, name) -> None:
 @pytest.mark.parametrize("name", RULES)
 def test_what_lies_in_a_box_lies_in_those_above(scans, name) -> None:
     for index in scans[name].prepared.storeys:
-        terms, boxes = index.storey.terms, np.asarray(index.boxes, dtype=float)
+        terms, boxes = index.size, np.asarray(index.boxes, dtype=float)
         for tree in index.trees:
             for (first, count), (below, parts) in zip(tree.levels, tree.levels[1:]):
                 above = boxes[first + np.arange(parts) // storeys.PARTS]
@@ -195,9 +195,9 @@ def test_the_bound_of_a_few_samples_is_below_the_error(scans, seed) -> None:
     short = short_span(scan, target)
     near = short._below(1e3)
     leaders = Leaders(10, scan.numbering, lambda windows: windows.error + np.inf, 64, lambda: False)
-    ids, bounds = short._by_samples(near._replace(bound=np.zeros(near.id.size)), leaders, scan.errors)
+    ids, bounds = short._by_samples(near._replace(bound=np.zeros(near.id.size)), leaders, scan._errors_of_some)
     assert np.array_equal(ids, near.id) and np.all(bounds <= every_error(scan, target)[ids])
-    assert np.median(bounds) > 0 or short._some_samples()[1] > 0.7
+    assert np.median(bounds) > 0 or short._request.some_samples()[1] > 0.7
 
 
 def test_bounds_exclude_what_is_far(scans) -> None:
