@@ -194,8 +194,8 @@ class PathRequest(Offsets):
         def of(column: NDArray[np.complex128]) -> NDArray[np.complex128]:
             return np.where(mirrored, np.conj(column), column)[..., None]
 
-        columns = polynomials(self._places.clip(-1, 1), terms + TAIL)[..., 1:] * np.reshape(self._root, (-1, 1))
-        columns = columns.astype(complex)
+        own = polynomials(self._places.clip(-1, 1), terms + TAIL)[..., 1:]
+        columns = own * np.reshape(self._root, (-1, 1)).astype(complex)
         fixed = [of(column) for column in self._fixed]
         for column in (*fixed, *fixed):  # twice: the first time leaves rounding
             columns -= column * (np.conj(column).swapaxes(1, 2) @ columns)

@@ -286,7 +286,7 @@ def test_an_index_is_made_by_a_command_and_used_by_the_others(
     monkeypatch.delenv("LINKAGE_ATLAS_INDEX")
     code, out, _ = run("index", "--atlas", path)
     files = sorted(tmp_path.glob("small.h5.*"))
-    assert code == OK and [file.suffix for file in files] == [".index", ".positions", ".spans"]
+    assert code == OK and [file.suffix for file in files] == [".index", ".paths", ".positions", ".spans"]
     assert set(out.splitlines()) == {f"{file}: {file.stat().st_size:,} bytes" for file in files}
     times = [file.stat().st_mtime_ns for file in files]
     code, mapped, _ = run("match", request_file, "--atlas", path, "--json")

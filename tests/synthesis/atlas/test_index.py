@@ -114,7 +114,7 @@ def test_answers_are_those_of_a_scan_prepared_in_memory_bit_for_bit(ready, in_me
         assert same(found, in_memory.best(wanted, 12))
         everything = plain.best(wanted, 12)[0]
         assert all(np.array_equal(one, two) for one, two in zip(found[0], everything))
-    assert [path.suffix for path in atlas.index_files] == [".index", ".spans", ".positions"]
+    assert [path.suffix for path in atlas.index_files] == [".index", ".spans", ".paths", ".positions"]
     assert np.array_equal(scan.error_table(target(seed)), in_memory.error_table(target(seed)))
 
 
@@ -153,7 +153,7 @@ def test_an_index_is_made_once(path, in_memory, index_files) -> None:
         atlas = opened(path)
         assert same(atlas.scan.best(target(1, True), 5), in_memory.best(target(1, True), 5))
         made = {place.name for place in path.parent.iterdir()}
-        assert made == {name for name in index_files if not name.endswith(".spans")}  # that is made by `prepare`
+        assert made == {name for name in index_files if not name.endswith((".spans", ".paths"))}  # made by `prepare`
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -248,7 +248,9 @@ def test_where_it_gives_up_all_windows_are_compared(scans, monkeypatch, name, va
 @pytest.mark.parametrize("patience", [0, 1, 3, 10])
 def test_a_search_without_time_says_so(scans, patience) -> None:
     scan, readings = scans["increasing"], iter(range(10**7))
-    found, report = scan.best(request(scan, 4, "noisy", 17), 10, work=Work(patience + 0.5, clock=lambda: next(readings)))
+    found, report = scan.best(
+        request(scan, 4, "noisy", 17), 10, work=Work(patience + 0.5, clock=lambda: next(readings))
+    )
     assert report.exhaustive == (next(readings) <= patience + 1)
     assert found.row.size == 10 and np.all(np.isfinite(found.error))
 
