@@ -16,7 +16,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 
 from synthesis.atlas.cells import Cells, make_cells
-from synthesis.atlas.path_storeys import PATH_STOREYS, build_path_storey
+from synthesis.atlas.path_storeys import MOST_TYPES, PATH_STOREYS, build_path_storey
 from synthesis.atlas.series import (
     COLUMNS,
     Bucket,
@@ -126,10 +126,14 @@ class Preparation:
     def prepare_paths(self, work: Work) -> None:
         """Make the index of shapes that answers positions without rotation sooner; without it all windows are compared.
 
+        An atlas of more than `MOST_TYPES` types has none.
+
         Raises
         ------
         OutOfTime
         """
+        if len(self.table) > MOST_TYPES:
+            return
         if not self.prepare_positions(work):
             raise OutOfTime
         with self._storeys_lock:

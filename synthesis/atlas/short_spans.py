@@ -306,7 +306,7 @@ class ShortSpan:
         leaves, first, which = np.unique(leaf, return_index=True, return_inverse=True)
         box = gather(self.index.boxes, boxes[first])
         points, rest = self._points(leaves, box)
-        half: Singles = gather(box, np.arange(size, 2 * size), axis=1)[..., None] / np.float32(2 * CODES)
+        half: Singles = np.divide(box[:, size:-1, None], 2 * CODES, dtype=np.float32)
         near, bound, likely = queries.entries(limit, problem, points[which], half[which], rest[which])
         entry = gather(self.index.entries, leaf).ravel()[near]
         real = entry != NO_ENTRY
