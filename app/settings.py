@@ -36,8 +36,7 @@ class Settings(BaseSettings):
     prepare_positions: bool = Field(
         True,
         description="Whether the series that only atlas requests with positions need (about 4.2 kB a type with their index) are "
-        "made in the "
-        "background once the service is ready; otherwise such a request makes them.",
+        "made in the background once the service is ready; otherwise such a request makes them.",
     )
     max_body_bytes: int = Field(
         1_000_000, gt=0, description="Largest request body; a larger one is answered with 413."

@@ -5,7 +5,8 @@ Both scans hold the same series and cells; one of them has the index too. Every 
 and the better time of each counts: processor time of one thread, which other work on the machine stretches little.
 Some requests are also given to the plain scan, which has neither index nor cells. ``--wide`` requests a span go to the wider
 atlas (crank or ground the shortest, the others in all orders); 0 leaves it out, and its figures as they were. ``--alone``
-requests a class are for positions alone: the index of shapes beside the comparison of all windows, each once, for that takes seconds.
+requests a class are for positions alone: the index of shapes beside the comparison of all windows, once each, for that takes
+seconds.
 """
 
 from __future__ import annotations
