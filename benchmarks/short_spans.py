@@ -198,7 +198,11 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     wide = results["wide"]
     alone = results.get("paths")
     told["stamps"] = report.made_text([part["made"] for part in (results, wide, alone) if part])
-    told["paths"] = report.table(alone["rows"], columns.replace("span:", "request:")) if alone else "not measured"
+    told["paths"] = (
+        report.table(alone["rows"], columns.replace("span:", "request:").replace("cells alone", "all windows"))
+        if alone
+        else "not measured"
+    )
     told["path_index"] = (
         report.table(alone["index"], report.TABLES["short_spans"]["index"]["columns"]) if alone else "not measured"
     )

@@ -44,6 +44,7 @@ from synthesis.target import Target
 _SINGLE = 2.0**-24
 _BELOW, _ABOVE = np.float32(1 - 4e-6), np.float32(1 + 4e-6)
 """Make up for the rounding of a few operations in single precision."""
+_NEXT_TO_NOTHING = np.float32(1e-20)
 _ALONG = 2
 """Rows of t, real and imaginary part."""
 _ROWS = 12
@@ -78,6 +79,7 @@ class PathQueries(NamedTuple):
     size: float
 
     def _tangent(self, limit: float) -> np.float32:
+        """Tau, for limits below |p|."""
         sine = min(limit / self.size, 1 - 1e-6)
         return np.float32(sine / np.sqrt(1 - sine**2)) * _ABOVE
 
@@ -109,7 +111,7 @@ class PathQueries(NamedTuple):
         gap = self._components(points).reshape(len(self.rows), -1, len(points))
         gap *= gap
         far = np.sqrt(gap[_ALONG:].sum(axis=0)) + np.float32(MALUS) * self.share[:, None] * rest
-        far /= np.sqrt(gap[:_ALONG].sum(axis=0)) + np.finfo(np.float32).tiny
+        far /= np.sqrt(gap[:_ALONG].sum(axis=0)) + _NEXT_TO_NOTHING
         return far
 
     def entries(self, limit: float, problem: Ints, points: Singles, half: Singles, rest: Singles) -> Bounds:
@@ -142,7 +144,7 @@ class PathQueries(NamedTuple):
         error = gather(self.share, problem)[:, None] * rest
         tangent = self._tangent(limit)
         near = np.flatnonzero(least * _BELOW <= (tangent * along + (1 + tangent) * error) * _ABOVE)
-        error, along = error.ravel()[near].astype(float), along.ravel()[near] + np.finfo(float).tiny
+        error, along = error.ravel()[near].astype(float), along.ravel()[near] + _NEXT_TO_NOTHING
         ratio = np.maximum(least.ravel()[near] * (1 - 4e-6) - error * (1 + 1e-6), 0.0) / (along + error)
         bound = self.size * ratio / np.hypot(1.0, ratio) * (1 - 1e-5)
         return Bounds(near, bound, np.sqrt(square.ravel()[near]) / along)
@@ -168,6 +170,11 @@ class PathRequest(Offsets):
         self._fixed = [fixed.one * mean.root, fixed.turned * mean.root]
         self._rest = fixed.rest * mean.root
         self.length = float(np.linalg.norm(self._rest))
+
+    @property
+    def without_rest(self) -> bool:
+        """Whether {1, e^{it}} alone leave nothing of the path."""
+        return self.length <= self.rounding
 
     def some_samples(self) -> tuple[Target, float]:
         """The path at a few of the samples, and the root of their part of the weights."""

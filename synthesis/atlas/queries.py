@@ -201,7 +201,11 @@ class Request(Offsets):
     ----------
     rounding : float
         Of errors, in radians, and of what bounds them.
+    without_rest : bool
+        Whether every window is as good: never known of a rotation.
     """
+
+    without_rest = False
 
     def __init__(self, target: Target, storey: Storey, starts: int) -> None:
         super().__init__(target, storey, starts)

@@ -136,7 +136,7 @@ class ShortSpan:
             return _NOTHING.id, _NOTHING.bound
 
     def _candidates(self, leaders: Leaders, errors: Callable[[Target, Windows], Floats]) -> tuple[Ints, Floats]:
-        if not self._parts or not self._any_below(self._worth.limit):
+        if not self._parts or self._request.without_rest or not self._any_below(self._worth.limit):
             raise _GivenUp
         wanted = max(_LIKELY, leaders.top)
         looked = self._likely(0, wanted)[0]
