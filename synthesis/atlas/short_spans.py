@@ -38,10 +38,13 @@ MOST_PLACED = 0.04
 """The same where positions are wanted too, of which the index knows nothing."""
 LARGEST_SINE = 0.7
 """First limit, over what {1, e^{it}} leave of a path, beyond which all windows are compared with it."""
-MOST_COMPARED = 3.0
+MOST_COMPARED = 1.0
 """Pairs of a leaf and a query for a path, over the number of types, beyond which the same."""
-MOST_PATHS = 24.0
+MOST_PATHS = 8.0
 """Windows for a path, over the number of types, likewise."""
+MOST_SHORT_PATHS = 24.0
+"""The same up to `SHORT_PATH`, where the error of the series leaves still more of all windows to be evaluated."""
+SHORT_PATH = np.deg2rad(9.0)
 _MOST_HELD = 1 << 22
 """Windows for a path at most: so many are held."""
 _BEAM = 48
@@ -112,7 +115,8 @@ class ShortSpan:
         else:
             self._request = PathRequest(target, index.storey, starts)
             limit = LARGEST_SINE * self._request.length
-            windows = min(MOST_PATHS * index.types, _MOST_HELD)
+            most = MOST_PATHS if float(np.ptp(target.crank)) > SHORT_PATH else MOST_SHORT_PATHS
+            windows = min(most * index.types, _MOST_HELD)
             worth = _Worth(limit, np.inf, MOST_COMPARED * index.types, windows)
         self._worth = worth
         self._parts = [number for number, tree in enumerate(index.trees) if tree.levels]

@@ -41,7 +41,7 @@ def small_leaves() -> Iterator[None]:
         for module in (storeys, short_spans):
             patch.setattr(module, "LEAF", 4)
             patch.setattr(module, "PARTS", 3)
-        for name in ("LARGEST_SINE", "MOST_COMPARED", "MOST_PATHS"):
+        for name in ("LARGEST_SINE", "MOST_COMPARED", "MOST_PATHS", "MOST_SHORT_PATHS"):
             patch.setattr(short_spans, name, np.inf if name != "LARGEST_SINE" else 0.99)
         patch.setattr(short_spans, "_MANY", 16)
         yield
