@@ -92,7 +92,7 @@ def minimise(
     """
     work = work or Work()
     cost, stack = evaluate(unknowns, labels)
-    size, rows = stack.shape[1] - 1, stack.shape[2]
+    size = stack.shape[1] - 1
     best, least = unknowns.copy(), cost.copy()
     # the candidates still on their way, where they stand among all, and the least cost on each way
     place = np.flatnonzero(np.isfinite(cost))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.least_squares import minimise
-from synthesis.mechanism import Chart, Limits
+from synthesis.mechanism import Chart, Limits, Mechanism
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search import schedule
 from synthesis.search.limited import LimitedSearch
@@ -81,9 +81,15 @@ class _Search:
     """One request's search, in one chart at a time."""
 
     def __init__(
-        self, tables: SeedTables, target: Target, limits: Limits, tolerance: float, work: Work, chart: Chart
+        self,
+        tables: SeedTables,
+        target: Target,
+        limits: Limits,
+        tolerance: float,
+        work: Work,
+        mechanism: Mechanism | None = None,
     ) -> None:
-        self.tables, self.mechanism = tables, tables.mechanism
+        self.tables, self.mechanism = tables, mechanism or tables.mechanism
         self.target, self.limits, self.tolerance, self.work = target, limits, tolerance, work
         self.thin_target = target.thinned(SEARCH_SAMPLES)
         self.trace: list[tuple[float, float]] = []
@@ -92,7 +98,7 @@ class _Search:
         self.random = np.random.default_rng(20)
         self.screened: Candidates | None = None
         self.taken = 0
-        self.use(chart)
+        self.use(self.mechanism.charts(limits.family)[0])
 
     def use(self, chart: Chart) -> None:
         """Go on in another chart, with an empty pool."""
@@ -261,6 +267,7 @@ def search(
     top: int,
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
+    mechanism: Mechanism | None = None,
 ) -> tuple[list[Any], SearchReport]:
     """The best linkages for a motion.
 
@@ -276,6 +283,8 @@ def search(
         Stop the search when the objective is below it.
     work : Work, optional
         Once it has expired the best found so far is returned.
+    mechanism : Mechanism, optional
+        Moves as that of the tables, and makes other solutions of linkages. Default: that of the tables.
 
     Returns
     -------
@@ -286,8 +295,7 @@ def search(
     clockwise = target.clockwise
     if clockwise:  # a mirror image: one search serves both
         target, limits = target.mirrored(), limits.mirrored()
-    first = tables.mechanism.charts(limits.family)[0]
-    run = _Search(tables, target, limits, tolerance, work or Work(), first)
+    run = _Search(tables, target, limits, tolerance, work or Work(), mechanism)
     solutions = run.look(schedule.FIRST_LOOK, top) if limits.only_family else []
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
     if not (run.done(solutions) or (solutions and run.reached)):
@@ -311,7 +319,7 @@ def first_look(tables: SeedTables, target: Target, limits: Limits, count: int, w
         At most so many.
     work : Work
     """
-    run = _Search(tables, target, limits, DEFAULT_TOLERANCE, work, tables.mechanism.charts(limits.family)[0])
+    run = _Search(tables, target, limits, DEFAULT_TOLERANCE, work)
     run.free_search(schedule.FIRST_LOOK)
     best = run.pool.thinned(count)
     return Starts(run.chart.shape(best.unknowns[:, :-1]).lengths, best.branch, best.unknowns[:, -1])
