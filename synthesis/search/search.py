@@ -41,7 +41,7 @@ _NEAR, _NEARER, _FINISHED = 1e-2, 1e-5, 12
 From the second on it does, in a narrow valley."""
 
 
-_BENT_BELOW = 1e-3
+_BENT_BELOW = 1e-2
 """J from which on valleys are narrow: steps are bent along them."""
 _FEW_STEPS = 6
 """That are worth while for alternatives to an exact answer."""
@@ -142,6 +142,8 @@ class _Search:
     def free_search(self, rounds: Sequence[Round]) -> None:
         """Rounds without limits until reached, out of time or out of rounds."""
         for one in rounds:
+            if self.pool.cost.min(initial=np.inf) > one.near**2:
+                continue
             seeds = self.draw(one.sources)
             self.seeds += len(seeds.branch)
             found = minimise(
@@ -152,6 +154,7 @@ class _Search:
                 0.3 * self.tolerance,
                 self.work,
                 residual=self.problem.residual,
+                damping=one.damping,
                 bent_below=_BENT_BELOW,
             )
             self.pool = self.pool.joined(Candidates(found.unknowns, seeds.branch, found.cost))
