@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -50,8 +51,18 @@ class _Closing(Protocol):
         """Shapes at unknowns (n, k)."""
 
 
+_FAR = (-8.0, -5.0, -2.5, 2.5, 5.0, 8.0)
+
+
 class Evaluated:
     """What all charts of the four-bar share: the evaluation of coupler angles, from shape, sheet and whether it always closes."""
+
+    cell: Floats
+
+    @property
+    def edges(self) -> Floats:
+        """None, where a chart names no shapes at its far ends."""
+        return np.empty((0, len(self.cell) - 1))
 
     def prepared(self: _Closing, target: Target) -> CouplerAngles:
         """The evaluation of candidates over a target's samples."""
@@ -81,6 +92,8 @@ class FullCrankChart(Evaluated):
     always_closes = True
     cell = np.array([0.7, 1.0, 1.0, 0.6])
     hop = np.array([0.7, 1.5, 1.5, 0.4])
+    edges = np.array(list(product(_FAR, (-8.0, -4.0, -2.0, -0.5, 0.5, 2.0, 4.0), _FAR)))
+    """Near one change point or two."""
     LIMITS = np.array([16.0, 30.0, 17.0])
     """Largest |p|, |u|, |w|: beyond, the lengths no longer change in double precision."""
 

@@ -30,7 +30,13 @@ class Hops(NamedTuple):
     copies: int
 
 
-Source = Fresh | Best | Hops
+class Edges(NamedTuple):
+    """The best starts of shapes at the far ends of the chart, where the coarse table has none."""
+
+    most: int
+
+
+Source = Fresh | Best | Hops | Edges
 
 
 class Round(NamedTuple):
@@ -58,6 +64,7 @@ FIRST_LOOK = (
 
 TO_THE_END = (
     Round((Best(12),), 1000, "narrow valleys take many steps", damping=_GOING_ON),
+    Round((Edges(100),), 30, "next to change points"),
     Round((Hops(40, 12),), 100, "short spans and change points: hops from many places"),
     Round((Best(12),), 1000, "what still falls, to its end", damping=_GOING_ON),
 )

@@ -26,7 +26,7 @@ from synthesis.search.projected import ProjectedProblem
 from synthesis.search.schedule import Round
 from synthesis.search.seeds import Candidates, SeedTables
 from synthesis.search.windows import Windows
-from synthesis.target import Target
+from synthesis.target import TURN, Target
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
@@ -43,6 +43,7 @@ From the second on it does, in a narrow valley."""
 
 _BENT_BELOW = 1e-2
 """J from which on valleys are narrow: steps are bent along them."""
+_EDGE_STARTS, _EDGE_SAMPLES = 24, 12
 _FEW_STEPS = 6
 """That are worth while for alternatives to an exact answer."""
 
@@ -118,6 +119,8 @@ class _Search:
                 return self._fresh(source.most)
             case schedule.Best():
                 return self.pool.thinned(source.most)
+            case schedule.Edges():
+                return self._edges(source.most)
             case schedule.Hops():
                 best = self.pool.thinned(source.origins)
                 size = (len(best.branch) * source.copies, len(self.chart.hop))
@@ -127,6 +130,22 @@ class _Search:
                     noise[:, -1] = 0.0
                 unknowns = unknowns + noise
                 return Candidates(unknowns, np.repeat(best.branch, source.copies), np.full(len(unknowns), np.inf))
+
+    def _edges(self, count: int) -> Candidates:
+        shapes, starts = self.chart.edges, np.arange(_EDGE_STARTS) * (TURN / _EDGE_STARTS)
+        if self.target.start is not None:
+            starts = np.array([self.target.start % TURN])
+        size = len(shapes) * starts.size
+        each = np.column_stack([np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))])
+        few = ProjectedProblem(self.thin_target.thinned(_EDGE_SAMPLES), self.chart)
+        found = Candidates.none(len(self.chart.cell))
+        for branch in self.mechanism.branches if size else ():
+            side = np.full(size, float(branch))
+            cost = few.evaluate(each, side, derivatives=False).cost.reshape(-1, starts.size)
+            best = cost.argmin(axis=1) + starts.size * np.arange(len(shapes))
+            found = found.joined(Candidates(each[best], side[best], cost.ravel()[best]))
+        best = np.argsort(found.cost, kind="stable")[:count]
+        return found.take(best[np.isfinite(found.cost[best])])
 
     def _fresh(self, count: int) -> Candidates:
         if self.screened is None:
@@ -206,7 +225,7 @@ class _Search:
         if not (near or self.limits.only_family):
             return []
         if not self.reached and self.pool.cost.min() < _NEARER**2:
-            self.free_search(schedule.TO_THE_END[:1])
+            self.free_search(schedule.TO_THE_END[:2])
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
         return self.polished(max(top + 4, _FINISHED), 30 if near and not self.reached else _FEW_STEPS)
 
