@@ -95,11 +95,14 @@ def test_a_step_is_that_of_the_damped_rows_and_foretells_the_fall_of_their_cost(
         part = min(1.0, 1.5 / np.max(np.abs(wanted / scale)))
         assert np.max(np.abs(step)) <= 1.5 * (1 + 1e-12)
         if condition < 1e8:
-            allowed = 1e-14 * condition**2 * np.linalg.norm(wanted)
+            # of a fit with a residual (Golub and Van Loan, Matrix Computations, 5.3.7)
+            allowed = 1e-14 * condition**2 * np.linalg.norm(residual)
             np.testing.assert_allclose(step * scale, part * wanted, rtol=0, atol=allowed)
         fell = np.sum(residual**2) - np.sum((residual + jacobian @ step) ** 2)
         assert foretold >= 0
-        assert fell == pytest.approx(foretold, rel=1e-9, abs=1e-12 * np.sum(residual**2))
+        length = np.linalg.norm(residual)
+        rounding = 1e-13 * length * (length + np.linalg.norm(jacobian) * np.linalg.norm(step))
+        assert fell == pytest.approx(foretold, rel=1e-9, abs=rounding)
 
 
 @LAW
