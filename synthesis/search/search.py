@@ -41,7 +41,7 @@ _NEAR, _NEARER, _FINISHED = 1e-2, 1e-5, 12
 From the second on it does, in a narrow valley."""
 
 
-_BENT_BELOW = 1e-2
+_BENT_BELOW = 1e-3
 """J from which on valleys are narrow: steps are bent along them."""
 _EDGE_STARTS, _EDGE_SAMPLES = 24, 12
 _FEW_STEPS = 6
