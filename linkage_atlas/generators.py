@@ -249,8 +249,7 @@ def described(asked: Asked, found: list[Generator], sensitivity: bool, curves: b
     side = np.broadcast_to(np.array([one.branch for one in linkages])[:, None], (len(found), wanted.crank.size))
     passed = verdicts(linkages, start + wanted.crank, side, timed=True)
     back = turns_back(wanted, linkages)
-    shown = np.linspace(0.0, wanted.crank[-1], _SHOWN)
-    gaps = wanted.curve(shown) - rocker_angles(linkages, shown) - np.array([one.offset for one in found])[:, None]
+    drawn = _error_curves(asked, found) if curves else [None] * len(found)
     solutions = []
     for k, one in enumerate(found):
         faults = practical_faults(one, wanted.target)
@@ -272,10 +271,19 @@ def described(asked: Asked, found: list[Generator], sensitivity: bool, curves: b
                 determination=replace(determined, length_uncertainty=determined.length_uncertainty[_EXCHANGED]),
                 sensitivity=None if changes[k] is None else changes[k].rotation[_EXCHANGED] / radian,
                 rounded=None,
-                error_curve=(shown / radian, gaps[k] / radian) if curves else None,
+                error_curve=drawn[k],
             )
         )
     return solutions
+
+
+def _error_curves(asked: Asked, found: list[Generator]) -> list[tuple[Floats, Floats] | None]:
+    """Input and error of each generator over the interval."""
+    wanted, radian = asked.wanted, asked.radian
+    shown = np.linspace(0.0, wanted.crank[-1], _SHOWN)
+    gaps = wanted.curve(shown) - rocker_angles([one.linkage for one in found], shown)
+    gaps -= np.array([one.offset for one in found])[:, None]
+    return [(shown / radian, gap / radian) for gap in gaps]
 
 
 def rounded(asked: Asked, one: Generator, grid: float, work: Work) -> RoundedFunction | None:

@@ -1,7 +1,7 @@
 """Batched non-linear least squares by Levenberg and Marquardt: many starting points at once, knows no mechanism.
 
-Steps come from the singular values of the triangle of a QR decomposition, never from normal equations: in small spans of
-the crank the Jacobian's condition passes 1e8.
+Steps come from the triangle of a QR decomposition of the rows with the damping below them, never from normal equations: in
+small spans of the crank the Jacobian's condition passes 1e8.
 """
 
 from __future__ import annotations
@@ -91,48 +91,51 @@ def minimise(
         The best place of each candidate's way. Law: no candidate is worse than its starting point.
     """
     work = work or Work()
-    here = unknowns.copy()
-    cost, stack = evaluate(here, labels)
+    cost, stack = evaluate(unknowns, labels)
     size = stack.shape[1] - 1
-    best, least = here.copy(), cost.copy()
-    damped, growth, way = np.full(len(here), damping), np.full(len(here), 2.0), np.zeros((len(here), size))
-    triangle = _triangle(stack)
-    active = np.flatnonzero(np.isfinite(cost))
-    none, steps = np.empty(0, dtype=np.intp), 0
-    while steps < iterations and active.size and least.min() > tolerance**2 and not work.expired():
+    best, least = unknowns.copy(), cost.copy()
+    # the candidates still on their way, where they stand among all, and the least cost on each way
+    place = np.flatnonzero(np.isfinite(cost))
+    here, labels, cost, stack, lowest = unknowns[place], labels[place], cost[place], stack[place], cost[place]
+    damped, growth, way = np.full(place.size, damping), np.full(place.size, 2.0), np.zeros((place.size, size))
+    steps = 0
+    while steps < iterations and place.size and least.min() > tolerance**2 and not work.expired():
         steps += 1
-        upper, right = triangle[active, :size, :size], triangle[active, :size, size]
-        straight, damped_upper = _damped_solution(upper, right, damped[active])
-        longest = np.max(np.abs(straight), axis=1)
-        straight *= -np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
-        moved = np.einsum("nij,nj->ni", upper, straight)
-        predicted = -np.einsum("ni,ni->n", moved, moved + 2 * right)
-        trial, before = here[active], cost[active]
-        step, bent = straight, np.flatnonzero(before < bent_below**2) if residual is not None else none
-        if residual is not None and bent.size:
-            some, step = active[bent], straight.copy()
-            step[bent] = _bent(residual, here[some], labels[some], stack[some], straight[bent], damped_upper[bent])
+        straight, upper, predicted = _damped_steps(stack, damped)
+        bent = cost < (bent_below**2 if residual is not None else 0.0)
+        step = straight
+        if residual is not None and bent.any():
+            some: Any = slice(None) if bent.all() else bent
+            step = straight.copy()
+            step[some] = _bent(residual, here[some], labels[some], stack[some], straight[some], upper[some])
+        trial = here.copy()
         trial[:, :size] += step
-        new = evaluate(trial, labels[active])
-        decrease = before - new.cost
+        new = evaluate(trial, labels)
+        decrease = cost - new.cost
         better = decrease > 0
-        taken = better.copy()
-        taken[bent] |= goes_on(straight[bent], way[active[bent]], new.cost[bent], least[active[bent]])
-        took, refused = active[taken], active[~taken]
-        here[took], cost[took], way[took] = trial[taken], new.cost[taken], straight[taken]
-        stack[took], triangle[took] = new.stack[taken], _triangle(new.stack[taken])
-        lower = took[cost[took] < least[took]]
-        best[lower], least[lower] = here[lower], cost[lower]
+        finished = (better & (decrease < stall * cost)) | (cost < 1e-30)
+        taken, uphill = better, bent & ~better
+        if uphill.any():
+            taken = better.copy()
+            taken[uphill] = goes_on(straight[uphill], way[uphill], new.cost[uphill], lowest[uphill])
         # Nielsen's rule (Madsen, Nielsen, Tingleff, Methods for non-linear least squares problems, 3.2)
-        fell = active[better]
-        gain = np.clip(decrease[better] / np.maximum(predicted[better], 1e-300), 0, 1)
-        damped[fell] = np.maximum(damped[fell] * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), 1e-20)
-        growth[took] = 2.0
-        damped[refused] *= growth[refused]
-        growth[refused] *= 2
-        stalled = better & (decrease < stall * before)
-        finished = stalled | (damped[active] > 1e10) | (before < 1e-30)
-        active = active[~finished]
+        gain = np.clip(decrease / np.maximum(predicted, 1e-300), 0, 1)
+        shrunk = np.maximum(damped * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), 1e-20)
+        damped = np.where(better, shrunk, np.where(taken, damped, damped * growth))
+        growth = np.where(taken, 2.0, 2 * growth)
+        finished |= damped > 1e10
+        if not taken.all():
+            refused = ~taken
+            for column, values in ((trial, here), (new.cost, cost), (new.stack, stack), (straight, way)):
+                column[refused] = values[refused]
+        here, cost, stack, way = trial, new.cost, new.stack, straight
+        lower = cost < lowest
+        best[place[lower]], least[place[lower]] = here[lower], cost[lower]
+        lowest = np.minimum(lowest, cost)
+        if finished.any():
+            left = ~finished
+            place, here, labels, cost, stack = place[left], here[left], labels[left], cost[left], stack[left]
+            lowest, damped, growth, way = lowest[left], damped[left], growth[left], way[left]
     return Minima(best, least)
 
 
@@ -147,17 +150,22 @@ def goes_on(step: Floats, before: Floats, cost: Floats, least: Floats) -> NDArra
     return taken
 
 
-def _damped_solution(upper: Floats, right: Floats, damping: Floats) -> tuple[Floats, Floats]:
-    """Least-squares solutions of ``upper @ step = right`` with Marquardt's damping, by QR of both; and R."""
-    size = upper.shape[1]
-    norms = np.maximum(np.sqrt(np.einsum("nij,nij->nj", upper, upper)), 1e-12)
-    system = np.zeros((len(upper), 2 * size, size + 1))
-    system[:, :size, :size], system[:, :size, size] = upper, right
-    diagonal = np.arange(size)
-    system[:, size + diagonal, diagonal] = np.sqrt(damping)[:, None] * norms
-    small: Any = np.linalg.qr(system, mode="r")
-    damped_upper = small[:, :size, :size]
-    return np.linalg.solve(damped_upper, small[:, :size, size:])[:, :, 0], damped_upper
+def _damped_steps(stack: Floats, damping: Floats) -> tuple[Floats, Floats, Floats]:
+    """Steps (n, m) with Marquardt's damping, R of the damped rows (n, m, m), and by how much a linear model's cost falls."""
+    count, columns, rows = stack.shape
+    size, diagonal = columns - 1, np.arange(columns - 1)
+    ridge = damping[:, None] * np.maximum(np.einsum("nij,nij->ni", stack, stack)[:, :size], 1e-24)
+    system = np.zeros((count, columns, rows + size))
+    system[:, :, :rows] = stack
+    system[:, diagonal, rows + diagonal] = np.sqrt(ridge)
+    triangle: Any = np.linalg.qr(system.transpose(0, 2, 1), mode="r")
+    upper, right = triangle[:, :size, :size], triangle[:, :size, size:]
+    step = np.linalg.solve(upper, right)[:, :, 0]
+    part = np.minimum(1.0, _LONGEST_STEP / np.maximum(np.abs(step).max(axis=1), 1e-300))
+    step *= -part[:, None]
+    # |r|^2 - |r + J s|^2 with J^T r = R^T right: a sum of positive terms
+    fall = part * (2 - part) * np.einsum("nij,nij->n", right, right) + np.einsum("ni,ni,ni->n", ridge, step, step)
+    return step, upper, fall
 
 
 def _bent(
@@ -182,12 +190,3 @@ def _bent(
         bend = -np.linalg.solve(damped_upper, np.linalg.solve(damped_upper.transpose(0, 2, 1), right))[:, :, 0]
         small = np.sqrt(np.einsum("nj,nj->n", bend, bend)) < _BENT * length
     return np.where(small[:, None], step + bend, step)
-
-
-def _triangle(stack: Floats) -> Floats:
-    """R of the QR decomposition of derivatives and residual as columns, (n, m + 1, m + 1)."""
-    columns = stack.transpose(0, 2, 1)
-    if (missing := columns.shape[2] - columns.shape[1]) > 0:
-        columns = np.concatenate([columns, np.zeros((len(columns), missing, columns.shape[2]))], axis=1)
-    triangle: Any = np.linalg.qr(columns, mode="r")
-    return triangle

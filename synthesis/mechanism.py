@@ -71,6 +71,10 @@ class Chart(Protocol):
     def hop(self) -> Floats:
         """Scale of the perturbations of unknowns and start that reach other valleys, (k + 1,)."""
 
+    @property
+    def edges(self) -> Floats:
+        """Unknowns of shapes at the chart's far ends, where coarse types have no neighbours, (e, k)."""
+
     def shape(self, unknowns: Floats) -> Shape:
         """Shapes at unknowns (n, k)."""
 

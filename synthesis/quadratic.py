@@ -41,35 +41,38 @@ def minimise_quadratics(
         Law: every z lies inside; none is worse than its beginning by more than rounding. A member gives the same in any batch
         to rounding.
     """
-    z = inside.copy()
-    slack = np.einsum("nmk,nk->nm", matrix, z) + bound
+    slack = np.einsum("nmk,nk->nm", matrix, inside) + bound
     count = slack.shape[1]
     scale = np.maximum(1.0, np.abs(gradient).max(axis=1))
     multiplier = np.minimum(scale[:, None] / np.maximum(slack, 1e-12) * 0.1, 1e6)
-    transposed = matrix.transpose(0, 2, 1)
-    running, fine = np.arange(len(z)), np.broadcast_to(accuracy, len(z))
+    found = inside.copy(), multiplier.copy()
+    # the members that have not ended, and where they stand among all
+    place, z, y, dual, fine = np.arange(len(slack)), inside, slack, multiplier, np.broadcast_to(accuracy, len(slack))
     for _ in range(_ITERATIONS):
-        y, dual, a, at = slack[running], multiplier[running], matrix[running], transposed[running]
-        rest = np.einsum("nij,nj->ni", hessian[running], z[running]) + gradient[running]
-        rest -= np.einsum("nkm,nm->nk", at, dual)
+        at = matrix.transpose(0, 2, 1)
+        rest = np.einsum("nij,nj->ni", hessian, z) + gradient - (at @ dual[:, :, None])[:, :, 0]
         gap = np.einsum("nm,nm->n", y, dual) / count
-        done = (gap * count <= fine[running]) & (np.abs(rest).max(axis=1) <= 1e-6 * scale[running])
+        done = (gap * count <= fine) & (np.abs(rest).max(axis=1) <= 1e-6 * scale)
         if done.any():
+            for column, values in zip(found, (z, dual)):
+                column[place[done]] = values[done]
             keep = ~done
-            running, y, dual, a, at, rest, gap = (one[keep] for one in (running, y, dual, a, at, rest, gap))
-        if not running.size:
+            place, z, y, dual, fine, scale = (one[keep] for one in (place, z, y, dual, fine, scale))
+            hessian, gradient, matrix, rest, gap = (one[keep] for one in (hessian, gradient, matrix, rest, gap))
+            at = matrix.transpose(0, 2, 1)
+        if not place.size:
             break
-        newton = _Newton.of(hessian[running], a, at, y, dual, rest)
+        newton = _Newton.of(hessian, matrix, at, y, dual, rest)
         _, along, change = newton.solve(np.zeros(len(y)), 0.0)
         both = _longest(y, along), _longest(dual, change)
         ahead = np.einsum("nm,nm->n", y + both[0][:, None] * along, dual + both[1][:, None] * change) / count
         centre = gap * np.clip(ahead / gap, 0.0, 1.0) ** 3
         step, along, change = newton.solve(centre, along * change)
         length, dual_length = _SHARE * _longest(y, along), _SHARE * _longest(dual, change)
-        z[running] += length[:, None] * step
-        slack[running] = y + length[:, None] * along
-        multiplier[running] = dual + dual_length[:, None] * change
-    return z, multiplier
+        z, y, dual = z + length[:, None] * step, y + length[:, None] * along, dual + dual_length[:, None] * change
+    for column, values in zip(found, (z, dual)):
+        column[place] = values
+    return found
 
 
 class _Newton(NamedTuple):
@@ -109,6 +112,4 @@ class _Newton(NamedTuple):
 
 def _longest(values: Floats, change: Floats) -> Floats:
     """The longest part, at most 1 / `_SHARE`, of a change that leaves positive values (n, m) positive, (n,)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(change < 0, -values / change, np.inf)
-    return np.minimum(1.0 / _SHARE, reach.min(axis=1))
+    return 1 / np.maximum(_SHARE, -(change / values).min(axis=1))

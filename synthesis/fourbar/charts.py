@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -50,8 +51,18 @@ class _Closing(Protocol):
         """Shapes at unknowns (n, k)."""
 
 
+_FAR = (-8.0, -5.0, -2.5, 2.5, 5.0, 8.0)
+
+
 class Evaluated:
     """What all charts of the four-bar share: the evaluation of coupler angles, from shape, sheet and whether it always closes."""
+
+    cell: Floats
+
+    @property
+    def edges(self) -> Floats:
+        """None, where a chart names no shapes at its far ends."""
+        return np.empty((0, len(self.cell) - 1))
 
     def prepared(self: _Closing, target: Target) -> CouplerAngles:
         """The evaluation of candidates over a target's samples."""
@@ -81,26 +92,28 @@ class FullCrankChart(Evaluated):
     always_closes = True
     cell = np.array([0.7, 1.0, 1.0, 0.6])
     hop = np.array([0.7, 1.5, 1.5, 0.4])
+    edges = np.array(list(product(_FAR, (-8.0, -4.0, -2.0, -0.5, 0.5, 2.0, 4.0), _FAR)))
+    """Near one change point or two."""
     LIMITS = np.array([16.0, 30.0, 17.0])
     """Largest |p|, |u|, |w|: beyond, the lengths no longer change in double precision."""
 
     def shape(self, unknowns: Floats) -> FourBarShape:
         """Shapes at unknowns (n, 3)."""
-        p, u, w = np.clip(unknowns, -self.LIMITS, self.LIMITS).T
-        l1, l4 = 1 / (1 + np.exp(-p)), 1 / (1 + np.exp(p))
-        gap, excess = np.abs(np.tanh(p / 2)), np.exp(u)
-        share, fall = np.tanh(w), 1 / np.cosh(w) ** 2
-        half = gap * share / 2
-        middle = (1 + excess) / 2
-        lengths = np.stack([l1, middle + half, middle - half, l4], axis=-1)
-        jacobian = np.zeros((*lengths.shape, 3))
-        step = l1 * l4
+        p, u, w = np.minimum(np.maximum(unknowns, -self.LIMITS), self.LIMITS).T
+        ratio, excess = np.exp(p), np.exp(u)
+        l4 = 1 / (1 + ratio)
+        l1 = ratio * l4
+        gap, share, fall = np.abs(np.tanh(0.5 * p)), np.tanh(w), 1 / np.cosh(w) ** 2
+        half, middle, step, height = 0.5 * gap * share, 0.5 + 0.5 * excess, l1 * l4, 0.5 * excess
+        lengths = np.empty((len(p), 4))
+        lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3] = l1, middle + half, middle - half, l4
+        jacobian = np.zeros((len(p), 4, 3))
         jacobian[:, 0, 0], jacobian[:, 3, 0] = step, -step
-        jacobian[:, 1, 0] = np.sign(p) * step * share
-        jacobian[:, 2, 0] = -jacobian[:, 1, 0]
-        jacobian[:, 1, 1] = jacobian[:, 2, 1] = excess / 2
-        jacobian[:, 1, 2] = gap * fall / 2
-        jacobian[:, 2, 2] = -jacobian[:, 1, 2]
+        step = np.copysign(step, p) * share
+        jacobian[:, 1, 0], jacobian[:, 2, 0] = step, -step
+        jacobian[:, 1, 1] = jacobian[:, 2, 1] = height
+        step = 0.5 * gap * fall
+        jacobian[:, 1, 2], jacobian[:, 2, 2] = step, -step
         return FourBarShape(lengths, excess * (2 + excess), gap**2 * fall, jacobian)
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
@@ -211,46 +224,64 @@ def _angles(
     """theta2 of shapes at theta1 (n, N), with half = e^{i theta1 / 2}; ``closes`` says from X and Y who closes."""
     lengths = shape.lengths[:, :, None]
     l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
-    sine, cosine = half.imag, half.real
-    product = 4 * l1 * l4
-    reach = product * (sine * sine)
-    x = shape.x0[:, None] + product * (cosine * cosine)
-    y = shape.y0[:, None] + reach
-    gap = l4 - l1
-    r2 = gap * gap + reach
+    sine, cosine = half.imag.copy(), half.real.copy()
+    gap, product = l4 - l1, 4 * l1 * l4
+    square, both = sine * sine, sine * cosine
+    reach = product * square
+    cosine *= cosine
+    cosine *= product
+    x, y, r2 = shape.x0[:, None] + cosine, shape.y0[:, None] + reach, gap * gap + reach
     possible = closes(x, y)
     if possible is not True:
         x, y, r2 = (np.where(possible[:, None], value, 1.0) for value in (x, y, r2))
     # theta2 as in `kinematics`, where the two forms of arg(B - D) are explained. 2 L2 r cos(mu) = r^2 + L2^2 - L3^2 and
     # 2 L2 r sin(mu) = sqrt(X Y): not the last digit of that form, but X and Y are as good as there.
-    small = np.minimum(l1, l4)
-    lag = np.arctan2(np.copysign(2 * small, -gap) * (sine * cosine), np.abs(gap) + 2 * small * (sine * sine))
-    root = np.sqrt(x * y)
-    angle = lag + side * np.arctan2(root, r2 + (l2 - l3) * (l2 + l3))
-    ahead = np.flatnonzero(gap[:, 0] < 0)
+    twice = 2 * np.minimum(l1, l4)
+    x *= y
+    root = np.sqrt(x, out=x)
+    r2 += (l2 - l3) * (l2 + l3)
+    angle = np.arctan2(root, r2)
+    angle *= side
+    angle += np.arctan2(np.copysign(twice, -gap) * both, np.abs(gap) + twice * square)
+    ahead = np.flatnonzero(gap < 0)
     if ahead.size:
         angle[ahead] += theta1[ahead] - np.pi
     phasor = np.empty(angle.shape, dtype=complex)
-    np.cos(angle, out=phasor.real)
-    np.sin(angle, out=phasor.imag)
-    slope = _slope(shape, half * half, phasor, root, side) if derivatives else None
+    phasor.real, phasor.imag = turned = np.cos(angle), np.sin(angle)
+    slope = None
+    if derivatives:
+        square *= -2
+        square += 1
+        both *= 2
+        slope = _slope(shape, (square, both), turned, root, side)
     return BodyAngles(angle, phasor, slope, possible)
 
 
-def _slope(shape: FourBarShape, turned: Complexes, phasor: Complexes, root: Floats, side: Floats) -> Floats:
-    """d theta2 by the chart's unknowns and theta1', (n, k + 1, N)."""
+def _slope(
+    shape: FourBarShape, crank: tuple[Floats, Floats], coupler: tuple[Floats, Floats], root: Floats, side: Floats
+) -> Floats:
+    """d theta2 by the chart's unknowns and theta1', (n, k + 1, N), from cosine and sine of both angles, (n, N) each."""
     lengths = shape.lengths[:, :, None]
     l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
-    rocker = np.conj(l1 * turned + l2 * phasor - l4) / l3
-    cross = turned * rocker
+    (cos1, sin1), (cos2, sin2) = crank, coupler
+    # e^{i theta3} from the loop
+    cos3, sin3 = l1 * cos1, l1 * sin1
+    cos3 += l2 * cos2
+    cos3 -= l4
+    cos3 /= l3
+    sin3 += l2 * sin2
+    sin3 /= l3
     by_length = np.empty((len(root), 4, root.shape[1]))
-    by_length[:, 0] = cross.real
-    by_length[:, 1] = (phasor * rocker).real
+    np.add(cos1 * cos3, sin1 * sin3, out=by_length[:, 0])
+    np.add(cos2 * cos3, sin2 * sin3, out=by_length[:, 1])
     by_length[:, 2] = -1.0
-    np.negative(rocker.real, out=by_length[:, 3])
+    np.negative(cos3, out=by_length[:, 3])
     slope = np.empty((len(root), shape.jacobian.shape[2] + 1, root.shape[1]))
     np.matmul(shape.jacobian.transpose(0, 2, 1), by_length, out=slope[:, :-1])
-    np.multiply(-l1, cross.imag, out=slope[:, -1])
+    cos3 *= sin1
+    sin3 *= cos1
+    sin3 -= cos3
+    np.multiply(l1, sin3, out=slope[:, -1])
     # one over L2 sin(theta2 - theta3); bounded, so that a dead position stops a step and not the program
     lever = -2 * side * l3 / np.maximum(root, 1e-8)
     slope *= lever[:, None, :]

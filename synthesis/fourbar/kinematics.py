@@ -83,6 +83,14 @@ def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
     return found[..., 0], found[..., 1], found[..., 2]
 
 
+_CHANGE_POINT = 8
+_BY_SIGNS = np.full(9, Family.TRIPLE_ROCKER, dtype=object)
+"""The family by which of the three excesses are above zero, as bits."""
+_BY_SIGNS[0b111], _BY_SIGNS[0b001] = Family.CRANK_ROCKER, Family.DOUBLE_CRANK
+_BY_SIGNS[0b100], _BY_SIGNS[0b010] = Family.ROCKER_CRANK, Family.DOUBLE_ROCKER
+_BY_SIGNS[_CHANGE_POINT] = Family.CHANGE_POINT
+
+
 def family(lengths: ArrayLike) -> NDArray[np.object_]:
     """The `Family` of each linkage.
 
@@ -97,12 +105,9 @@ def family(lengths: ArrayLike) -> NDArray[np.object_]:
         double-rocker and rocker-crank change places.
     """
     a, b, c = grashof_excesses(_scaled(lengths)[0])
-    names = np.full(np.shape(a), Family.TRIPLE_ROCKER, dtype=object)
-    names[...] = np.where((a > 0) & (b > 0) & (c > 0), Family.CRANK_ROCKER, names)
-    names[...] = np.where((a < 0) & (b < 0) & (c > 0), Family.DOUBLE_CRANK, names)
-    names[...] = np.where((a > 0) & (b < 0) & (c < 0), Family.ROCKER_CRANK, names)
-    names[...] = np.where((a < 0) & (b > 0) & (c < 0), Family.DOUBLE_ROCKER, names)
-    names[...] = np.where((a == 0) | (b == 0) | (c == 0), Family.CHANGE_POINT, names)
+    signs = 4 * (a > 0) + 2 * (b > 0) + (c > 0)
+    names = np.empty(np.shape(a), dtype=object)
+    names[...] = _BY_SIGNS[np.where((a == 0) | (b == 0) | (c == 0), _CHANGE_POINT, signs)]
     return names
 
 
@@ -244,19 +249,23 @@ def close_loop(lengths: ArrayLike, crank_angle: ArrayLike) -> Closure:
     scaled, exponent = _scaled(lengths)
     a, b, c = grashof_excesses(scaled)
     angle = np.asarray(crank_angle, dtype=float)
-    angle = np.where(np.isfinite(angle), angle, np.nan)
+    if not (finite := np.isfinite(angle)).all():
+        angle = np.where(finite, angle, np.nan)
     scaled = scaled[..., None, :]
     l1, l4 = scaled[..., 0], scaled[..., 3]
     product = 4 * l1 * l4
-    sine2, cosine2 = np.sin(angle / 2) ** 2, np.cos(angle / 2) ** 2
-    x = (c * scaled[..., 0, :].sum(-1))[..., None] + product * cosine2
-    y = (a * b)[..., None] + product * sine2
-    r = np.sqrt((l4 - l1) ** 2 + product * sine2)
-    # X0 < 0: both terms of X may dwarf it; then its own factors lose less.
-    longest = scaled[..., 1] + scaled[..., 2]
-    x = np.where((c[..., None] < 0) & (product * cosine2 > longest**2), (longest - r) * (longest + r), x)
+    half = angle / 2
+    sine2, cosine2 = product * np.sin(half) ** 2, product * np.cos(half) ** 2
+    x = (c * scaled[..., 0, :].sum(-1))[..., None] + cosine2
+    y = (a * b)[..., None] + sine2
+    r = np.sqrt((l4 - l1) ** 2 + sine2)
+    if np.any(negative := c[..., None] < 0):
+        # X0 < 0: both terms of X may dwarf it; then its own factors lose less.
+        longest = scaled[..., 1] + scaled[..., 2]
+        x = np.where(negative & (cosine2 > longest**2), (longest - r) * (longest + r), x)
     closed = (x >= 0) & (y >= 0) & (r > 0)
-    x, y = np.where(closed, x, np.nan), np.where(closed, y, np.nan)
+    if not closed.all():
+        x, y = np.where(closed, x, np.nan), np.where(closed, y, np.nan)
     shape = closed.shape
     return Closure(
         np.broadcast_to(scaled, (*shape[:-1], 1, 4)), np.broadcast_to(angle, shape), x, y, r, closed, exponent

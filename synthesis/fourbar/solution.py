@@ -114,6 +114,23 @@ def four(lengths: Iterable[float]) -> tuple[float, float, float, float]:
     return crank, coupler, rocker, ground
 
 
+def how_they_turn(links: Floats, used: Interval) -> list[tuple[Family, float, float | None]]:
+    """Of each linkage (n, 4) the family, and the smallest transmission angle over the used interval and over the whole turn.
+
+    The first is 0 where the linkage does not close over its interval of theta1, the second None where its crank does not turn.
+    """
+    first, last = (
+        np.stack([np.broadcast_to(end, len(links)), np.full(len(links), whole)])
+        for end, whole in zip(used, (0.0, np.pi))
+    )
+    smallest, turn = transmission_angle_over(links, Interval(first, last))
+    families = [Family(one) for one in family(links)]
+    return [
+        (one, least, least_turn if one in FULL_CRANK else None)
+        for one, least, least_turn in zip(families, np.nan_to_num(smallest).tolist(), turn.tolist())
+    ]
+
+
 def assess(target: Target, linkages: list[Linkage], rows: list[int] | None = None) -> list[Solution]:
     """Linkages with their errors: the best offset of the rotation, and all else recomputed from their own numbers.
 
@@ -131,14 +148,11 @@ def assess(target: Target, linkages: list[Linkage], rows: list[int] | None = Non
     """
     if not linkages:
         return []
-    count = len(linkages)
     links = np.array([one.links for one in linkages])
     start = np.array([one.start for one in linkages])
     crank = start[:, None] + target.crank
     angle = principal(close_loop(links, crank).coupler_angle(np.array([one.branch for one in linkages])))
-    families = family(links)
-    used = np.nan_to_num(transmission_angle_over(links, target.interval.after(start)))
-    turn = transmission_angle_over(links, Interval(np.zeros(count), np.full(count, np.pi)))
+    turning = how_they_turn(links, target.interval.after(start))
     points = None
     if target.position is not None:
         points = np.stack([one.body_point(crank[k], angle[k]) for k, one in enumerate(linkages)])
@@ -150,9 +164,7 @@ def assess(target: Target, linkages: list[Linkage], rows: list[int] | None = Non
             Solution(
                 replace(one, body_offset=None if offset is None else offset - one.ground_angle),
                 errors[k],
-                Family(families[k]),
-                float(used[k]),
-                float(turn[k]) if families[k] in FULL_CRANK else None,
+                *turning[k],
                 None if rows is None else rows[k],
             )
         )

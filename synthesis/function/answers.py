@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.kinematics import FULL_CRANK, Family, close_loop, family, principal, transmission_angle_over
+from synthesis.fourbar.kinematics import Family, close_loop, principal
+from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.mechanism import FourBar
+from synthesis.fourbar.solution import how_they_turn
 from synthesis.function.wanted import Wanted
 from synthesis.pose import rotation_residual, whole_turns
-from synthesis.target import Interval
+from synthesis.target import Target
 
 Floats = NDArray[np.float64]
 
@@ -214,20 +217,37 @@ def finished(
     if not largest:
         objective, worst = rms, np.abs(wanted.mean.given(residual)).max(axis=1)
     links, start = np.array([one.links for one in linkages]), np.array([one.start for one in linkages])
-    used = np.nan_to_num(transmission_angle_over(links, wanted.interval.after(start)))
-    turn = transmission_angle_over(links, Interval(np.zeros(len(links)), np.full(len(links), np.pi)))
-    families = family(links)
+    turning = how_they_turn(links, wanted.interval.after(start))
     return [
         Generator(
             one,
             float(offset[k]),
             FunctionErrors(float(rms[k]), float(worst[k]), counts[k], float(objective[k])),
-            Family(families[k]),
-            float(used[k]),
-            float(turn[k]) if families[k] in FULL_CRANK else None,
+            *turning[k],
         )
         for k, one in enumerate(linkages)
     ]
+
+
+class Generators(FourBar):
+    """The four-bar as the search for motions sees it, whose answers are function generators of a ground's length.
+
+    The search is for linkages with coupler and rocker exchanged.
+    """
+
+    def __init__(self, wanted: Wanted, ground: float) -> None:
+        self.wanted, self.ground = wanted, ground
+
+    def assess(self, target: Target, linkages: Sequence[Linkage], rows: list[int] | None = None) -> list[Any]:
+        """Linkages exchanged back, as generators with the errors of their rockers."""
+        return finished(self.wanted, [exchanged(one).scaled(self.ground) for one in linkages], False)
+
+    def within(self, target: Target, limits: Limits, solutions: list[Any]) -> list[Any]:
+        """Those of the family that close over the interval."""
+        if not solutions:
+            return []
+        kept = in_family(limits.family, np.array([one.linkage.links for one in solutions]))
+        return [one for one, keep in zip(solutions, kept) if keep and one.transmission_angle_min > 0]
 
 
 def turns_back(wanted: Wanted, linkages: Sequence[Linkage]) -> list[str | None]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four
-from synthesis.function.answers import PEAKS, Generator, exchanged, extremes, finished, look, turns_back
+from synthesis.function.answers import PEAKS, Generator, Generators, exchanged, extremes, finished, look, turns_back
 from synthesis.function.bounds import FunctionLimits
 from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, apart, descend
 from synthesis.function.problem import Problem
@@ -353,9 +353,8 @@ def generate(
         return [one.mirrored() for one in found], report
     other = limits.exchanged()
     if not largest and limits.only_family:
-        motion, report = search(tables, wanted.target, Limits(family=limits.family), top, tolerance, work)
-        linkages = [exchanged(one.linkage).scaled(limits.ground) for one in motion]
-        found = [one for one in finished(wanted, linkages, False) if one.transmission_angle_min > 0]
+        mechanism = Generators(wanted, limits.ground)
+        found, report = search(tables, wanted.target, Limits(family=limits.family), top, tolerance, work, mechanism)
         given = wanted.start is not None or wanted.offset is not None
         if not given or Status.of(found, tolerance) is Status.REACHED or work.expired():
             return found, report

@@ -134,7 +134,7 @@ class _Descents:
         shape = chart.unknowns(np.array([one.links for one in linkages]))
         unknowns = np.column_stack([shape, [one.start for one in linkages]])
         branch = np.array([float(one.branch) for one in linkages])
-        found = minimise(problem.evaluate, unknowns, branch, _STEPS, 0.0, self.work)
+        found = minimise(problem.evaluate, unknowns, branch, _STEPS, 0.0, self.work, residual=problem.residual)
         closes = np.isfinite(found.cost)
         ends, branch = found.unknowns[closes], branch[closes]
         lengths = chart.shape(ends[:, :-1]).lengths

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 
 class Fresh(NamedTuple):
     """The next best starts of the coarse table, up to ``most`` of each branch in all rounds."""
@@ -28,7 +30,13 @@ class Hops(NamedTuple):
     copies: int
 
 
-Source = Fresh | Best | Hops
+class Edges(NamedTuple):
+    """The best starts of shapes at the far ends of the chart, where the coarse table has none."""
+
+    most: int
+
+
+Source = Fresh | Best | Hops | Edges
 
 
 class Round(NamedTuple):
@@ -38,17 +46,26 @@ class Round(NamedTuple):
     iterations: int
     """Steps of the descent."""
     reason: str
+    near: float = np.inf
+    """The round is left out where the least J so far is above it."""
+    damping: float = 1e-3
+    """Of the first step."""
 
+
+_GOING_ON = 1e-6
+"""Damping of descents that go on where others ended."""
 
 FIRST_LOOK = (
     Round((Fresh(16),), 15, "half of all reachable motions end here"),
+    Round((Best(8),), 60, "narrow valleys: short spans and short cranks", near=1e-4, damping=_GOING_ON),
     Round((Fresh(60), Best(12)), 20, "more valleys, and the best so far go on"),
 )
 """Before a search within limits: most exact answers are found here."""
 
 TO_THE_END = (
-    Round((Best(12),), 1000, "narrow valleys take many steps"),
+    Round((Best(12),), 1000, "narrow valleys take many steps", damping=_GOING_ON),
+    Round((Edges(100),), 30, "next to change points"),
     Round((Hops(40, 12),), 100, "short spans and change points: hops from many places"),
-    Round((Best(12),), 1000, "what still falls, to its end"),
+    Round((Best(12),), 1000, "what still falls, to its end", damping=_GOING_ON),
 )
 """Where an exact answer is near."""

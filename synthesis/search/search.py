@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.least_squares import minimise
-from synthesis.mechanism import Chart, Limits
+from synthesis.mechanism import Chart, Limits, Mechanism
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search import schedule
 from synthesis.search.limited import LimitedSearch
@@ -26,7 +26,7 @@ from synthesis.search.projected import ProjectedProblem
 from synthesis.search.schedule import Round
 from synthesis.search.seeds import Candidates, SeedTables
 from synthesis.search.windows import Windows
-from synthesis.target import Target
+from synthesis.target import TURN, Target
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
@@ -43,6 +43,7 @@ From the second on it does, in a narrow valley."""
 
 _BENT_BELOW = 1e-3
 """J from which on valleys are narrow: steps are bent along them."""
+_EDGE_STARTS, _EDGE_SAMPLES = 24, 12
 _FEW_STEPS = 6
 """That are worth while for alternatives to an exact answer."""
 
@@ -81,9 +82,15 @@ class _Search:
     """One request's search, in one chart at a time."""
 
     def __init__(
-        self, tables: SeedTables, target: Target, limits: Limits, tolerance: float, work: Work, chart: Chart
+        self,
+        tables: SeedTables,
+        target: Target,
+        limits: Limits,
+        tolerance: float,
+        work: Work,
+        mechanism: Mechanism | None = None,
     ) -> None:
-        self.tables, self.mechanism = tables, tables.mechanism
+        self.tables, self.mechanism = tables, mechanism or tables.mechanism
         self.target, self.limits, self.tolerance, self.work = target, limits, tolerance, work
         self.thin_target = target.thinned(SEARCH_SAMPLES)
         self.trace: list[tuple[float, float]] = []
@@ -92,7 +99,7 @@ class _Search:
         self.random = np.random.default_rng(20)
         self.screened: Candidates | None = None
         self.taken = 0
-        self.use(chart)
+        self.use(self.mechanism.charts(limits.family)[0])
 
     def use(self, chart: Chart) -> None:
         """Go on in another chart, with an empty pool."""
@@ -112,6 +119,8 @@ class _Search:
                 return self._fresh(source.most)
             case schedule.Best():
                 return self.pool.thinned(source.most)
+            case schedule.Edges():
+                return self._edges(source.most)
             case schedule.Hops():
                 best = self.pool.thinned(source.origins)
                 size = (len(best.branch) * source.copies, len(self.chart.hop))
@@ -121,6 +130,22 @@ class _Search:
                     noise[:, -1] = 0.0
                 unknowns = unknowns + noise
                 return Candidates(unknowns, np.repeat(best.branch, source.copies), np.full(len(unknowns), np.inf))
+
+    def _edges(self, count: int) -> Candidates:
+        shapes, starts = self.chart.edges, np.arange(_EDGE_STARTS) * (TURN / _EDGE_STARTS)
+        if self.target.start is not None:
+            starts = np.array([self.target.start % TURN])
+        size = len(shapes) * starts.size
+        each = np.column_stack([np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))])
+        few = ProjectedProblem(self.thin_target.thinned(_EDGE_SAMPLES), self.chart)
+        found = Candidates.none(len(self.chart.cell))
+        for branch in self.mechanism.branches if size else ():
+            side = np.full(size, float(branch))
+            cost = few.evaluate(each, side, derivatives=False).cost.reshape(-1, starts.size)
+            best = cost.argmin(axis=1) + starts.size * np.arange(len(shapes))
+            found = found.joined(Candidates(each[best], side[best], cost.ravel()[best]))
+        best = np.argsort(found.cost, kind="stable")[:count]
+        return found.take(best[np.isfinite(found.cost[best])])
 
     def _fresh(self, count: int) -> Candidates:
         if self.screened is None:
@@ -136,6 +161,8 @@ class _Search:
     def free_search(self, rounds: Sequence[Round]) -> None:
         """Rounds without limits until reached, out of time or out of rounds."""
         for one in rounds:
+            if self.pool.cost.min(initial=np.inf) > one.near**2:
+                continue
             seeds = self.draw(one.sources)
             self.seeds += len(seeds.branch)
             found = minimise(
@@ -146,6 +173,7 @@ class _Search:
                 0.3 * self.tolerance,
                 self.work,
                 residual=self.problem.residual,
+                damping=one.damping,
                 bent_below=_BENT_BELOW,
             )
             self.pool = self.pool.joined(Candidates(found.unknowns, seeds.branch, found.cost))
@@ -197,7 +225,7 @@ class _Search:
         if not (near or self.limits.only_family):
             return []
         if not self.reached and self.pool.cost.min() < _NEARER**2:
-            self.free_search(schedule.TO_THE_END[:1])
+            self.free_search(schedule.TO_THE_END[:2])
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
         return self.polished(max(top + 4, _FINISHED), 30 if near and not self.reached else _FEW_STEPS)
 
@@ -261,6 +289,7 @@ def search(
     top: int,
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
+    mechanism: Mechanism | None = None,
 ) -> tuple[list[Any], SearchReport]:
     """The best linkages for a motion.
 
@@ -276,6 +305,8 @@ def search(
         Stop the search when the objective is below it.
     work : Work, optional
         Once it has expired the best found so far is returned.
+    mechanism : Mechanism, optional
+        Moves as that of the tables, and makes other solutions of linkages. Default: that of the tables.
 
     Returns
     -------
@@ -286,8 +317,7 @@ def search(
     clockwise = target.clockwise
     if clockwise:  # a mirror image: one search serves both
         target, limits = target.mirrored(), limits.mirrored()
-    first = tables.mechanism.charts(limits.family)[0]
-    run = _Search(tables, target, limits, tolerance, work or Work(), first)
+    run = _Search(tables, target, limits, tolerance, work or Work(), mechanism)
     solutions = run.look(schedule.FIRST_LOOK, top) if limits.only_family else []
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
     if not (run.done(solutions) or (solutions and run.reached)):
@@ -311,7 +341,7 @@ def first_look(tables: SeedTables, target: Target, limits: Limits, count: int, w
         At most so many.
     work : Work
     """
-    run = _Search(tables, target, limits, DEFAULT_TOLERANCE, work, tables.mechanism.charts(limits.family)[0])
+    run = _Search(tables, target, limits, DEFAULT_TOLERANCE, work)
     run.free_search(schedule.FIRST_LOOK)
     best = run.pool.thinned(count)
     return Starts(run.chart.shape(best.unknowns[:, :-1]).lengths, best.branch, best.unknowns[:, -1])

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.least_squares import Evaluation, minimise
+from synthesis.least_squares import Evaluation, _damped_steps, minimise
 from synthesis.work import Work
 
 LAW = settings(derandomize=True, deadline=None, max_examples=30)
@@ -72,6 +72,37 @@ def test_a_linear_fit_is_that_of_lstsq(seed, size, further) -> None:
     # the cost is flat at its least: half of its digits are left of the unknowns
     tolerance = 1e-6 * np.linalg.cond(matrix)
     np.testing.assert_allclose(found.unknowns[0], solution, rtol=0, atol=tolerance)
+
+
+@LAW
+@given(st.integers(0, 10_000), st.integers(1, 5), st.integers(1, 40), st.floats(1e-20, 1e8))
+def test_a_step_is_that_of_the_damped_rows_and_foretells_the_fall_of_their_cost(seed, size, rows, damping) -> None:
+    random = np.random.default_rng(seed)
+    stack = random.normal(size=(3, size + 1, rows)) * 10 ** random.uniform(-3, 3, (3, size + 1, 1))
+    steps, upper, fall = _damped_steps(stack, np.full(3, damping))
+    for one, step, r, foretold in zip(stack, steps, upper, fall):
+        jacobian, residual = one[:-1].T, one[-1]
+        ridge = damping * np.sum(jacobian**2, axis=0)
+        scale = np.sqrt(np.sum(jacobian**2, axis=0) + ridge)
+        np.testing.assert_allclose(
+            (r.T @ r) / np.outer(scale, scale),
+            (jacobian.T @ jacobian + np.diag(ridge)) / np.outer(scale, scale),
+            atol=1e-13,
+        )
+        system = np.concatenate([jacobian, np.diag(np.sqrt(ridge))]) / scale
+        wanted, *_ = np.linalg.lstsq(system, -np.append(residual, np.zeros(size)), rcond=1e-15)
+        condition = np.linalg.cond(system)
+        part = min(1.0, 1.5 / np.max(np.abs(wanted / scale)))
+        assert np.max(np.abs(step)) <= 1.5 * (1 + 1e-12)
+        if condition < 1e8:
+            # of a fit with a residual (Golub and Van Loan, Matrix Computations, 5.3.7)
+            allowed = 1e-14 * condition**2 * np.linalg.norm(residual)
+            np.testing.assert_allclose(step * scale, part * wanted, rtol=0, atol=allowed)
+        fell = np.sum(residual**2) - np.sum((residual + jacobian @ step) ** 2)
+        assert foretold >= 0
+        length = np.linalg.norm(residual)
+        rounding = 1e-13 * length * (length + np.linalg.norm(jacobian) * np.linalg.norm(step))
+        assert fell == pytest.approx(foretold, rel=1e-9, abs=rounding)
 
 
 @LAW

@@ -9,6 +9,7 @@ import pytest
 
 import linkage_atlas as la
 from linkage_atlas.door import seed_tables
+from synthesis.function.answers import finished
 from synthesis.function.bounds import FunctionLimits
 from synthesis.function.problem import Problem
 from synthesis.function.search import generate, refit
@@ -40,6 +41,31 @@ def test_exact_functions_are_found(kind: str, zeros: str) -> None:
         best = la.function(**request, top=2).best.to_dict()
         assert recompute_rms(request, best) < 1e-9
         assert zeros_kept(request, best)
+
+
+def test_next_to_two_change_points_at_once_there_are_seeds() -> None:
+    """A crank of 1/1750 of the ground, and a fold as near: no type of the coarse table lies in that valley."""
+    request = function_case("change point", 8, "free", 21)
+    best = la.function(**request, top=2).best
+    assert recompute_rms(request, best.to_dict()) < 1e-9
+    assert best.linkage.crank == pytest.approx(5.7031834e-4, rel=1e-6)
+
+
+def test_in_narrow_valleys_the_best_go_on_before_others_begin() -> None:
+    seeds = [la.function(**function_case("tiny span", 32, "free", seed), top=2).report.seeds for seed in range(8)]
+    assert sum(count <= 40 for count in seeds) >= 7
+
+
+@pytest.mark.parametrize("largest", [False, True])
+def test_generators_are_the_same_alone_and_among_others(largest: bool) -> None:
+    wanted = wanted_of(np.log10, 1.0, 2.0, 60.0, 90.0, samples=21)
+    found, _ = generate(seed_tables(), wanted, FunctionLimits(links=(None, None, None, 2.5)), False, 6, 1e-10)
+    linkages = [one.linkage for one in found]
+    assert len(found) > 3 and {one.linkage.links[3] for one in found} == {2.5}
+    together = finished(wanted, linkages, largest)
+    assert largest or together == found
+    for one, linkage in zip(together, linkages):
+        assert finished(wanted, [linkage], largest) == [one]
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ class Chart:
     """With r = 1: the rod beyond its least length, (l - r - |e|) / r = exp(x), and the offset as a part of it."""
 
     cell, hop = np.array([0.7, 0.5, 0.6]), np.array([0.7, 0.5, 0.4])
+    edges = np.empty((0, 2))
 
     def shape(self, unknowns: np.ndarray) -> Any:
         excess, e = np.exp(np.clip(unknowns[:, 0], -20, 20)), unknowns[:, 1]
