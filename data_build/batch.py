@@ -1,8 +1,8 @@
 """The build of an atlas file: shards as pure functions over an executor, resumable, and one atomic write at the end.
 
-Data flow: rule -> lengths -> shards of 4,096 types -> `compute_shard` on any ``concurrent.futures.Executor`` -> each
-result kept in ``<out>.parts`` as soon as it is there -> one HDF5 image in memory -> temporary file, fsync, rename.
-A reader sees the old file or the new one, also after a kill or a full disk.
+Data flow: rule -> shards of 4,096 types -> `compute_shard` on any ``concurrent.futures.Executor`` -> each result kept in
+``<out>.parts`` as soon as it is there -> column by column, shard by shard, an HDF5 image beside them -> temporary file, fsync,
+rename. A reader sees the old file or the new one, also after a kill or a full disk. Nothing holds more than some shards.
 """
 
 from __future__ import annotations
@@ -15,22 +15,29 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, wait
-from functools import lru_cache
+import zipfile
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from itertools import chain
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from synthesis.atlas.file import encode_atlas, generator_versions
-from synthesis.atlas.rows import AtlasRows, compute_rows, concatenate
-from synthesis.atlas.table import Atlas, AtlasRule
+from synthesis.atlas.file import generator_versions, write_image
+from synthesis.atlas.rows import compute_rows
+from synthesis.atlas.table import AtlasRule
 from synthesis.errors import FieldError
-from synthesis.fourbar.dimension_types import enumerate_types
+from synthesis.fourbar.dimension_types import count_types, enumerate_types
 
 SHARD_TYPES = 4096
 """Types of one shard: the same whatever the number of workers, so that the file is the same too."""
 
+_SUBMITTED = 128
+"""Shards that an executor has at a time: what waits to be written to disk is in memory."""
+_PIECE_BYTES = 1 << 20
 _DIGEST_BYTES = 32
 _LOOK_SECONDS = 0.1
 """Between two looks at whether the build is to stop."""
@@ -40,21 +47,15 @@ class BuildLocked(Exception):
     """Another build of the same file is running."""
 
 
-# A worker keeps the list for its next shard: of millions of types, making it takes longer than a shard does.
-_types = lru_cache(maxsize=1)(enumerate_types)
-
-
 def compute_shard(rule: AtlasRule, shard: int) -> bytes:
     """The rows of one shard as bytes (npz), from the rule alone: the same bytes on every run, in any process."""
-    lengths = _types(rule.types)[shard * SHARD_TYPES : (shard + 1) * SHARD_TYPES]
     buffer = io.BytesIO()
-    np.savez(buffer, **compute_rows(lengths, rule.samples)._asdict())
+    np.savez(buffer, **compute_rows(_lengths(rule, shard), rule.samples)._asdict())
     return buffer.getvalue()
 
 
-def _rows(payload: bytes) -> AtlasRows:
-    with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
-        return AtlasRows(**arrays)
+def _lengths(rule: AtlasRule, shard: int) -> NDArray[np.int32]:
+    return enumerate_types(rule.types, shard * SHARD_TYPES, (shard + 1) * SHARD_TYPES)
 
 
 def check_target(path: Path) -> None:
@@ -63,7 +64,7 @@ def check_target(path: Path) -> None:
         raise FieldError("/out", f"{path} exists and is no regular file")
 
 
-def replace_file(path: Path, data: bytes | memoryview, *, durable: bool) -> None:
+def replace_file(path: Path, parts: Iterable[bytes], *, durable: bool) -> None:
     """Write a file so that a reader sees the old content or all of the new one.
 
     The temporary file lies beside it and is removed on any failure. With ``durable`` it returns once both the bytes
@@ -73,7 +74,8 @@ def replace_file(path: Path, data: bytes | memoryview, *, durable: bool) -> None
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as file:
-            file.write(data)
+            for part in parts:
+                file.write(part)
             if durable:
                 file.flush()
                 os.fsync(file.fileno())
@@ -87,6 +89,12 @@ def replace_file(path: Path, data: bytes | memoryview, *, durable: bool) -> None
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def _pieces(path: Path) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        while piece := file.read(_PIECE_BYTES):
+            yield piece
 
 
 @contextlib.contextmanager
@@ -134,21 +142,40 @@ class _Parts:
     def _digest(self, shard: int, payload: bytes) -> bytes:
         return hashlib.sha256(self.key + shard.to_bytes(8, "little") + payload).digest()
 
-    def read(self, shard: int) -> bytes | None:
-        """The payload of a shard, or None where there is none of this build or it is damaged."""
+    def holds(self, shard: int) -> bool:
+        """Whether there is a shard of this build that is what was written."""
         try:
             data = self._path(shard).read_bytes()
         except OSError:
-            return None
-        digest, payload = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
-        return payload if self._digest(shard, payload) == digest else None
+            return False
+        return self._digest(shard, data[_DIGEST_BYTES:]) == data[:_DIGEST_BYTES]
+
+    def column(self, shard: int, name: str) -> NDArray[Any]:
+        """A column of a shard that is there; only its bytes are read, and compared with its own checksum."""
+        try:
+            with self._path(shard).open("rb") as file:
+                file.seek(_DIGEST_BYTES)
+                with np.load(file, allow_pickle=False) as arrays:
+                    found: NDArray[Any] = arrays[name]
+                    return found
+        except (zipfile.BadZipFile, ValueError, KeyError) as error:
+            raise OSError(f"{self._path(shard)} has changed since it was written ({error}); build again") from None
 
     def write(self, shard: int, payload: bytes) -> None:
         path = self._path(shard)
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)  # no part: where one belongs
         # Not durable: after a power cut a part fails its digest and is made again.
-        replace_file(self._path(shard), self._digest(shard, payload) + payload, durable=False)
+        replace_file(self._path(shard), [self._digest(shard, payload), payload], durable=False)
+
+
+class Built(NamedTuple):
+    """What has been written to an atlas file."""
+
+    types: int
+    content_sha256: str
+    curve_error_max: float
+    generator: dict[str, str]
 
 
 def build_atlas(
@@ -157,7 +184,7 @@ def build_atlas(
     executor: Executor,
     progress: Callable[[int, int], None] = lambda done, total: None,
     stopped: Callable[[], bool] = lambda: False,
-) -> Atlas:
+) -> Built:
     """Build an atlas and write it to a file.
 
     Parameters
@@ -175,8 +202,8 @@ def build_atlas(
 
     Returns
     -------
-    Atlas
-        What was written. Law: the file has the same bytes for every executor, and after any number of kills and resumes.
+    Built
+        Law: the file has the same bytes for every executor, and after any number of kills and resumes.
 
     Raises
     ------
@@ -196,35 +223,41 @@ def build_atlas(
 
     out = out.resolve()
     check_target(out)
-    lengths = enumerate_types(rule.types)
-    shards = -(-len(lengths) // SHARD_TYPES)
+    types, generator = count_types(rule.types), generator_versions()
+    shards = -(-types // SHARD_TYPES)
     with _parts_folder(out) as folder:
         parts = _Parts(folder, rule)
-        payloads = {shard: payload for shard in range(shards) if (payload := parts.read(shard)) is not None}
-        progress(len(payloads), shards)
-        pending = {
-            executor.submit(compute_shard, rule, shard): shard for shard in range(shards) if shard not in payloads
-        }
+        missing = deque(shard for shard in range(shards) if not parts.holds(shard))
+        progress(shards - len(missing), shards)
+        pending: dict[Future[bytes], int] = {}
         try:
-            left = set(pending)
-            while left:
-                done, left = wait(left, _LOOK_SECONDS, FIRST_COMPLETED)
+            while missing or pending:
+                while missing and len(pending) < _SUBMITTED:
+                    shard = missing.popleft()
+                    pending[executor.submit(compute_shard, rule, shard)] = shard
+                done, _ = wait(pending, _LOOK_SECONDS, FIRST_COMPLETED)
                 go_on()
                 for future in done:
-                    shard = pending[future]
-                    payloads[shard] = future.result()
-                    parts.write(shard, payloads[shard])
-                    progress(len(payloads), shards)
+                    parts.write(pending.pop(future), future.result())
+                    progress(shards - len(missing) - len(pending), shards)
         except BaseException:
             for future in pending:
                 future.cancel()
             raise
-        rows = [_rows(payloads.pop(shard)) for shard in range(shards)]
-        table = concatenate(rows) if rows else compute_rows(lengths, rule.samples)
-        atlas = Atlas(rule=rule, lengths=lengths.astype("<u2"), generator=generator_versions(), **table._asdict())
+        largest = 0.0
+
+        def columns(name: str) -> Iterator[NDArray[Any]]:
+            nonlocal largest
+            for shard in range(shards):
+                go_on()
+                values = _lengths(rule, shard) if name == "lengths" else parts.column(shard, name)
+                if name == "curve_error":
+                    largest = max(largest, float(values.max()))
+                yield values
+
+        image = folder / "image"
+        header, content = write_image(image, rule, generator, columns)
         go_on()
-        image = encode_atlas(atlas)
-        go_on()
-        replace_file(out, image, durable=True)
+        replace_file(out, chain([header.encode()], _pieces(image)), durable=True)
         shutil.rmtree(folder)
-    return atlas
+    return Built(types, content, largest, generator)

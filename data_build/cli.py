@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import signal
@@ -18,13 +19,14 @@ from tqdm import tqdm
 from data_build.batch import BuildLocked, build_atlas
 from data_build.executors import dask_executor, local_executor
 from synthesis.atlas.file import load_atlas
-from synthesis.atlas.table import Atlas, AtlasRule
+from synthesis.atlas.prepared import temporary
+from synthesis.atlas.table import MIN_SAMPLES, SCHEMA, Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_DAMAGED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
-MAX_BUILD_BYTES = 8_000_000_000
-"""Largest table of details that a build makes; it is held in memory."""
+MAX_BUILD_BYTES = 100_000_000_000
+"""Largest table of details that a build makes: more is asked for by mistake, or not for one disk."""
 
 
 def main(argv: Sequence[str] | None = None, prog: str = "linkage-atlas") -> int:
@@ -126,7 +128,7 @@ def _build(options: argparse.Namespace) -> int:
     rule = AtlasRule(TypeRule(options.perimeter, options.smallest, OrderRule(options.order)), options.samples)
     size = count_types(rule.types) * rule.samples * 4
     if size > MAX_BUILD_BYTES:
-        raise FieldError("/perimeter", f"gives {size:,} bytes of details, a build holds at most {MAX_BUILD_BYTES:,}")
+        raise FieldError("/perimeter", f"gives {size:,} bytes of details, a build makes at most {MAX_BUILD_BYTES:,}")
     if not options.out.parent.is_dir():
         raise FieldError("/out", f"there is no folder {options.out.parent}")
     # A flag and no exception: raised inside a destructor or a weak reference's callback it would be lost.
@@ -143,19 +145,36 @@ def _build(options: argparse.Namespace) -> int:
             bar.total = total
             bar.update(done - bar.n)
 
-        atlas = build_atlas(rule, options.out, executor, progress, asked_to_stop.is_set)
-    summary = {"file": str(options.out), "bytes": options.out.stat().st_size, **describe(atlas)}
+        built = build_atlas(rule, options.out, executor, progress, asked_to_stop.is_set)
+    summary = {
+        "file": str(options.out),
+        "bytes": options.out.stat().st_size,
+        "types": built.types,
+        "schema": SCHEMA,
+        "rule": rule.as_json(),
+        "content_sha256": built.content_sha256,
+        "curve_error_max": built.curve_error_max,
+        "generator": built.generator,
+    }
     _print({**summary, "seconds": round(time.perf_counter() - started, 2)}, options.json)
     return EXIT_OK
 
 
+def _load(file: Path) -> Atlas:
+    """The atlas of a file, its arrays on disk beside it, or else in memory."""
+    most = MAX_BUILD_BYTES // MIN_SAMPLES // 4
+    with contextlib.suppress(OSError):
+        return load_atlas(file, max_types=most, new=temporary(file.parent))
+    return load_atlas(file, max_types=most)
+
+
 def _verify(options: argparse.Namespace) -> int:
-    atlas = load_atlas(options.file)
+    atlas = _load(options.file)
     _print({"file": str(options.file), "status": "sound", **describe(atlas)}, options.json)
     return EXIT_OK
 
 
 def _info(options: argparse.Namespace) -> int:
-    atlas = load_atlas(options.file)
+    atlas = _load(options.file)
     _print({"file": str(options.file), "bytes": options.file.stat().st_size, **describe(atlas)}, options.json)
     return EXIT_OK

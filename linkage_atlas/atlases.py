@@ -18,6 +18,7 @@ from synthesis.atlas.file import MAX_TYPES, file_hash
 from synthesis.atlas.file import load_atlas as load_table
 from synthesis.atlas.index import Index
 from synthesis.atlas.preparation import Preparation
+from synthesis.atlas.prepared import temporary
 from synthesis.atlas.scan import KIND, Scan
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -208,6 +209,8 @@ def load_atlas(
     digest = file_hash(Path(path), max_bytes)
 
     def load() -> table.Atlas:
+        with suppress(OSError):  # where there is no place for an index, it is prepared in memory
+            return load_table(Path(path), max_bytes, most, digest, temporary(Path(index).parent))
         return load_table(Path(path), max_bytes, most, digest)
 
     files = Index(Path(index), digest, FOURBAR, load, KIND, progress)
@@ -260,4 +263,5 @@ def build_atlas(
         raise FieldError("/order", f"wanted one of {', '.join(orders)}, found {order!r}")
     rule = table.AtlasRule(TypeRule(perimeter, smallest, OrderRule(order)), samples)
     with local_executor(jobs or os.cpu_count() or 1) as executor:
-        return Atlas(build(rule, Path(path), executor, progress))
+        build(rule, Path(path), executor, progress)
+    return load_atlas(path)

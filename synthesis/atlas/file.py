@@ -1,7 +1,8 @@
 """The atlas as the bytes of its file: a checked header of 512 bytes, then an HDF5 image.
 
-HDF5 never touches a disk here: the image is built and read in memory. The header lies in what HDF5 calls the user block,
-so any HDF5 reader opens the file. It holds a SHA-256 of everything behind it, which is compared *before* HDF5 parses a byte.
+The header lies in what HDF5 calls the user block, so any HDF5 reader opens the file. It holds a SHA-256 of everything behind it,
+which is compared *before* HDF5 parses a byte. A large image is written and read a part at a time, each column after the other,
+so neither takes memory that grows with the types, unless the arrays are wanted in memory.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
+import os
 import stat
 import unicodedata
 import zlib
@@ -22,32 +25,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas import haar
+from synthesis.atlas.prepared import reserve
 from synthesis.atlas.rows import compute_rows
-from synthesis.atlas.table import COLUMNS, SCHEMA, Atlas, AtlasRule
+from synthesis.atlas.series import New, in_memory
+from synthesis.atlas.table import COLUMNS, SCHEMA, UNITS, Atlas, AtlasRule, Parts, content_hash
 from synthesis.errors import AtlasError, AtlasFault
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types, enumerate_types
 
 HEADER_BYTES = 512
 MAGIC = "linkage-atlas"
 CHUNK_BYTES = 1 << 20
+_LIBVER = ("v110", "v110")
 MAX_TYPES = 8_000_000
 """Types that are read unless the caller sets another limit."""
 MAX_REST_BYTES = 1 << 20
 """Most bytes of a file beside its arrays: names, attributes, and where the chunks are."""
 MAX_TEXT = 4096
 """Longest text of an attribute, in characters."""
+_CHECKED_AT_ONCE = 1 << 16
 SAMPLED_ROWS = 256
 """Rows that are computed again when a file is loaded."""
 
-_UNITS = {
-    "lengths": "whole numbers L1 crank, L2 coupler, L3 rocker, L4 ground; type number n is row n - 1",
-    "average": "radians: Haar average of the periodic part of the coupler angle over one turn of the crank",
-    "details": "radians: Haar details, (mean of first half - mean of second half) / 2 of each block, coarse to fine: "
-    "level n, block l (from 0) is column 2^n - 1 + l",
-    "winding": "turns of the coupler in one turn of the crank; coupler angle = winding * crank angle + periodic part",
-    "curve_error": "radians: bound of the error, at any crank angle, of the stored curve's band-limited interpolation "
-    "(all harmonics below samples / 2)",
-}
 _CURVE = (
     "coupler angle theta2 (measured from the ground line A->B, branch +1: C left of D->B) at crank angles "
     "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1: theta2(x) = -theta2_plus(-x)"
@@ -61,32 +59,77 @@ def _header(sha256: str, size: int) -> bytes:
 
 def encode_atlas(atlas: Atlas) -> bytes:
     """The file's bytes. Law: the same bytes for the same atlas, on every run on one machine."""
-    with h5py.File.in_memory(libver=("v110", "v110")) as file:
-        file.attrs.update(
-            {
-                "schema": atlas.schema,
-                "rule": json.dumps(atlas.rule.as_json(), sort_keys=True),
-                "curve": _CURVE,
-                "normalisation": "mean",
-                "levels": haar.levels(atlas.rule.samples),
-                "samples": atlas.rule.samples,
-                "generator": json.dumps(atlas.generator, sort_keys=True),
-                "content_sha256": atlas.content_hash(),
-            }
-        )
-        for name, dtype in COLUMNS.items():
-            values = np.asarray(getattr(atlas, name), dtype=dtype)
-            options: dict[str, Any] = {}
-            if values.size:
-                row_bytes = values.dtype.itemsize * int(np.prod(values.shape[1:], dtype=int))
-                rows = min(len(values), max(1, CHUNK_BYTES // row_bytes))
-                options = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
-                options["chunks"] = (rows, *values.shape[1:])
-            dataset = file.create_dataset(name, data=values, track_times=False, **options)
-            dataset.attrs["units"] = _UNITS[name]
+    with h5py.File.in_memory(libver=_LIBVER) as file:
+        _fill(file, atlas.rule, atlas.generator, atlas.content_hash(), lambda name: [getattr(atlas, name)])
         file.flush()
         body = file.id.get_file_image()
     return _header(hashlib.sha256(body).hexdigest(), len(body)) + body
+
+
+def write_image(path: Path, rule: AtlasRule, generator: dict[str, str], parts: Parts) -> tuple[str, str]:
+    """Write what is behind the header to a file of its own, from columns in parts, each of which is asked for twice.
+
+    HDF5 writes to disk itself here. Where it finds no place it ends the process, so the place is reserved first: that of the
+    arrays before they are compressed.
+
+    Returns
+    -------
+    header, content_sha256 : str
+        Law: the header and the file's bytes are those of `encode_atlas`.
+
+    Raises
+    ------
+    OSError
+        The disk is full, or the place cannot be written.
+    """
+    content = content_hash(rule, parts)
+    with h5py.File(path, "w", libver=_LIBVER) as file:
+        raw = sum(math.prod(shape) * np.dtype(COLUMNS[name]).itemsize for name, shape in _shapes(rule).items())
+        with path.open("r+b") as place:
+            reserve(place.fileno(), 0, raw + raw // 64 + MAX_REST_BYTES)
+        _fill(file, rule, generator, content, parts)
+        file.flush()
+        size = file.id.get_filesize()
+    os.truncate(path, size)
+    with path.open("rb") as image:
+        return _header(hashlib.file_digest(image, "sha256").hexdigest(), size).decode(), content
+
+
+def _shapes(rule: AtlasRule) -> dict[str, tuple[int, ...]]:
+    """Shape of each column."""
+    types = count_types(rule.types)
+    return {name: (types,) for name in COLUMNS} | {"lengths": (types, 4), "details": (types, rule.samples - 1)}
+
+
+def _fill(file: h5py.File, rule: AtlasRule, generator: dict[str, str], content: str, parts: Parts) -> None:
+    """Write attributes and columns. The order of all steps decides where HDF5 puts what, and so the file's bytes."""
+    file.attrs.update(
+        {
+            "schema": SCHEMA,
+            "rule": json.dumps(rule.as_json(), sort_keys=True),
+            "curve": _CURVE,
+            "normalisation": "mean",
+            "levels": haar.levels(rule.samples),
+            "samples": rule.samples,
+            "generator": json.dumps(generator, sort_keys=True),
+            "content_sha256": content,
+        }
+    )
+    for name, shape in _shapes(rule).items():
+        dtype = np.dtype(COLUMNS[name])
+        options: dict[str, Any] = {}
+        if math.prod(shape):
+            rows = min(shape[0], max(1, CHUNK_BYTES // (dtype.itemsize * math.prod(shape[1:]))))
+            options = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
+            options["chunks"] = (rows, *shape[1:])
+        written = file.create_dataset(name, shape, dtype, track_times=False, **options)
+        first = 0
+        for part in parts(name):
+            if len(part):
+                written[first : first + len(part)] = part
+            first += len(part)
+        dataset = written  # this closes the one before, which writes its last chunk
+        dataset.attrs["units"] = UNITS[name]
 
 
 def _refuse(fault: AtlasFault, detail: str) -> None:
@@ -127,7 +170,7 @@ def _attribute(file: h5py.File, name: str, kind: type) -> Any:
     return _plain(value) if kind is str else value
 
 
-def _dataset(file: h5py.File, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> NDArray[Any]:
     """One array, read after checks for external data, fill values and decompressed size."""
     dataset = file[name]
     creation = dataset.id.get_create_plist()
@@ -149,7 +192,13 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...]) -> NDArray[Any]
         _check_inflation(dataset)
     if not complete:  # HDF5 would fill the gap silently
         _refuse(AtlasFault.CONTENT, f"{name} lacks a part of its data")
-    values = dataset[()]
+    values = new(name, COLUMNS[name], shape)
+    if values.size:
+        rows = dataset.chunks[0] if dataset.chunks else 1
+        rows *= max(1, CHUNK_BYTES // (rows * values[:1].nbytes))
+        for first in range(0, len(values), rows):
+            part = np.s_[first : first + rows]
+            dataset.read_direct(values, part, part)
     values.flags.writeable = False
     return values
 
@@ -191,12 +240,16 @@ def file_hash(path: Path, max_bytes: int | None = None) -> str:
         Missing, larger than allowed, or not what was written.
     """
     with _open(path, max_bytes) as file:
-        try:
-            head = file.read(HEADER_BYTES)
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]  # it has readinto
-            _check_header(head, sha256, file.tell() - len(head))
-        except OSError as error:
-            raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
+        return _checked_hash(file)
+
+
+def _checked_hash(file: BinaryIO) -> str:
+    try:
+        head = file.read(HEADER_BYTES)
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]  # it has readinto
+        _check_header(head, sha256, file.tell() - len(head))
+    except OSError as error:
+        raise AtlasError(AtlasFault.MISSING, f"{file.name}: {error.strerror}") from None
     return sha256
 
 
@@ -213,47 +266,64 @@ def _open(path: Path, max_bytes: int | None) -> BinaryIO:
         raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
 
 
+class _Image(io.RawIOBase):
+    """What is behind the header of an open file."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """As of a file."""
+        return self._file.seek(offset + HEADER_BYTES * (whence == io.SEEK_SET), whence) - HEADER_BYTES
+
+    def tell(self) -> int:
+        """As of a file."""
+        return self._file.tell() - HEADER_BYTES
+
+    def readinto(self, buffer: Any) -> int:
+        """As of a file."""
+        return self._file.readinto(buffer)  # type: ignore[attr-defined]  # it has
+
+
 def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
-    """The atlas in a file's bytes.
+    """The atlas in a file's bytes, as `load_atlas` has it. Law: ``decode_atlas(encode_atlas(atlas))`` holds the same arrays."""
+    return _decoded(io.BytesIO(check_bytes(data)), len(data) - HEADER_BYTES, max_types, in_memory)
 
-    Parameters
-    ----------
-    data : bytes
-        The whole file.
-    max_types : int
-        Refuse an atlas of more types before any of its arrays is read.
 
-    Returns
-    -------
-    Atlas
-        Law: ``decode_atlas(encode_atlas(atlas))`` holds the same arrays.
-
-    Raises
-    ------
-    AtlasError
-        Where the bytes are not those that were written, not of this schema, or the arrays are not what the rule enumerates.
-    """
-    body = check_bytes(data)
+def _decoded(image: Any, size: int, max_types: int, new: New) -> Atlas:
+    """The atlas in an image that its header matches."""
     try:
-        with h5py.File(io.BytesIO(body), "r") as file:
-            _check_rest(file, len(body))
-            atlas, claimed = _read(file, max_types)
+        with h5py.File(image, "r") as file:
+            _check_rest(file, size)
+            atlas, claimed = _read(file, max_types, new)
     except AtlasError:
         raise
     except Exception as error:  # h5py raises whatever type its C library's state suggests
+        if isinstance(error, OSError) and error.errno is not None:  # the disk's, and not HDF5's about the image
+            raise
         raise AtlasError(AtlasFault.SCHEMA, f"HDF5 cannot read it: {type(error).__name__}") from None
-    if not np.array_equal(atlas.lengths, enumerate_types(atlas.rule.types)):
-        _refuse(AtlasFault.CONTENT, "the lengths are not those of its rule")
-    for name in ("average", "details", "curve_error"):
-        values = getattr(atlas, name)
-        if values.size and not (values.min() > -20 and values.max() < 20):  # NaN fails both
-            _refuse(AtlasFault.CONTENT, f"{name} is not finite")
-    if np.any((atlas.winding < 0) | (atlas.winding > 1)) or np.any(atlas.curve_error < 0):
-        _refuse(AtlasFault.CONTENT, "winding or curve_error is out of range")
+    for first in range(0, len(atlas), _CHECKED_AT_ONCE):
+        _check_rows(atlas, first, min(first + _CHECKED_AT_ONCE, len(atlas)))
     if (found := atlas.content_hash()) != claimed:
         _refuse(AtlasFault.CONTENT, "the content hash differs")
     _check_sample(atlas, found)
     return replace(atlas, known_hash=found)
+
+
+def _check_rows(atlas: Atlas, begin: int, end: int) -> None:
+    """Refuse rows that are of other types than the rule's, or whose numbers cannot be."""
+    part = slice(begin, end)
+    lengths, winding = atlas.lengths[part], atlas.winding[part]
+    if not np.array_equal(lengths, enumerate_types(atlas.rule.types, begin, end)):
+        _refuse(AtlasFault.CONTENT, "the lengths are not those of its rule")
+    for name in ("average", "details", "curve_error"):
+        values = getattr(atlas, name)[part]
+        if not (values.min() > -20 and values.max() < 20):  # NaN fails both
+            _refuse(AtlasFault.CONTENT, f"{name} is not finite")
+    if np.any((winding < 0) | (winding > 1)) or np.any(atlas.curve_error[part] < 0):
+        _refuse(AtlasFault.CONTENT, "winding or curve_error is out of range")
+    if np.any(winding != atlas.mechanism.winding(lengths.astype(float))):
+        _refuse(AtlasFault.CONTENT, "winding is not that of the lengths")
 
 
 def _check_sample(atlas: Atlas, seed: str) -> None:
@@ -261,9 +331,8 @@ def _check_sample(atlas: Atlas, seed: str) -> None:
 
     Sines and roots differ in their last bits from one processor to another, so rows need to agree only as far as that goes.
     """
-    if np.any(atlas.winding != atlas.mechanism.winding(atlas.lengths.astype(float))):
-        _refuse(AtlasFault.CONTENT, "winding is not that of the lengths")
-    chosen = np.random.default_rng(int(seed, 16)).permutation(len(atlas))[:SAMPLED_ROWS]
+    count = len(atlas)
+    chosen = np.random.default_rng(int(seed, 16)).choice(count, min(SAMPLED_ROWS, count), replace=False)
     again = compute_rows(atlas.lengths[chosen], atlas.samples, atlas.mechanism)
     for name, absolute, relative in (("average", 1e-9, 0.0), ("details", 4e-6, 0.0), ("curve_error", 2e-6, 1e-3)):
         values, wanted = getattr(atlas, name)[chosen], getattr(again, name)
@@ -272,26 +341,38 @@ def _check_sample(atlas: Atlas, seed: str) -> None:
 
 
 def load_atlas(
-    path: Path, max_bytes: int | None = None, max_types: int = MAX_TYPES, sha256: str | None = None
+    path: Path,
+    max_bytes: int | None = None,
+    max_types: int = MAX_TYPES,
+    sha256: str | None = None,
+    new: New = in_memory,
 ) -> Atlas:
     """The verified atlas of a file, of the one whose header says ``sha256`` if that is given; nothing of it stays open.
+
+    Parameters
+    ----------
+    path : Path
+    max_bytes, max_types : int, optional
+        Refuse a larger file, or an atlas of more types, before any of its arrays is read.
+    sha256 : str, optional
+    new : callable
+        Where its arrays lie.
 
     Raises
     ------
     AtlasError
-        Missing, larger than allowed, damaged, foreign, or inconsistent.
+        Missing, larger than allowed, damaged, not of this schema, or its arrays are not what its rule enumerates.
+    OSError
+        There is no place for its arrays.
     """
     with _open(path, max_bytes) as file:
-        try:
-            data = file.read()
-        except OSError as error:
-            raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
-    if sha256 is not None and f"sha256 {sha256}\n".encode() not in data[:HEADER_BYTES]:
-        _refuse(AtlasFault.CHECKSUM, "it has been replaced meanwhile")
-    return decode_atlas(data, max_types)
+        found = _checked_hash(file)
+        if sha256 is not None and found != sha256:
+            _refuse(AtlasFault.CHECKSUM, "it has been replaced meanwhile")
+        return _decoded(_Image(file), file.tell() - HEADER_BYTES, max_types, new)
 
 
-def _read(file: h5py.File, max_types: int) -> tuple[Atlas, str]:
+def _read(file: h5py.File, max_types: int, new: New) -> tuple[Atlas, str]:
     if _attribute(file, "schema", int) != SCHEMA:
         _refuse(AtlasFault.SCHEMA, "another schema")
     try:
@@ -307,8 +388,7 @@ def _read(file: h5py.File, max_types: int) -> tuple[Atlas, str]:
     types = count_types(rule.types)
     if types > max_types:
         _refuse(AtlasFault.LIMIT, f"{types} types, at most {max_types}")
-    shapes = {"lengths": (types, 4), "details": (types, rule.samples - 1)}
-    arrays: dict[str, Any] = {name: _dataset(file, name, shapes.get(name, (types,))) for name in COLUMNS}
+    arrays: dict[str, Any] = {name: _dataset(file, name, shape, new) for name, shape in _shapes(rule).items()}
     return Atlas(rule=rule, generator=generator, **arrays), _attribute(file, "content_sha256", str)
 
 

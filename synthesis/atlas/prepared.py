@@ -25,12 +25,14 @@ import stat
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from tempfile import TemporaryFile
 from threading import Event, Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from synthesis.atlas.series import New
 from synthesis.atlas.stored import PAGE, DamagedError, File, Region, Stored, pages_of
 
 LAYOUT = 1
@@ -165,12 +167,7 @@ class Writer:
                 raise ValueError(f"there is an array {name!r}")
             offset, self._end = self._end, self._end + _up(count * kind.itemsize)
             self._arrays[name] = (kind.str, shape, offset)
-        end = offset + _up(count * kind.itemsize)
-        if not count:
-            return np.empty(shape, dtype=kind)
-        _reserve(self._handle, offset, end - offset)
-        pages = mmap.mmap(self._handle, end - offset, access=mmap.ACCESS_WRITE, offset=offset)
-        return np.frombuffer(pages, kind, count).reshape(shape)
+        return _to_be_filled(self._handle, offset, kind, shape)
 
     def put(self, name: str, values: NDArray[Any]) -> None:
         """An array that is there."""
@@ -193,7 +190,28 @@ class Writer:
         _write(self._handle, _sealed(f"{_MAGIC} {LAYOUT}\n{head}"), 0)
 
 
-def _reserve(handle: int, offset: int, nbytes: int) -> None:
+def _to_be_filled(handle: int, offset: int, kind: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    """An array in a part of a file."""
+    count = math.prod(shape)
+    if not count:
+        return np.empty(shape, dtype=kind)
+    nbytes = _up(count * kind.itemsize)
+    reserve(handle, offset, nbytes)
+    pages = mmap.mmap(handle, nbytes, access=mmap.ACCESS_WRITE, offset=offset)
+    return np.frombuffer(pages, kind, count).reshape(shape)
+
+
+def temporary(folder: Path) -> New:
+    """Arrays in files of a folder that have no name and vanish with them: as of `Writer.new` they take no memory for good."""
+
+    def new(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+        with TemporaryFile(dir=folder) as file:
+            return _to_be_filled(file.fileno(), 0, np.dtype(dtype), shape)
+
+    return new
+
+
+def reserve(handle: int, offset: int, nbytes: int) -> None:
     """Have a part of a file on the disk: writing to the map of a part that finds no place there would end the process."""
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(handle, offset, nbytes)

@@ -28,11 +28,6 @@ class AtlasRows(NamedTuple):
     curve_error: NDArray[np.float32]
 
 
-def concatenate(parts: list[AtlasRows]) -> AtlasRows:
-    """Rows of all parts, in order."""
-    return AtlasRows(*(np.concatenate(columns) for columns in zip(*parts)))
-
-
 def compute_rows(lengths: ArrayLike, samples: int, mechanism: Mechanism = FOURBAR) -> AtlasRows:
     """What the atlas stores of each type.
 
@@ -53,7 +48,7 @@ def compute_rows(lengths: ArrayLike, samples: int, mechanism: Mechanism = FOURBA
     blocks = [
         _compute_block(mechanism, lengths[k : k + BLOCK], samples) for k in range(0, max(len(lengths), 1), BLOCK)
     ]
-    return concatenate(blocks)
+    return AtlasRows(*(np.concatenate(columns) for columns in zip(*blocks)))
 
 
 def _compute_block(mechanism: Mechanism, lengths: NDArray[np.float64], samples: int) -> AtlasRows:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +22,15 @@ SCHEMA = 1
 MIN_SAMPLES, MAX_SAMPLES = 16, 4096
 COLUMNS = {"lengths": "<u2", "average": "<f8", "details": "<f4", "winding": "|i1", "curve_error": "<f4"}
 """Arrays of an atlas with their stored types."""
+UNITS = {
+    "lengths": "whole numbers L1 crank, L2 coupler, L3 rocker, L4 ground; type number n is row n - 1",
+    "average": "radians: Haar average of the periodic part of the coupler angle over one turn of the crank",
+    "details": "radians: Haar details, (mean of first half - mean of second half) / 2 of each block, coarse to fine: "
+    "level n, block l (from 0) is column 2^n - 1 + l",
+    "winding": "turns of the coupler in one turn of the crank; coupler angle = winding * crank angle + periodic part",
+    "curve_error": "radians: bound of the error, at any crank angle, of the stored curve's band-limited interpolation "
+    "(all harmonics below samples / 2)",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +74,10 @@ class Table:
 def make_table(mechanism: Mechanism, lengths: NDArray[Any], samples: int) -> Table:
     """The table of a mechanism's types, (T, d); ``samples`` is a power of two."""
     return Table(mechanism=mechanism, lengths=lengths, **compute_rows(lengths, samples, mechanism)._asdict())
+
+
+Parts = Callable[[str], Iterable[NDArray[Any]]]
+"""``parts(name)``: a column of `COLUMNS` in parts, one behind the other."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +133,13 @@ class Atlas(Table):
         """SHA-256 over the raw little-endian arrays and the rule: the same for equal content, however it is packed."""
         if self.known_hash is not None:
             return self.known_hash
-        digest = hashlib.sha256(json.dumps(self.rule.as_json(), sort_keys=True).encode())
-        for name, dtype in COLUMNS.items():
-            digest.update(np.ascontiguousarray(getattr(self, name), dtype=dtype).data)
-        return digest.hexdigest()
+        return content_hash(self.rule, lambda name: [getattr(self, name)])
+
+
+def content_hash(rule: AtlasRule, parts: Parts) -> str:
+    """The hash of `Atlas.content_hash` from columns in parts. Law: the same however they are divided."""
+    digest = hashlib.sha256(json.dumps(rule.as_json(), sort_keys=True).encode())
+    for name, dtype in COLUMNS.items():
+        for part in parts(name):
+            digest.update(np.ascontiguousarray(part, dtype=dtype).data)
+    return digest.hexdigest()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import json
 import os
 import pty
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import termios
 import time
+import tracemalloc
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future
 from pathlib import Path
@@ -25,9 +27,9 @@ from data_build import batch
 from data_build.batch import BuildLocked, build_atlas, compute_shard
 from data_build.cli import EXIT_DAMAGED, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, main
 from data_build.executors import dask_executor, local_executor
-from synthesis.atlas.file import encode_atlas, load_atlas
+from synthesis.atlas.file import encode_atlas, load_atlas, write_image
 from synthesis.atlas.table import AtlasRule
-from synthesis.fourbar.dimension_types import TypeRule, enumerate_types
+from synthesis.fourbar.dimension_types import TypeRule, count_types, enumerate_types
 from tests.conftest import make_atlas
 
 ROOT = Path(__file__).parents[2]
@@ -93,9 +95,10 @@ def left_in(folder: Path) -> list[str]:
 def test_number_of_jobs_changes_no_byte(jobs, out, wanted) -> None:
     seen: list[tuple[int, int]] = []
     with local_executor(jobs) as executor:
-        atlas = build_atlas(RULE, out, executor, lambda *counts: seen.append(counts))
+        built = build_atlas(RULE, out, executor, lambda *counts: seen.append(counts))
     assert out.read_bytes() == wanted and left_in(out.parent) == ["atlas.h5"]
-    assert np.array_equal(load_atlas(out).details, atlas.details)
+    atlas = load_atlas(out)
+    assert built == (len(atlas), atlas.content_hash(), atlas.curve_error.max(), atlas.generator)
     assert seen == [(0, 3), (1, 3), (2, 3), (3, 3)]
 
 
@@ -112,13 +115,58 @@ def test_dask_changes_no_byte(out, wanted) -> None:
 
 def test_a_shard_is_a_pure_function() -> None:
     assert compute_shard(RULE, 2) == compute_shard(RULE, 2)
-    sizes = [len(batch._rows(compute_shard(RULE, shard)).average) for shard in range(3)]
+    sizes = [len(np.load(io.BytesIO(compute_shard(RULE, shard)))["average"]) for shard in range(3)]
     assert sizes[:2] == [batch.SHARD_TYPES] * 2 and sum(sizes) == len(enumerate_types(RULE.types))
 
 
 def test_no_types_give_an_atlas_without_types(out) -> None:
     build_atlas(AtlasRule(TypeRule(10, 9), 16), out, Here())
     assert len(load_atlas(out)) == 0
+
+
+@pytest.mark.parametrize("samples", [16, 256])
+def test_columns_in_parts_give_the_file_of_whole_ones(samples, tmp_path) -> None:
+    """Chunks of the image and parts of a column end in different places; several chunks of each size."""
+    rule = AtlasRule(TypeRule(140, 2), samples)
+    atlas = make_atlas(rule)
+    for size in (1000, len(atlas)):
+
+        def parts(name: str, size: int = size) -> list[np.ndarray]:
+            column = getattr(atlas, name)
+            return [column[first : first + size] for first in range(0, len(column), size)]
+
+        header, content = write_image(tmp_path / "image", rule, atlas.generator, parts)
+        assert header.encode() + (tmp_path / "image").read_bytes() == encode_atlas(atlas)
+        assert content == atlas.content_hash()
+
+
+def test_a_part_that_changes_while_the_file_is_written_is_noticed(out, wanted) -> None:
+    def damage(done: int, total: int) -> None:
+        if done == total:
+            part = out.with_name("atlas.h5.parts") / "shard-000001"
+            data = bytearray(part.read_bytes())
+            data[len(data) // 2] ^= 1
+            part.write_bytes(data)
+
+    with pytest.raises(OSError, match="has changed since it was written"):
+        build_atlas(RULE, out, Here(), damage)
+    assert not out.exists()
+    build_atlas(RULE, out, Here())
+    assert out.read_bytes() == wanted
+
+
+def test_a_build_holds_some_shards_and_not_the_table(out, monkeypatch) -> None:
+    """Ten times the types take no more memory: what a shard is made of, and what waits to be written."""
+    monkeypatch.setattr(batch, "SHARD_TYPES", 256)
+    monkeypatch.setattr(batch, "_SUBMITTED", 4)
+    peaks = []
+    for perimeter in (100, 220):
+        rule = AtlasRule(TypeRule(perimeter, 2), 64)
+        tracemalloc.start()
+        build_atlas(rule, out, Here())
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert count_types(rule.types) > 10 * count_types(TypeRule(100, 2)) and peaks[1] < 1.5 * peaks[0]
 
 
 # -- resuming ---------------------------------------------------------------------------------------------------------

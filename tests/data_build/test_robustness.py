@@ -162,7 +162,8 @@ def test_whichever_write_fails_the_old_file_is_kept(code, out, wanted, monkeypat
         return Disk(file) if mode == "wb" else file
 
     monkeypatch.setattr(Path, "open", opened)
-    monkeypatch.setattr(os, "fsync", failing(os.fsync))
+    for name in ("fsync", "posix_fallocate", "truncate"):
+        monkeypatch.setattr(os, name, failing(getattr(os, name)))
     monkeypatch.setattr(Path, "replace", failing(Path.replace))
     monkeypatch.setattr(Path, "mkdir", failing(Path.mkdir))
     failures = 0
