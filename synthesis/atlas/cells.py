@@ -32,6 +32,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.atlas.halving import halve
 from synthesis.atlas.matrices import start_angles
 from synthesis.atlas.series import Bucket, Column, Floats, Ints, New, gather, in_memory
 from synthesis.target import TURN, Target
@@ -61,7 +62,6 @@ _THIRD = _CURVATURE + 1
 _POINTS_AT_ONCE = 1 << 18
 _POINTS = 8
 """Points of the grid for one period of the highest harmonic."""
-_SPLIT_HARMONICS = 6
 
 
 class Arcs:
@@ -172,9 +172,9 @@ class Cells:
         return int(np.max(np.diff(np.asarray(self.first))))
 
 
-def make_cells(bucket: Bucket, new: New = in_memory) -> Cells:
-    """The cells of a bucket, in arrays that ``new`` gives. Law: every type is in one cell of each level."""
-    order, begins = _halve(bucket)
+def make_cells(bucket: Bucket, new: New = in_memory, scratch: New = in_memory) -> Cells:
+    """The cells of a bucket, in arrays that ``new`` gives, by way of others. Law: every type is in one cell of each level."""
+    order, begins = halve(bucket, LEAF, scratch)
     first = new("first", begins.dtype, begins.shape)
     first[...] = begins
     cells = Cells(bucket.copy(order, new), first, [])
@@ -193,24 +193,6 @@ def make_cells(bucket: Bucket, new: New = in_memory) -> Cells:
 def _of_level(new: New, level: int) -> New:
     """``new`` for the arrays of a level, the finest being 0."""
     return lambda name, dtype, shape: new(f"level{level}.{name}", dtype, shape)
-
-
-def _halve(bucket: Bucket) -> tuple[Ints, Ints]:
-    """Order of the types, and where in it each cell begins (and the last ends)."""
-    count = len(bucket.rows)
-    features = bucket.periodic[:, : 2 * _SPLIT_HARMONICS]
-    order = np.arange(count)
-    sizes = np.array([count])
-    while sizes.max() > LEAF:
-        first = np.cumsum(sizes) - sizes
-        sorted_features = features[order]
-        mean = np.add.reduceat(sorted_features, first, axis=0) / sizes[:, None]
-        spread = np.add.reduceat(sorted_features**2, first, axis=0) / sizes[:, None] - mean**2
-        cell = np.repeat(np.arange(sizes.size), sizes)
-        key = sorted_features[np.arange(count), spread.argmax(axis=1)[cell]]
-        order = order[np.lexsort((key, cell))]
-        sizes = np.stack([sizes // 2, sizes - sizes // 2], axis=1).ravel()
-    return order, np.concatenate([[0], np.cumsum(sizes)])
 
 
 def _middle(periodic: Floats) -> Ints:

@@ -17,6 +17,7 @@ import numpy as np
 
 from synthesis.atlas.cells import Cells, make_cells
 from synthesis.atlas.path_storeys import MOST_TYPES, PATH_STOREYS, build_path_storey
+from synthesis.atlas.prepared import temporary
 from synthesis.atlas.series import (
     COLUMNS,
     Bucket,
@@ -187,9 +188,9 @@ def all_cells(
 
         def cells_of(key: Key) -> Cells:
             bucket = shares.pop(key).joined()
-            return (
-                make_cells(bucket, new_of(key)) if kind.cells else Cells(bucket, np.array([0, len(bucket.rows)]), [])
-            )
+            if not kind.cells:
+                return Cells(bucket, np.array([0, len(bucket.rows)]), [])
+            return make_cells(bucket, new_of(key), in_memory if spool is None else temporary(spool))
 
         for cells in pool.map(cells_of, sorted(shares)):
             done += len(cells.bucket.rows)

@@ -12,6 +12,7 @@ import weakref
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,12 @@ class Region:
     def __init__(self, file: File, offset: int, nbytes: int, sums: NDArray[np.uint32]) -> None:
         self.file, self.offset, self.nbytes, self.sums = file, offset, nbytes, sums
         self.checked = np.zeros(len(sums), dtype=bool)
-        self.whole = not len(sums)
+        self._left, self._lock = len(sums), Lock()
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is left to be compared."""
+        return not self._left
 
     def check(self, pages: Ints) -> None:
         """Compare pages, ascending and each once, with their checksums."""
@@ -72,8 +78,9 @@ class Region:
                 raise DamagedError(f"{self.file.path}: {error.strerror}") from None
             if len(found) < count or not np.array_equal(self.sums[run], found):
                 raise DamagedError(f"{self.file.path}: a page is not what was written")
-        self.checked[pages] = True
-        self.whole = bool(self.checked.all())
+        with self._lock:  # another thread may have compared the same ones
+            self._left -= len(pages) - int(np.count_nonzero(self.checked[pages]))
+            self.checked[pages] = True
 
     def need(self, begin: int, end: int) -> None:
         """Have the bytes from ``begin`` to ``end`` checked."""
