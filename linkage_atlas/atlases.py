@@ -14,7 +14,7 @@ import numpy as np
 
 from linkage_atlas.answers import AtlasType
 from synthesis.atlas import table
-from synthesis.atlas.file import MAX_TYPES, file_hash
+from synthesis.atlas.file import MAX_TYPES, Stamp, file_hash
 from synthesis.atlas.file import load_atlas as load_table
 from synthesis.atlas.index import Index
 from synthesis.atlas.preparation import Preparation
@@ -206,15 +206,21 @@ def load_atlas(
     most = MAX_TYPES if max_types is None else max_types
     if index is None:
         return Atlas(load_table(Path(path), max_bytes, most))
-    digest = file_hash(Path(path), max_bytes)
+    files: Any = None
+    prepared: Preparation | None = None
 
     def load() -> table.Atlas:
         with suppress(OSError):  # where there is no place for an index, it is prepared in memory
             return load_table(Path(path), max_bytes, most, digest, temporary(Path(index).parent))
         return load_table(Path(path), max_bytes, most, digest)
 
-    files = Index(Path(index), digest, FOURBAR, load, KIND, progress)
-    prepared = files.opened(os.cpu_count() or 1)
+    def known(claimed: str, stamp: Stamp) -> bool:
+        nonlocal files, prepared
+        files = Index(Path(index), claimed, FOURBAR, load, KIND, progress, stamp)
+        prepared = files.opened(os.cpu_count() or 1)
+        return prepared is not None and files.knows_source
+
+    digest = file_hash(Path(path), max_bytes, known)
     if prepared is not None and len(prepared.table) > most:
         raise AtlasError(AtlasFault.LIMIT, f"{len(prepared.table)} types, at most {most}")
     if prepared is not None:

@@ -69,6 +69,8 @@ class Index:
     kind : Kind
     progress : callable
         ``progress(done, total)`` while cells are made.
+    stamp : tuple of int
+        Of the atlas file, which is kept with what is made from it, see `knows_source`.
     """
 
     def __init__(
@@ -79,8 +81,9 @@ class Index:
         load: Callable[[], Table],
         kind: Kind,
         progress: Progress = lambda done, total: None,
+        stamp: tuple[int, ...] = (),
     ) -> None:
-        self.place, self.kind, self.load, self.progress = place, kind, load, progress
+        self.place, self.kind, self.load, self.progress, self.stamp = place, kind, load, progress, stamp
         self._mechanism = mechanism
         self._key: dict[str, Any] = {
             "atlas": source,
@@ -119,7 +122,7 @@ class Index:
                 writer.put(f"table.{name}", np.asarray(getattr(table, name)))
             made = all_cells(table, self.kind, threads, _namer(writer), self.place.parent, self.progress)
             buckets = [(one.bucket.winding, one.bucket.harmonics, len(one.levels)) for one in made]
-            return {"buckets": buckets, **_about(table)}
+            return {"buckets": buckets, "stamp": self.stamp, **_about(table)}
 
         try:
             return self._mapped(make_prepared(self.place, self._key, fill))
@@ -158,6 +161,11 @@ class Index:
             Phasors(reach, **{name: file.arrays[f"{_bucket_name(one.bucket)}.{name}"] for name in PHASOR_COLUMNS})
             for one, reach in zip(cells, file.about["reach"])
         ]
+
+    @property
+    def knows_source(self) -> bool:
+        """Whether the open file was made from an atlas file of this size and time of writing, which was compared then."""
+        return bool(self._files) and tuple(self._files[0].about["stamp"]) == self.stamp
 
     @property
     def paths(self) -> list[Path]:

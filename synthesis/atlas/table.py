@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from synthesis.atlas import haar
 from synthesis.atlas.rows import compute_rows
 from synthesis.errors import FieldError
-from synthesis.fourbar.dimension_types import TypeRule
+from synthesis.fourbar.dimension_types import TypeRule, count_types
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.mechanism import Mechanism
 
@@ -31,6 +31,10 @@ UNITS = {
     "curve_error": "radians: bound of the error, at any crank angle, of the stored curve's band-limited interpolation "
     "(all harmonics below samples / 2)",
 }
+CURVE = (
+    "coupler angle theta2 (measured from the ground line A->B, branch +1: C left of D->B) at crank angles "
+    "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1: theta2(x) = -theta2_plus(-x)"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +104,12 @@ class AtlasRule:
             raise FieldError(
                 "/samples", f"must be a power of two from {MIN_SAMPLES} to {MAX_SAMPLES}, found {self.samples}"
             )
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shape of each column."""
+        types = count_types(self.types)
+        return {name: (types,) for name in COLUMNS} | {"lengths": (types, 4), "details": (types, self.samples - 1)}
 
     def as_json(self) -> dict[str, Any]:
         """The rule as plain JSON values."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,9 @@ def naive(features: np.ndarray, members: list[int], depth: int) -> list[list[int
     return naive(features, low, depth - 1) + naive(features, high, depth - 1)
 
 
-@pytest.mark.parametrize(("count", "harmonics", "seed"), [(1, 5, 0), (7, 5, 1), (500, 5, 2), (1031, 3, 3), (2048, 8, 4)])
+@pytest.mark.parametrize(
+    ("count", "harmonics", "seed"), [(1, 5, 0), (7, 5, 1), (500, 5, 2), (1031, 3, 3), (2048, 8, 4)]
+)
 def test_the_order_is_that_of_a_plain_recursion(count, harmonics, seed, monkeypatch) -> None:
     types = bucket(count, harmonics, seed)
     columns = 2 * min(halving.HARMONICS, harmonics)
@@ -45,6 +48,6 @@ def test_the_order_is_that_of_a_plain_recursion(count, harmonics, seed, monkeypa
         found.append((order.tolist(), begins.tolist()))
     assert found[0] == found[1] == found[2]
     order, begins = found[0]
-    cells = [order[begin:end] for begin, end in zip(begins, begins[1:])]
+    cells = [order[begin:end] for begin, end in pairwise(begins)]
     assert cells == naive(features, list(range(count)), len(cells).bit_length() - 1)
     assert max(map(len, cells)) <= 6 and sorted(order) == list(range(count))

@@ -15,8 +15,9 @@ import linkage_atlas as la
 from app.cache import index_of
 from linkage_atlas.motions import Motion
 from synthesis.atlas import cells as scan_cells
+from synthesis.atlas import file as file_module
+from synthesis.atlas import halving, series, stored
 from synthesis.atlas import index as module
-from synthesis.atlas import stored
 from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.index import Index
 from synthesis.atlas.preparation import Preparation
@@ -231,6 +232,38 @@ def test_a_damaged_atlas_is_refused_though_its_index_is_sound(ready) -> None:
     with pytest.raises(la.AtlasError) as found:
         opened(ready)
     assert found.value.fault is la.AtlasFault.MISSING
+
+
+def test_an_atlas_that_was_compared_is_not_read_again(path, monkeypatch) -> None:
+    """A start with an index reads the header; one with a file that was written since, if only a byte of it, all of it."""
+    opened(path).prepare()
+    read: list[Path] = []
+    whole = file_module._checked_hash
+    monkeypatch.setattr(file_module, "_checked_hash", lambda file: read.append(file.name) or whole(file))
+    atlas = opened(path)
+    assert not read and atlas.index_files and atlas.type_of(7) == la.load_atlas(path).type_of(7)
+    read.clear()
+    path.touch()
+    assert opened(path).index_files and len(read) == 1
+    damage(path, path.stat().st_size // 2)
+    with pytest.raises(la.AtlasError) as found:
+        opened(path)
+    assert found.value.fault is la.AtlasFault.CHECKSUM
+
+
+def test_an_index_that_is_made_in_small_parts_has_the_same_bytes(path, tmp_path, monkeypatch) -> None:
+    made = []
+    monkeypatch.setattr(
+        "os.cpu_count", lambda: 1
+    )  # of two threads, which of them comes first decides where an array lies
+    for at_once, copied, points in ((1 << 18, 1 << 14, 1 << 18), (16, 7, 1 << 13)):
+        monkeypatch.setattr(halving, "AT_ONCE", at_once)
+        monkeypatch.setattr(series, "_COPIED_AT_ONCE", copied)
+        monkeypatch.setattr(scan_cells, "_POINTS_AT_ONCE", points)
+        place = tmp_path / f"index-{at_once}"
+        la.load_atlas(path, index=place).prepare()
+        made.append([place.with_name(place.name + end).read_bytes() for end in ("", ".positions", ".spans")])
+    assert made[0] == made[1]
 
 
 def test_limits_hold_with_an_index_too(ready) -> None:
