@@ -13,6 +13,7 @@ import pytest
 
 import linkage_atlas as la
 from app.cache import index_of
+from linkage_atlas import atlases
 from linkage_atlas.motions import Motion
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import file as file_module
@@ -264,6 +265,14 @@ def test_an_index_that_is_made_in_small_parts_has_the_same_bytes(path, tmp_path,
         la.load_atlas(path, index=place).prepare()
         made.append([place.with_name(place.name + end).read_bytes() for end in ("", ".positions", ".spans")])
     assert made[0] == made[1]
+
+
+def test_an_index_of_short_spans_that_memory_might_not_hold_is_left_out(path, in_memory, monkeypatch) -> None:
+    monkeypatch.setattr(atlases, "MOST_FOR_SHORT_SPANS", 5)
+    atlas = opened(path)
+    atlas.prepare(positions=False)
+    assert [place.name for place in atlas.index_files] == ["atlas.h5.index"]
+    assert same(atlas.scan.best(target(0), 5), in_memory.best(target(0), 5))
 
 
 def test_limits_hold_with_an_index_too(ready) -> None:
