@@ -23,6 +23,8 @@ from synthesis.atlas.file import (
     encode_atlas,
     load_atlas,
 )
+from synthesis.atlas.prepared import temporary
+from synthesis.atlas.series import in_memory
 from synthesis.atlas.table import COLUMNS, Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -187,6 +189,22 @@ def test_places_that_hold_no_file(tmp_path, tiny_bytes) -> None:
             load_atlas(tmp_path / "atlas.h5", **limits)
         assert caught.value.fault is AtlasFault.LIMIT
     assert len(load_atlas(tmp_path / "atlas.h5", len(tiny_bytes))) > 5
+
+
+def test_arrays_on_disk_are_the_same_and_take_no_memory(tmp_path) -> None:
+    atlas = make_atlas(AtlasRule(TypeRule(260, 2), 128))
+    (tmp_path / "atlas.h5").write_bytes(encode_atlas(atlas))
+    peaks = []
+    for new in (temporary(tmp_path), in_memory):
+        tracemalloc.start()
+        loaded = load_atlas(tmp_path / "atlas.h5", new=new)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        for name in ARRAYS:
+            assert np.array_equal(getattr(loaded, name), getattr(atlas, name))
+            assert not getattr(loaded, name).flags.writeable
+    assert peaks[0] < peaks[1] - 0.9 * atlas.details.nbytes
+    assert [path.name for path in tmp_path.iterdir()] == ["atlas.h5"]
 
 
 # -- hostile HDF5 behind a header that matches ------------------------------------------------------------------------
