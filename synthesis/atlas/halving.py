@@ -2,7 +2,7 @@
 
 Each half keeps its types in ascending order of their place, the lower half being those of the least coefficients and, among
 equal ones, of the least places. Coefficients count as whole numbers of `STEP`, so that sums are exact: the order does not depend
-on how many types are worked on at a time. In memory are two numbers for each type of the bucket, and the coefficients of
+on how many types are worked on at a time. In memory are at most 26 bytes for each type of the bucket, and the coefficients of
 `AT_ONCE` types; large cells read them in passes, from memory that the caller provides.
 """
 
