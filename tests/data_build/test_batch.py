@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import io
 import json
 import os
@@ -20,6 +21,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ from data_build.batch import BuildLocked, build_atlas, compute_shard
 from data_build.cli import EXIT_DAMAGED, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, main
 from data_build.executors import dask_executor, local_executor
 from synthesis.atlas.file import encode_atlas, load_atlas, write_image
-from synthesis.atlas.table import AtlasRule
+from synthesis.atlas.table import COLUMNS, CURVE, UNITS, AtlasRule
 from synthesis.fourbar.dimension_types import TypeRule, count_types, enumerate_types
 from tests.conftest import make_atlas
 
@@ -124,11 +126,32 @@ def test_no_types_give_an_atlas_without_types(out) -> None:
     assert len(load_atlas(out)) == 0
 
 
+def in_one_step(atlas) -> bytes:
+    """The file of an atlas, each array written whole into an image in memory."""
+    with h5py.File.in_memory(libver=("v110", "v110")) as file:
+        own = {"schema": 1, "rule": json.dumps(atlas.rule.as_json(), sort_keys=True), "curve": CURVE}
+        own |= {"normalisation": "mean", "levels": int(np.log2(atlas.samples)), "samples": atlas.samples}
+        own |= {"generator": json.dumps(atlas.generator, sort_keys=True), "content_sha256": atlas.content_hash()}
+        file.attrs.update(own)
+        for name, dtype in COLUMNS.items():
+            values = getattr(atlas, name).astype(dtype)
+            chunks = (min(len(values), (1 << 20) // values[:1].nbytes), *values.shape[1:])
+            options = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
+            dataset = file.create_dataset(name, data=values, track_times=False, chunks=chunks, **options)
+            dataset.attrs["units"] = UNITS[name]
+        file.flush()
+        image = file.id.get_file_image()
+    header = f"linkage-atlas 1\nsha256 {hashlib.sha256(image).hexdigest()}\nbytes {len(image)}\n"
+    return header.encode().ljust(511) + b"\n" + image
+
+
 @pytest.mark.parametrize("samples", [16, 256])
 def test_columns_in_parts_give_the_file_of_whole_ones(samples, tmp_path) -> None:
-    """Chunks of the image and parts of a column end in different places; several chunks of each size."""
+    """Chunks of the image and parts of a column end in different places; several chunks of details."""
     rule = AtlasRule(TypeRule(140, 2), samples)
     atlas = make_atlas(rule)
+    wanted = in_one_step(atlas)
+    assert encode_atlas(atlas) == wanted
     for size in (1000, len(atlas)):
 
         def parts(name: str, size: int = size) -> list[np.ndarray]:
@@ -136,7 +159,7 @@ def test_columns_in_parts_give_the_file_of_whole_ones(samples, tmp_path) -> None
             return [column[first : first + size] for first in range(0, len(column), size)]
 
         header, content = write_image(tmp_path / "image", rule, atlas.generator, parts)
-        assert header.encode() + (tmp_path / "image").read_bytes() == encode_atlas(atlas)
+        assert header.encode() + (tmp_path / "image").read_bytes() == wanted
         assert content == atlas.content_hash()
 
 
