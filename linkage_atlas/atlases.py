@@ -26,7 +26,6 @@ from synthesis.fourbar.kinematics import family
 from synthesis.fourbar.mechanism import FOURBAR, ROCKER
 from synthesis.work import OutOfTime, Work
 
-
 MOST_FOR_SHORT_SPANS = 3_000_000
 """Types of an atlas up to which the index of short spans is made: making it takes some 1.3 kB of memory for each."""
 
