@@ -28,7 +28,7 @@ PATH_STOREYS = (
     Storey(np.deg2rad(360.0), 12, 28, np.inf),
 )
 """No window is kept by a part of its interval: what is left of those with a large rest is few."""
-MOST_TYPES = 1 << 21
+MOST_TYPES = 1 << 18
 """Larger atlases have no index of shapes: one storey is held in memory while it is made, up to 5 kB a type."""
 _LARGEST_REST = 4.0
 """Rest over |a_2|, and size of a shape's number, beyond which nothing is known of an entry."""

@@ -282,6 +282,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file(limit, out, wanted) -> None:
     build = start(
         *["--out", out, *OPTIONS, "--jobs", 1],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},  # compiled modules would be cut short too, and stay so
     )
     _, errors = build.communicate(timeout=60)
     assert build.returncode == EXIT_FAILED and errors.startswith("cannot write") and "Traceback" not in errors
