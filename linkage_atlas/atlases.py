@@ -26,9 +26,6 @@ from synthesis.fourbar.kinematics import family
 from synthesis.fourbar.mechanism import FOURBAR, ROCKER
 from synthesis.work import OutOfTime, Work
 
-MOST_FOR_SHORT_SPANS = 3_000_000
-"""Types of an atlas up to which the index of short spans is made: making it takes some 1.3 kB of memory for each."""
-
 
 class Atlas:
     """A verified atlas: the dimension types of a rule, and the scan of them, prepared when first needed.
@@ -122,14 +119,14 @@ class Atlas:
         """Prepare the scan now, also its indexes of windows and the series for positions, as far as the work's time allows.
 
         Without them it answers too: short spans and positions without rotation more slowly, and the first request with positions
-        makes their series. The index of short spans is left out where there are more than `MOST_FOR_SHORT_SPANS` types.
+        makes their series.
         Afterwards it scans on so many ``threads``, if that is given.
         """
         work = work or Work()
         scan = self.scan
         if threads is not None:
             scan.threads = threads
-        if short_spans and len(self) <= MOST_FOR_SHORT_SPANS:
+        if short_spans:
             with suppress(OutOfTime):
                 scan.prepare_short_spans(work)
         if positions and scan.prepare_positions(work) and short_spans:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
 from synthesis.atlas.cells import Cells, Level
 from synthesis.atlas.path_storeys import PATH_STOREYS, build_path_storey
@@ -26,9 +27,10 @@ from synthesis.atlas.preparation import Key, Kind, Preparation, Progress, all_ce
 from synthesis.atlas.prepared import Prepared, Writer, log, make_prepared, open_prepared
 from synthesis.atlas.series import COLUMNS, PHASOR_COLUMNS, Bucket, New, Phasors
 from synthesis.atlas.stored import DamagedError
-from synthesis.atlas.storeys import STOREYS, Arrays, Storey, StoreyIndex, build_storey
+from synthesis.atlas.storeys import STOREYS, Storey, StoreyIndex, build_storey
 from synthesis.atlas.table import COLUMNS as TABLE_COLUMNS
 from synthesis.atlas.table import Atlas, AtlasRule, Table
+from synthesis.atlas.trees import Arrays
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.mechanism import Mechanism
 from synthesis.work import Work
@@ -172,17 +174,33 @@ class Index:
         """The files that are open; none where everything is in memory."""
         return [file.path for file in self._files]
 
-    def short_spans(self, cells: list[Cells], work: Work) -> list[StoreyIndex]:
-        """The index of windows of short spans, mapped, see `storeys`; OutOfTime where the work's time runs out."""
-        buckets = [one.bucket for one in cells]
-        return self._made(_SPANS, STOREYS, lambda storey: build_storey(storey, buckets, work.go_on), work)
+    def short_spans(self, cells: list[Cells], work: Work) -> list[StoreyIndex] | None:
+        """The index of windows of short spans, mapped, see `storeys`; None where no file of it can be written.
 
-    def shapes(self, cells: list[Cells], phasors: list[Phasors], work: Work) -> list[StoreyIndex]:
-        """The index of shapes of paths, mapped, see `path_storeys`; OutOfTime where the work's time runs out."""
+        Raises
+        ------
+        OutOfTime
+        """
         buckets = [one.bucket for one in cells]
-        return self._made(
-            _PATHS, PATH_STOREYS, lambda storey: build_path_storey(storey, buckets, phasors, work.go_on), work
-        )
+
+        def build(storey: Storey, new: New, folder: Path) -> Arrays:
+            return build_storey(storey, buckets, new, folder, work.go_on)
+
+        return self._made(_SPANS, STOREYS, build, work)
+
+    def shapes(self, cells: list[Cells], phasors: list[Phasors], work: Work) -> list[StoreyIndex] | None:
+        """The index of shapes of paths, mapped, see `path_storeys`; None where no file of it can be written.
+
+        Raises
+        ------
+        OutOfTime
+        """
+        buckets = [one.bucket for one in cells]
+
+        def build(storey: Storey, new: New, folder: Path) -> Arrays:
+            return build_path_storey(storey, buckets, phasors, new, folder, work.go_on)
+
+        return self._made(_PATHS, PATH_STOREYS, build, work)
 
     def known_short_spans(self) -> list[StoreyIndex]:
         """The same where it has been made before, and none otherwise."""
@@ -193,22 +211,22 @@ class Index:
         return self._known(_PATHS, PATH_STOREYS)
 
     def _made(
-        self, ending: str, storeys: Sequence[Storey], build: Callable[[Storey], Arrays], work: Work
-    ) -> list[StoreyIndex]:
-        """Storeys, mapped from the file of an ending, which is made first; in memory where none can be written."""
+        self, ending: str, storeys: Sequence[Storey], build: Callable[[Storey, New, Path], Arrays], work: Work
+    ) -> list[StoreyIndex] | None:
+        """Storeys, mapped from the file of an ending, which is made first; None where none can be written."""
 
         def fill(writer: Writer) -> dict[str, Any]:
             for number, storey in enumerate(storeys):
-                for name, values in build(storey).items():
-                    writer.put(f"{number}.{name}", values)
+                build(storey, partial(_new_of, writer, str(number)), self.place.parent)
             return {}
 
-        if self._files:  # else the cells are in memory
-            try:
-                return self._storeys_of(make_prepared(self._beside(ending), self._key, fill, work.go_on), storeys)
-            except OSError as error:
-                log.warning("an index of windows (%s) is made in memory: %s", ending, error)
-        return [StoreyIndex(storey, build(storey)) for storey in storeys]
+        if not self._files:  # the cells are in memory
+            return None
+        try:
+            return self._storeys_of(make_prepared(self._beside(ending), self._key, fill, work.go_on), storeys)
+        except OSError as error:
+            log.warning("no index of windows (%s) is written: %s", ending, error)
+            return None
 
     def _known(self, ending: str, storeys: Sequence[Storey]) -> list[StoreyIndex]:
         file = open_prepared(self._beside(ending), self._key) if self._files else None
@@ -262,13 +280,14 @@ def _bucket_name(bucket: Bucket) -> str:
     return f"{bucket.winding}.{bucket.harmonics}"
 
 
+def _new_of(writer: Writer, group: str, name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    """An array of a group in a file."""
+    return writer.new(f"{group}.{name}", dtype, shape)
+
+
 def _namer(writer: Writer) -> Callable[[Key], New]:
     """Where the arrays of a bucket lie in a file."""
-
-    def new_of(key: Key) -> New:
-        return lambda name, dtype, shape: writer.new(f"{key[0]}.{key[1]}.{name}", dtype, shape)
-
-    return new_of
+    return lambda key: partial(_new_of, writer, f"{key[0]}.{key[1]}")
 
 
 def _cells_of(file: Prepared) -> list[Cells]:
@@ -316,10 +335,12 @@ class IndexedPreparation(Preparation):
         return self.index.positions(self.table, self.cells, self.threads, work)
 
     def _short_spans(self, work: Work) -> list[StoreyIndex]:
-        return self.index.short_spans(self.cells, work)
+        made = self.index.short_spans(self.cells, work)
+        return super()._short_spans(work) if made is None else made
 
     def _paths(self, work: Work) -> list[StoreyIndex]:
-        return self.index.shapes(self.cells, self.phasors, work)
+        made = self.index.shapes(self.cells, self.phasors, work)
+        return super()._paths(work) if made is None else made
 
     def renew(self, seen: list[Cells], damage: DamagedError) -> None:
         """Make the files anew from the atlas, unless that has been done since ``seen`` were the cells."""

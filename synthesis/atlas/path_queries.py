@@ -37,7 +37,8 @@ from numpy.typing import NDArray
 from synthesis.atlas.legendre import LEAST_SEEN, TAIL, polynomials
 from synthesis.atlas.queries import MALUS, Bounds, Offsets
 from synthesis.atlas.series import Floats, Ints, gather
-from synthesis.atlas.storeys import Singles, Storey
+from synthesis.atlas.storeys import Storey
+from synthesis.atlas.trees import Singles
 from synthesis.pose import fixed_columns
 from synthesis.target import Target
 

@@ -12,13 +12,15 @@ parts of its shape. What no few terms follow has a large rest and a place behind
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from synthesis.atlas.legendre import PhasorExpansion
-from synthesis.atlas.series import Bucket, Phasors
-from synthesis.atlas.storeys import NO_ENTRY, Arrays, Storey, joined_trees, tree_of, upwards
+from synthesis.atlas.series import Bucket, New, Phasors, in_memory
+from synthesis.atlas.storeys import Storey, numbers_of
+from synthesis.atlas.trees import Arrays, Points, make_trees, upwards
 
 PATH_STOREYS = (
     Storey(np.deg2rad(9.0), 30, 6, np.inf),
@@ -28,8 +30,6 @@ PATH_STOREYS = (
     Storey(np.deg2rad(360.0), 12, 28, np.inf),
 )
 """No window is kept by a part of its interval: what is left of those with a large rest is few."""
-MOST_TYPES = 1 << 18
-"""Larger atlases have no index of shapes: one storey is held in memory while it is made, up to 5 kB a type."""
 _LARGEST_REST = 4.0
 """Rest over |a_2|, and size of a shape's number, beyond which nothing is known of an entry."""
 _UNKNOWN = np.float32(1e6)
@@ -39,41 +39,43 @@ _AT_ONCE = 1 << 22
 
 
 def build_path_storey(
-    storey: Storey, buckets: Sequence[Bucket], phasors: Sequence[Phasors], go_on: Callable[[], None] = lambda: None
+    storey: Storey,
+    buckets: Sequence[Bucket],
+    phasors: Sequence[Phasors],
+    new: New = in_memory,
+    folder: Path | None = None,
+    go_on: Callable[[], None] = lambda: None,
 ) -> Arrays:
-    """The arrays of a `StoreyIndex` of shapes, from the series of e^{i theta2} of all types.
-
-    Parameters
-    ----------
-    storey : Storey
-    buckets : sequence of Bucket
-    phasors : sequence of Phasors
-        Of each bucket.
-    go_on : callable
-        Called between the steps; may raise to end the work.
+    """The arrays of a `StoreyIndex` of shapes, from the series of e^{i theta2} of each bucket; parameters of `make_trees`.
 
     Returns
     -------
     dict
         Law: every type is in each interval once.
     """
-    types = sum(len(bucket.rows) for bucket in buckets)
-    count, size = types * storey.places, 2 * (storey.terms - 2)
-    if count >= NO_ENTRY:
-        raise ValueError(f"an index has at most {NO_ENTRY:,} entries, wanted {count:,}")
-    values, rests = np.empty((count, size), np.float32), np.empty(count, np.float32)
-    for bucket, known in zip(buckets, phasors):
-        expansion = PhasorExpansion(known.reach, storey.centres, storey.half_width, storey.terms)
-        at_once = max(1, _AT_ONCE // expansion.width)
-        for first in range(0, len(bucket.rows), at_once):
-            go_on()
-            part = slice(first, first + at_once)
-            shapes, rest = expansion.shapes(np.asarray(known.series[part]), np.asarray(known.error[part]))
-            unknown = ~((rest <= _LARGEST_REST) & (np.abs(shapes).max(axis=-1) <= _LARGEST_REST))
-            shapes[unknown], rest[unknown] = 0, _UNKNOWN
-            at = np.asarray(bucket.rows[part])[:, None] * storey.places + np.arange(storey.places)
-            values[at], rests[at] = np.ascontiguousarray(shapes).view(float), upwards(rest)
     order = np.repeat(np.arange(3, storey.terms + 1), 2)
     weight = np.sqrt(5 / (2 * order + 1)) / _STEP
-    tree = tree_of(np.arange(count), values, rests, go_on, weight=weight)
-    return joined_trees([tree], types)
+
+    def source(every: int) -> Iterator[Points]:
+        for bucket, known in zip(buckets, phasors):
+            yield from _entries(storey, bucket, known, every, go_on)
+
+    count = storey.places * sum(len(bucket.rows) for bucket in buckets)
+    return make_trees(source, 1, count, weight, new, folder, go_on)
+
+
+def _entries(
+    storey: Storey, bucket: Bucket, known: Phasors, every: int, go_on: Callable[[], None]
+) -> Iterator[Points]:
+    """The entries of every so-many-th type of a bucket."""
+    expansion = PhasorExpansion(known.reach, storey.centres, storey.half_width, storey.terms)
+    step = every * max(1, _AT_ONCE // expansion.width)
+    for first in range(0, len(bucket.rows), step):
+        go_on()
+        part = slice(first, first + step, every)
+        shapes, rest = expansion.shapes(np.asarray(known.series[part]), np.asarray(known.error[part]))
+        unknown = ~((rest <= _LARGEST_REST) & (np.abs(shapes).max(axis=-1) <= _LARGEST_REST))
+        shapes[unknown], rest[unknown] = 0, _UNKNOWN
+        values = np.ascontiguousarray(shapes).view(float).astype(np.float32)
+        numbers = numbers_of(storey, np.asarray(bucket.rows[part]))
+        yield Points(0, numbers.ravel(), values.reshape(numbers.size, -1), upwards(rest.ravel()))

@@ -16,7 +16,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 
 from synthesis.atlas.cells import Cells, make_cells
-from synthesis.atlas.path_storeys import MOST_TYPES, PATH_STOREYS, build_path_storey
+from synthesis.atlas.path_storeys import PATH_STOREYS, build_path_storey
 from synthesis.atlas.prepared import temporary
 from synthesis.atlas.series import (
     COLUMNS,
@@ -35,6 +35,8 @@ from synthesis.atlas.table import Table
 from synthesis.work import OutOfTime, Work
 
 PREPARED_AT_ONCE = 512
+MOST_IN_MEMORY = 1 << 19
+"""Types up to which indexes of windows are made in memory, where no file of them can be written: up to 6 kB for each."""
 _PATIENCE = 0.01
 """Seconds between two looks at whether an answer is still wanted."""
 
@@ -121,20 +123,18 @@ class Preparation:
                 self.storeys = self._short_spans(work)
 
     def _short_spans(self, work: Work) -> list[StoreyIndex]:
+        if len(self.table) > MOST_IN_MEMORY:
+            return []
         buckets = [cells.bucket for cells in self.cells]
-        return [StoreyIndex(storey, build_storey(storey, buckets, work.go_on)) for storey in STOREYS]
+        return [StoreyIndex(storey, build_storey(storey, buckets, go_on=work.go_on)) for storey in STOREYS]
 
     def prepare_paths(self, work: Work) -> None:
         """Make the index of shapes that answers positions without rotation sooner; without it all windows are compared.
-
-        An atlas of more than `MOST_TYPES` types has none.
 
         Raises
         ------
         OutOfTime
         """
-        if len(self.table) > MOST_TYPES:
-            return
         if not self.prepare_positions(work):
             raise OutOfTime
         with self._storeys_lock:
@@ -142,8 +142,10 @@ class Preparation:
                 self.path_storeys = self._paths(work)
 
     def _paths(self, work: Work) -> list[StoreyIndex]:
+        if len(self.table) > MOST_IN_MEMORY:
+            return []
         buckets = [cells.bucket for cells in self.cells]
-        made = (build_path_storey(storey, buckets, self.phasors, work.go_on) for storey in PATH_STOREYS)
+        made = (build_path_storey(storey, buckets, self.phasors, go_on=work.go_on) for storey in PATH_STOREYS)
         return [StoreyIndex(storey, arrays) for storey, arrays in zip(PATH_STOREYS, made)]
 
     def renew(self, seen: list[Cells], damage: DamagedError) -> None:

@@ -34,7 +34,8 @@ from numpy.typing import NDArray
 
 from synthesis.atlas.legendre import polynomials
 from synthesis.atlas.series import Floats, Ints, gather
-from synthesis.atlas.storeys import Singles, Storey
+from synthesis.atlas.storeys import Storey
+from synthesis.atlas.trees import Singles
 from synthesis.target import TURN, Target
 
 ABOVE_SINGLE = np.float32(1 + 2e-6)

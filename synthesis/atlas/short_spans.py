@@ -22,7 +22,8 @@ from synthesis.atlas.leaders import Leaders
 from synthesis.atlas.path_queries import PathQueries, PathRequest
 from synthesis.atlas.queries import ABOVE_SINGLE, Queries, Request
 from synthesis.atlas.series import Floats, Ints, gather
-from synthesis.atlas.storeys import CODES, LEAF, NO_ENTRY, PARTS, Singles, StoreyIndex, Tree
+from synthesis.atlas.storeys import StoreyIndex, Tree
+from synthesis.atlas.trees import CODES, LEAF, NO_ENTRY, PARTS, Singles
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.target import Target
 

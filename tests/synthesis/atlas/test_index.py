@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import shutil
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -13,11 +14,10 @@ import pytest
 
 import linkage_atlas as la
 from app.cache import index_of
-from linkage_atlas import atlases
 from linkage_atlas.motions import Motion
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import file as file_module
-from synthesis.atlas import halving, series, stored
+from synthesis.atlas import halving, preparation, series, stored, trees
 from synthesis.atlas import index as module
 from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.index import Index
@@ -257,21 +257,33 @@ def test_an_index_that_is_made_in_small_parts_has_the_same_bytes(path, tmp_path,
     monkeypatch.setattr(
         "os.cpu_count", lambda: 1
     )  # of two threads, which of them comes first decides where an array lies
-    for at_once, copied, points in ((1 << 18, 1 << 14, 1 << 18), (16, 7, 1 << 13)):
+    for at_once, copied, points, part in ((1 << 18, 1 << 14, 1 << 18, 1 << 26), (16, 7, 1 << 13, 1 << 14)):
+        monkeypatch.setattr(trees, "PART_BYTES", part)
+        monkeypatch.setattr(trees, "_AT_ONCE", part)
         monkeypatch.setattr(halving, "AT_ONCE", at_once)
         monkeypatch.setattr(series, "_COPIED_AT_ONCE", copied)
         monkeypatch.setattr(scan_cells, "_POINTS_AT_ONCE", points)
         place = tmp_path / f"index-{at_once}"
         la.load_atlas(path, index=place).prepare()
-        made.append([place.with_name(place.name + end).read_bytes() for end in ("", ".positions", ".spans")])
+        made.append(
+            [place.with_name(place.name + end).read_bytes() for end in ("", ".positions", ".spans", ".paths")]
+        )
     assert made[0] == made[1]
+    assert len(list(tmp_path.glob("index-*"))) == 8  # and nothing else is left
 
 
-def test_an_index_of_short_spans_that_memory_might_not_hold_is_left_out(path, in_memory, monkeypatch) -> None:
-    monkeypatch.setattr(atlases, "MOST_FOR_SHORT_SPANS", 5)
+@pytest.mark.parametrize("most", [5, 10**6])
+def test_where_the_disk_has_little_left_an_index_of_windows_is_made_in_memory_or_left_out(
+    path, in_memory, most, monkeypatch, caplog
+) -> None:
+    free = shutil.disk_usage(path.parent)
+    monkeypatch.setattr(trees.shutil, "disk_usage", lambda folder: free._replace(free=1 << 20))
+    monkeypatch.setattr(preparation, "MOST_IN_MEMORY", most)
     atlas = opened(path)
-    atlas.prepare(positions=False)
-    assert [place.name for place in atlas.index_files] == ["atlas.h5.index"]
+    atlas.prepare()
+    assert [place.name for place in atlas.index_files] == ["atlas.h5.index", "atlas.h5.index.positions"]
+    assert bool(atlas.scan.prepared.storeys) == bool(atlas.scan.prepared.path_storeys) == (most > len(atlas))
+    assert "as many are to be left" in caplog.text
     assert same(atlas.scan.best(target(0), 5), in_memory.best(target(0), 5))
 
 

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.atlas import short_spans, storeys
+from synthesis.atlas import short_spans, trees
 from synthesis.atlas.index import Index
 from synthesis.atlas.leaders import Leaders
 from synthesis.atlas.legendre import LEAST_SEEN, TAIL, PhasorExpansion, polynomials
 from synthesis.atlas.path_storeys import PATH_STOREYS
 from synthesis.atlas.scan import KIND, Scan
 from synthesis.atlas.short_spans import ShortSpan
-from synthesis.atlas.storeys import NO_ENTRY
 from synthesis.atlas.table import AtlasRule
+from synthesis.atlas.trees import NO_ENTRY
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
@@ -38,7 +38,7 @@ SHAPES = ("linkage", "folding", "noisy", "line", "waves", "far")
 def small_leaves() -> Iterator[None]:
     """Boxes of several levels, and no giving up, although the atlases are small."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (storeys, short_spans):
+        for module in (trees, short_spans):
             patch.setattr(module, "LEAF", 4)
             patch.setattr(module, "PARTS", 3)
         for name in ("LARGEST_SINE", "MOST_COMPARED", "MOST_PATHS", "MOST_SHORT_PATHS"):

@@ -9,14 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.atlas import short_spans, storeys
+from synthesis.atlas import short_spans, trees
 from synthesis.atlas.index import Index
 from synthesis.atlas.leaders import Leaders
 from synthesis.atlas.legendre import Expansion, polynomials
 from synthesis.atlas.scan import KIND, Scan
 from synthesis.atlas.short_spans import ShortSpan
-from synthesis.atlas.storeys import INTERVAL_PARTS, NO_ENTRY, STOREYS, StoreyIndex
+from synthesis.atlas.storeys import INTERVAL_PARTS, STOREYS, StoreyIndex
 from synthesis.atlas.table import AtlasRule
+from synthesis.atlas.trees import NO_ENTRY
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
@@ -36,7 +37,7 @@ RULES = {
 def small_leaves() -> Iterator[None]:
     """Boxes of several levels, and no giving up, although the atlases are small."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (storeys, short_spans):
+        for module in (trees, short_spans):
             patch.setattr(module, "LEAF", 4)
             patch.setattr(module, "PARTS", 3)
         patch.setattr(short_spans, "MOST_LEAVES", np.inf)
@@ -165,9 +166,9 @@ def test_what_lies_in_a_box_lies_in_those_above(scans, name) -> None:
         terms, boxes = index.size, np.asarray(index.boxes, dtype=float)
         for tree in index.trees:
             for (first, count), (below, parts) in zip(tree.levels, tree.levels[1:]):
-                above = boxes[first + np.arange(parts) // storeys.PARTS]
+                above = boxes[first + np.arange(parts) // trees.PARTS]
                 own = boxes[below : below + parts]
-                assert (parts - 1) // storeys.PARTS + 1 == count
+                assert (parts - 1) // trees.PARTS + 1 == count
                 apart = np.abs(own[:, :terms] - above[:, :terms]) + own[:, terms:-1]
                 assert np.all(apart <= above[:, terms:-1]) and np.all(own[:, -1] <= above[:, -1])
 
