@@ -141,7 +141,7 @@ def _add_index(parser: argparse.ArgumentParser) -> None:
 def _index(options: argparse.Namespace) -> int:
     settings = settings_of(options).model_copy(update={"index": True})
     atlas = open_atlas(find_atlas(settings), settings)
-    atlas.prepare()
+    atlas.prepare(positions=settings.prepare_positions)
     for path in atlas.index_files:
         print(f"{path}: {path.stat().st_size:,} bytes")
     return Exit.OK if atlas.index_files else Exit.FAILED

@@ -126,7 +126,7 @@ class Supervisor:
             self._make(lambda: self._resources.atlas.rocker_scan)
             self._tell_of_more()
         elif wish == b"p":
-            self._make(lambda: self._resources.atlas.prepare())
+            self._make(lambda: self._resources.atlas.prepare(short_spans=False))
             self._tell_of_more()
 
     def _prepare(self) -> None:

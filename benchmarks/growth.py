@@ -1,7 +1,8 @@
-"""How build, start, memory and request grow with the atlas: ``python -m benchmarks.growth [--perimeters 100 200 ...]``.
+"""How build, index, start, memory and requests grow with the atlas: ``python -m benchmarks.growth [--perimeters 100 200 ...]``.
 
-Every atlas is built, served and asked by processes of their own, as users run them; the requests are the same for all. The
-largest perimeter has seven million types and takes 17 GB of memory; nothing else should run.
+Every atlas is built, prepared, served and asked by processes of their own, as users run them; the requests are the same for
+all. Then a scan in a process of its own answers motions over short, middle and long spans, in processor time of one thread. The
+largest perimeter has seven million types and takes 40 GB of disk meanwhile; nothing else should run.
 """
 
 from __future__ import annotations
@@ -10,26 +11,39 @@ import bisect
 import json
 import math
 import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from tqdm import tqdm
 
+from app.cache import index_of
 from benchmarks import report
 from benchmarks.figures import curve, figure
-from benchmarks.product import MAX_PERIMETER, Settings, TypeRule, count_types
+from benchmarks.index import make
+from benchmarks.product import MAX_PERIMETER, Settings, TypeRule, count_types, la
 from benchmarks.report import Times, duration, significant, size
 from benchmarks.service import build, environment, match_bodies, quantile, running, serve_command, uvicorn_command
+from tests.oracles.rotations import reachable
 
 PERIMETERS = (100, 200, 400, 800, 1600)
 SAMPLES = {400: 256, 800: 128, MAX_PERIMETER: 64}
 """Samples of a curve up to each perimeter. The series of a typical curve needs 8 to 16 harmonics, which 64 samples hold twice
 over; more of them would only take memory, 4 bytes a sample and type, several times over while a file is written or read."""
+DEFAULT = 400
+"""Perimeter of the default atlas."""
+WIDE = {"perimeter": DEFAULT, "order": "full_crank", "samples": 128}
+SPANS = {"short": (10, 20, 30, 45, 60, 75, 90), "middle": (105, 120, 150, 180), "long": (200, 250, 300, 360)}
+"""Degrees."""
+SHORTEST = 0.05
+"""Least link of a motion's linkage, over its perimeter."""
 WARM_UP = 5
 NO_LIMIT = 10**12
+SETTINGS = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT, "prepare_positions": False}
 LARGE = 200
 """Perimeter from which on what every process costs at any size is small beside what grows."""
 BILLION = 10**9
@@ -40,12 +54,11 @@ TOP, ROW_BYTES = 10, 40
 
 
 def serve(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
-    """Start the service on an atlas and send it requests one after the other on one connection."""
-    settings = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT, "prepare_positions": False, "index": False}
-    with running(serve_command, atlas=atlas, **settings) as service:
+    """Start the service on an atlas with its index and send it requests one after the other on one connection."""
+    with running(serve_command, atlas=atlas, **SETTINGS) as service:
         service.need_ready()
         row: dict[str, Any] = {"ready_s": service.ready_seconds}
-        row |= {"resident_bytes": service.shared_out() or None, "peak_bytes": service.peak()}
+        row |= {"resident_bytes": service.shared_out() or None, "own_bytes": max(service.own())}
         row["scan_bytes"] = service.ask("GET", "/v1/atlas").json()["scan_bytes"]
         for body in bodies[:WARM_UP]:
             service.ask("POST", "/v1/match", body)
@@ -55,7 +68,7 @@ def serve(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
             if answer.status != 200:
                 raise RuntimeError(f"/v1/match answered {answer.status}: {answer.body.decode()}")
             replies.append(answer.json())
-        row["peak_bytes_asked"] = service.shared_out() or None
+        row |= {"asked_bytes": service.shared_out() or None, "asked_own_bytes": max(service.own())}
     return row | {
         "median_ms": 1000 * quantile(times.wall, 0.5),
         "p99_ms": 1000 * quantile(times.wall, 0.99),
@@ -80,18 +93,47 @@ def refusal(atlas: Path) -> dict[str, Any]:
     return row
 
 
+def answer_spans(atlas: Path, requests: int) -> dict[str, Any]:
+    """Processor milliseconds of the scan over the spans of each class, the better of two runs of each; all in this process."""
+    scan = la.load_atlas(atlas, max_bytes=NO_LIMIT, max_types=NO_LIMIT, index=index_of(atlas)).scan
+    scan.threads = 1
+    row: dict[str, Any] = {}
+    for name, spans in SPANS.items():
+        spent = []
+        for number, span in zip(range(requests), cycle(spans)):
+            target, times = reachable(f"growth {name}", number, span, SHORTEST), Times()
+            for _ in range(2):
+                times.run(scan.best, target, TOP)
+            spent.append(1000 * times.least.processor)
+        row[f"{name}_ms"], row[f"{name}_90_ms"] = quantile(spent, 0.5), quantile(spent, 0.9)
+    return row
+
+
+def in_a_process(atlas: Path, requests: int) -> dict[str, Any]:
+    """`answer_spans` in a process of its own."""
+    code = f"from benchmarks.growth import *; print(json.dumps(answer_spans(Path({str(atlas)!r}), {requests})))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=report.ROOT, env=environment(), stdout=subprocess.PIPE, check=True
+    )
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told
+
+
 QUANTITIES = {
     "build_s": "build, seconds",
     "build_peak_bytes": "build, memory of the largest process",
     "file_bytes": "file",
+    "make_cpu_s": "index, processor seconds",
+    "make_peak_bytes": "index, memory while it is made",
+    "disk_bytes": "index, files",
     "ready_s": "start until /readyz, seconds",
     "resident_bytes": "resident memory when ready",
-    "peak_bytes_asked": "peak memory after all requests",
-    "scan_bytes": "prepared scan",
+    "asked_bytes": "resident memory after all requests",
     "median_ms": "request, median",
     "p99_ms": "request, 99th percentile",
     "evaluated": "windows evaluated exactly, median",
     "similarity_deg": "error of the best row, median",
+    **{f"{name}_ms": f"scan, {name} spans, median processor time" for name in SPANS},
 }
 
 
@@ -111,7 +153,9 @@ def exponents(rows: Sequence[dict[str, Any]], least: int = 0) -> dict[str, float
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of growth and the arithmetic of a billion types in docs/scaling.md."""
     rows = results["rows"]
-    shares = [{f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "scan")} for row in rows]
+    shares = [
+        {f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "scan", "disk")} for row in rows
+    ]
     told = [row | share for row, share in zip(rows, shares)]
     overall, large = exponents(rows), exponents(rows, LARGE)
     grown = [
@@ -219,21 +263,27 @@ def draw(results: dict[str, Any]) -> None:
             axes.set_ylim(low, high * (high / low) ** 0.35)  # room for the legend
 
 
+def measured(rule: dict[str, Any], bodies: Sequence[bytes]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """An atlas: built, prepared, served, scanned; and refused by a service with the default limit."""
+    with tempfile.TemporaryDirectory() as folder:
+        atlas = Path(folder) / "atlas.h5"
+        row = {**rule, **build(atlas, **rule), **make(atlas, prepare_positions=False)}
+        row |= serve(atlas, bodies) | in_a_process(atlas, len(bodies))
+        print(json.dumps({name: value for name, value in row.items() if name != "ms"}), flush=True)
+        return row, {"types": row["types"], **refusal(atlas)}
+
+
 def measure(
     perimeters: Annotated[int, "of the atlases"] = PERIMETERS, requests: Annotated[int, "to each atlas"] = 40
 ) -> Iterator[dict[str, Any]]:
-    """Every perimeter in turn, from the smallest."""
+    """Every perimeter in turn, from the smallest, and the wider atlas."""
     bodies, rows = match_bodies(requests), []
+    wide, _ = measured(WIDE, bodies)
     for perimeter in tqdm(sorted(perimeters), disable=None, unit="atlas"):
         samples = next(samples for largest, samples in SAMPLES.items() if perimeter <= largest)
-        with tempfile.TemporaryDirectory() as folder:
-            atlas = Path(folder) / "atlas.h5"
-            row = {"perimeter": perimeter, "samples": samples}
-            row |= build(atlas, perimeter=perimeter, order="increasing", samples=samples) | serve(atlas, bodies)
-            refused = {"types": row["types"], **refusal(atlas)}
+        row, refused = measured({"perimeter": perimeter, "order": "increasing", "samples": samples}, bodies)
         rows.append(row)
-        print(json.dumps({name: value for name, value in row.items() if name != "ms"}), flush=True)
-        yield {"requests": requests, "rows": rows, "refusal": refused}
+        yield {"requests": requests, "wide": wide, "rows": rows, "refusal": refused}
 
 
 if __name__ == "__main__":

@@ -25,8 +25,8 @@ from benchmarks.service import Service, environment, match_bodies, running, serv
 NO_LIMIT = 10**12
 
 
-def make(atlas: Path) -> dict[str, Any]:
-    """Make the index by the command: processor seconds, peak memory, bytes of its files."""
+def make(atlas: Path, **settings: Any) -> dict[str, Any]:
+    """Make the index by the command: processor seconds, peak memory, bytes of each of its files and of all."""
     command = [
         sys.executable,
         "-c",
@@ -35,21 +35,19 @@ def make(atlas: Path) -> dict[str, Any]:
         "--atlas",
         str(atlas),
     ]
-    limits = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT}
+    limits = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT, **settings}
     process = subprocess.Popen(command, cwd=ROOT, env=environment(**limits), stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise RuntimeError(f"linkage-atlas index failed with exit code {process.returncode}")
-    sizes = {
-        place.name.removeprefix(atlas.name): place.stat().st_size
-        for place in atlas.parent.glob(f"{atlas.name}.index*")
-    }
+    places = atlas.parent.glob(f"{atlas.name}.index*")
+    sizes = {place.name.rpartition(".")[2]: place.stat().st_size for place in places}
     return {
         "make_cpu_s": usage.ru_utime + usage.ru_stime,
         "make_peak_bytes": usage.ru_maxrss * 1024,
-        "index_bytes": sizes[".index"],
-        "positions_bytes": sizes[".index.positions"],
+        "disk_bytes": sum(sizes.values()),
+        **{f"{name}_bytes": size for name, size in sizes.items()},
     }
 
 

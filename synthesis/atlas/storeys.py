@@ -92,11 +92,12 @@ class Storey(NamedTuple):
 
 
 STOREYS = (
-    Storey(np.deg2rad(12.0), 30, 5, 2e-5),
-    Storey(np.deg2rad(20.0), 24, 5, 1e-4),
-    Storey(np.deg2rad(60.0), 24, 6, 1e-3),
-    Storey(np.deg2rad(100.0), 30, 6, 3e-3),
+    Storey(np.deg2rad(20.0), 60, 5, 5e-5),
+    Storey(np.deg2rad(60.0), 36, 6, 1e-3),
+    Storey(np.deg2rad(100.0), 40, 6, 3e-3),
 )
+"""So many intervals that the shortest windows of a storey still reach across the middle of theirs: in wide intervals some of them
+have no sample in the part by which a sharp entry is kept, and all such entries are left."""
 
 
 class Tree(NamedTuple):

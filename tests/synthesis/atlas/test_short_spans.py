@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.atlas import short_spans, trees
+from synthesis.atlas import index as index_module
+from synthesis.atlas import preparation, short_spans, trees
 from synthesis.atlas.index import Index
 from synthesis.atlas.leaders import Leaders
 from synthesis.atlas.legendre import Expansion, polynomials
@@ -40,6 +41,8 @@ def small_leaves() -> Iterator[None]:
         for module in (trees, short_spans):
             patch.setattr(module, "LEAF", 4)
             patch.setattr(module, "PARTS", 3)
+        for module in (preparation, index_module):  # so that enough windows are sharp
+            patch.setattr(module, "STOREYS", [one._replace(sharp=one.sharp / 100) for one in STOREYS])
         patch.setattr(short_spans, "MOST_LEAVES", np.inf)
         patch.setattr(short_spans, "LARGEST_LIMIT", np.inf)
         patch.setattr(short_spans, "MOST_WINDOWS", np.inf)
