@@ -48,7 +48,7 @@ LARGE = 200
 """Perimeter from which on what every process costs at any size is small beside what grows."""
 BILLION = 10**9
 HOST_BYTES = 48e9
-"""Memory for the atlas on a host of 64 GB; the rest is for requests, the file while it is read, and the system."""
+"""Of the index that a host of 64 GB can hold in memory; the rest is for requests and the system."""
 TOP, ROW_BYTES = 10, 40
 """Rows of a reply between hosts, and bytes of one: error, number, start, branch, offset, each of 8."""
 
@@ -152,7 +152,7 @@ def exponents(rows: Sequence[dict[str, Any]], least: int = 0) -> dict[str, float
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of growth and the arithmetic of a billion types in docs/scaling.md."""
-    rows = results["rows"]
+    rows, wide = results["rows"], results["wide"]
     shares = [
         {f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "scan", "disk")} for row in rows
     ]
@@ -162,10 +162,14 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         [what, *(f"{found[name]:.2f}".replace("nan", "-") for found in (overall, large))]
         for name, what in QUANTITIES.items()
     ]
+    default = [row for row in rows if row["perimeter"] == DEFAULT]
+    compared = [*default, wide, *(row for row in rows if row["types"] > wide["types"])]
+    slopes = [slope([row["types"] for row in compared], [row[f"{name}_ms"] for row in compared]) for name in SPANS]
     percentile = "; their 99th percentile is the largest of them" if results["requests"] < 100 else ""
     cores = results["made"]["machine"]["cores"]
     return {
-        **report.tables("growth", {"build": told, "served": told}),
+        **report.tables("growth", {"build": told, "served": told, "spans": compared}),
+        "span_exponents": ", ".join(f"{name} {value:.2f}" for name, value in zip(SPANS, slopes)),
         "requests": f"{results['requests']} requests to each atlas, {cores} cores{percentile}.",
         "exponents": report.lines(["quantity ~ types^e", "e, all perimeters", f"e, from {LARGE} on"], grown),
         "refusal": refusal_text(results["refusal"]),
@@ -193,13 +197,13 @@ def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
     perimeter = bisect.bisect_left(range(MAX_PERIMETER), BILLION, key=lambda p: count_types(TypeRule(max(p, 4))))
     total = count_types(TypeRule(perimeter))
     file = largest["file_bytes"] / types
-    memory = (largest["peak_bytes_asked"] or largest["scan_bytes"]) / types
+    memory = largest["disk_bytes"] / types
     shards = math.ceil(total * memory / HOST_BYTES)
     share = total / shards
     found = exponents(rows, LARGE)
     growing, nearer = found["median_ms"], found["similarity_deg"]
     rate = types / largest["build_s"]
-    shortest, error, start = largest["median_ms"], largest["similarity_deg"], largest["ready_s"] / types
+    shortest, error, start = largest["median_ms"], largest["similarity_deg"], largest["make_cpu_s"] / types
     median, tail = shortest / 1000 * (share / types) ** growing, largest["p99_ms"] / shortest
     grown, furthest = f"(types / {types:,})", significant(error * (total / types) ** nearer, 2)
     repeated = significant(shards ** (1 - growing), 2)
@@ -207,12 +211,16 @@ def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
         ["perimeter", "the first with 10^9 types", f"{perimeter:,}"],
         ["types", f"P^3 / {perimeter**3 / total:.1f}", f"{total:,}"],
         ["files", f"{significant(file)} bytes a type", size(total * file)],
-        ["memory", f"{significant(memory)} bytes a type at most, while starting or asked", size(total * memory)],
-        ["shards", f"{size(HOST_BYTES)} of a host's 64 GB", f"{shards:,}"],
+        ["indexes", f"{significant(memory)} bytes a type, on disk", size(total * memory)],
+        [
+            "shards",
+            f"an index of {size(HOST_BYTES)}, so that all of it can be in a host's memory of 64 GB",
+            f"{shards:,}",
+        ],
         ["types of a shard", "types / shards", f"{share:,.0f}"],
         ["build, one host", f"{rate:,.0f} types a second on {cores} cores", duration(total / rate)],
         ["build, all hosts", "one host's / shards", duration(total / rate / shards)],
-        ["start", f"{significant(1e6 * start)} s a million types", duration(start * share)],
+        ["index, all hosts", f"{significant(1e6 * start)} s of one core a million types", duration(start * share)],
         ["request, a shard", f"{significant(shortest)} ms x {grown}^{growing:.2f}", duration(median)],
         [
             "request, the slowest",
