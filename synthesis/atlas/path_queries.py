@@ -116,18 +116,7 @@ class PathQueries(NamedTuple):
         return far
 
     def entries(self, limit: float, problem: Ints, points: Singles, half: Singles, rest: Singles) -> Bounds:
-        """Which entries of some leaves, each for a query, may have an error of at most ``limit``.
-
-        Parameters
-        ----------
-        limit : float
-        problem : ndarray of int, shape (n,)
-            The query.
-        points : ndarray of float32, shape (n, K, LEAF)
-        half : ndarray of float32, shape (n, K, 1)
-            By how much the points may be off.
-        rest : ndarray of float32, shape (n, LEAF)
-        """
+        """As of `queries.Queries.entries`; there is one part."""
 
         def of(values: Singles) -> Singles:
             return gather(values, problem, axis=1).swapaxes(0, 1)

@@ -27,6 +27,7 @@ PATH_STOREYS = (
     Storey(np.deg2rad(25.0), 24, 7, np.inf),
     Storey(np.deg2rad(75.0), 24, 9, np.inf),
     Storey(np.deg2rad(160.0), 18, 16, np.inf),
+    Storey(np.deg2rad(225.0), 18, 20, np.inf),
     Storey(np.deg2rad(360.0), 12, 28, np.inf),
 )
 """No window is kept by a part of its interval: what is left of those with a large rest is few."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.random import Generator
@@ -116,3 +116,29 @@ def hard_target(kind: str, seed: int, smallest: float) -> Target:
     if seed % 2:
         return make_target(SHAPES["cosines"](random, crank / crank[-1]), crank_angle=crank)
     return motion_of(random, atlas_lengths(random, smallest), crank)
+
+
+def any_span(
+    random: Generator, least: float, most: float, tops: Sequence[float], samples: int
+) -> tuple[Floats, Floats]:
+    """Crank increments of a span, degrees, often one of ``tops`` (radians), forward or back, and where they lie in it, 0 to 1.
+
+    Half of them are uneven, some neighbours nearly alike.
+    """
+    span = random.choice([-1, 1]) * np.deg2rad(np.exp(random.uniform(np.log(least), np.log(most))))
+    if random.random() < 0.2:
+        span = np.sign(span) * random.choice(np.array(tops))
+    share = np.linspace(0, 1, samples)
+    if random.random() < 0.5:
+        share[1:-1] = np.sort(random.random(samples - 2)) * 0.99 + 0.005
+    share[1:-1] = np.maximum.accumulate(share[1:-1] + 1e-4 * np.arange(1, samples - 1)) / (1 + 1e-4 * samples)
+    return span * share, share
+
+
+def any_weights(random: Generator, samples: int, kept: int) -> Floats | None:
+    """Weights, none in most cases; many are 0, but so many of the first or, if that is 0, any one of them are not."""
+    if random.random() >= 0.3:
+        return None
+    weights = random.uniform(0.01, 3, samples) * (random.random(samples) < 0.7)
+    weights[slice(kept) if kept else random.integers(samples)] += 1
+    return weights

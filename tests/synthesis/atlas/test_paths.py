@@ -26,6 +26,7 @@ from synthesis.pose import fixed_columns, position_errors
 from synthesis.target import TURN, Target, make_target
 from synthesis.work import OutOfTime, Work
 from tests.conftest import make_atlas
+from tests.oracles.rotations import any_span, any_weights
 
 RULES = {
     "increasing": AtlasRule(TypeRule(30, 2, OrderRule.INCREASING), 64),
@@ -65,14 +66,8 @@ def request(scan: Scan, seed: int, shape: str = "", samples: int = 0) -> Target:
     rng = np.random.default_rng(seed)
     shape = shape or str(rng.choice(SHAPES))
     samples = samples or int(rng.choice([5, 6, 8, 17, 40]))
-    span = rng.choice([-1, 1]) * np.deg2rad(np.exp(rng.uniform(np.log(8), np.log(360))))
-    if rng.random() < 0.2:
-        span = np.sign(span) * rng.choice([storey.top for storey in PATH_STOREYS])
-    share = np.linspace(0, 1, samples)
-    if rng.random() < 0.5:
-        share[1:-1] = np.sort(rng.random(samples - 2)) * 0.99 + 0.005
-    share[1:-1] = np.maximum.accumulate(share[1:-1] + 1e-4 * np.arange(1, samples - 1)) / (1 + 1e-4 * samples)
-    crank = span * share
+    crank, share = any_span(rng, 8, 360, [storey.top for storey in PATH_STOREYS], samples)
+    span = crank[-1]
     lengths = scan.lengths[rng.integers(scan.types)].astype(float)
     lengths *= np.exp(rng.normal(scale=rng.choice([0, 1e-3, 1e-1]), size=4))
     start = rng.uniform(0, TURN) if shape != "folding" else np.pi - rng.random() * span
@@ -87,10 +82,7 @@ def request(scan: Scan, seed: int, shape: str = "", samples: int = 0) -> Target:
         path = share + 1j * np.cos(np.pi * rng.integers(1, 7) * share + rng.uniform(0, 6))
     elif shape == "far":
         path = path + 1e4 * np.exp(1j)
-    weights = None
-    if rng.random() < 0.3:
-        weights = rng.uniform(0.01, 3, samples) * (rng.random(samples) < 0.7)
-        weights[: min(5, samples)] += 1
+    weights = any_weights(rng, samples, 5)
     return make_target(None, path, crank_angle=crank + rng.uniform(-3, 3), position_weights=weights)
 
 

@@ -26,6 +26,7 @@ from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.target import TURN, Target, make_target
 from synthesis.work import OutOfTime, Work
 from tests.conftest import make_atlas
+from tests.oracles.rotations import any_span, any_weights
 
 RULES = {
     "increasing": AtlasRule(TypeRule(40, 2, OrderRule.INCREASING), 64),
@@ -77,14 +78,8 @@ def request(scan: Scan, seed: int, shape: str = "", samples: int = 0) -> Target:
     rng = np.random.default_rng(seed)
     shape = shape or str(rng.choice(SHAPES))
     samples = samples or int(rng.choice([3, 4, 5, 8, 17, 40]))
-    span = rng.choice([-1, 1]) * np.deg2rad(np.exp(rng.uniform(np.log(5.01), np.log(99.9))))
-    if rng.random() < 0.2:
-        span = np.sign(span) * rng.choice([storey.top for storey in STOREYS])
-    share = np.linspace(0, 1, samples)
-    if rng.random() < 0.5:
-        share[1:-1] = np.sort(rng.random(samples - 2)) * 0.99 + 0.005
-    share[1:-1] = np.maximum.accumulate(share[1:-1] + 1e-4 * np.arange(1, samples - 1)) / (1 + 1e-4 * samples)
-    crank = span * share
+    crank, share = any_span(rng, 5.01, 99.9, [storey.top for storey in STOREYS], samples)
+    span = crank[-1]
     lengths = scan.lengths[rng.integers(scan.types)].astype(float)
     lengths *= np.exp(rng.normal(scale=rng.choice([0, 1e-3, 1e-1]), size=4))
     start = rng.uniform(0, TURN) if shape != "folding" else np.pi - rng.random() * span
@@ -99,10 +94,7 @@ def request(scan: Scan, seed: int, shape: str = "", samples: int = 0) -> Target:
         motion = 10.0 ** rng.uniform(-4, 0) * np.cos(np.pi * rng.integers(1, 7) * share + rng.uniform(0, 6))
     elif shape == "steps":
         motion = 10.0 ** rng.uniform(-3, 0) * (share > rng.random())
-    weights = None
-    if rng.random() < 0.3:
-        weights = rng.uniform(0.01, 3, samples) * (rng.random(samples) < 0.7)
-        weights[rng.integers(samples)] += 1
+    weights = any_weights(rng, samples, 0)
     return make_target(
         motion + rng.uniform(-50, 50), crank_angle=crank + rng.uniform(-3, 3), rotation_weights=weights
     )
