@@ -1,8 +1,8 @@
 """What the index of an atlas costs and saves: ``python -m benchmarks.index --atlases atlas.h5 [wide.h5 ...]``.
 
 For every atlas: `linkage-atlas index` by itself; then the service with the index, a second one beside it, and one without.
-Each is a process of its own. Processor time, so that a busy machine tells the same; memory as Linux counts it: what a
-process has for itself (unique), and what it has mapped too (resident).
+Processor time, so that a busy machine tells the same; memory as Linux counts it: what a process has for itself (unique), and
+what all have mapped too (resident).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from benchmarks.report import ROOT
 from benchmarks.service import Service, environment, match_bodies, running, serve_command
 
 NO_LIMIT = 10**12
+FILES = ("index", "positions", "spans", "paths")
 
 
 def make(atlas: Path, **settings: Any) -> dict[str, Any]:
@@ -52,12 +53,8 @@ def make(atlas: Path, **settings: Any) -> dict[str, Any]:
 
 
 def memory(service: Service) -> dict[str, int]:
-    """Bytes that are resident, and those that no other process shares and no file holds."""
-    fields: dict[str, int] = {}
-    for line in Path(f"/proc/{service.process.pid}/smaps_rollup").read_text().splitlines()[1:]:
-        name, amount = line.split()[:2]
-        fields[name.rstrip(":")] = 1024 * int(amount)
-    return {"resident": fields["Rss"], "unique": fields["Private_Clean"] + fields["Private_Dirty"]}
+    """Bytes of all its processes, what they share counted once, and those that the largest shares with no other and no file."""
+    return {"resident": service.shared_out(), "unique": max(service.own(), default=0)}
 
 
 def started(service: Service, bodies: Sequence[bytes]) -> dict[str, Any]:
@@ -65,7 +62,7 @@ def started(service: Service, bodies: Sequence[bytes]) -> dict[str, Any]:
     service.need_ready()
     row: dict[str, Any] = {"ready_cpu_s": sum(service.cpu_seconds().values()), "ready_s": service.ready_seconds}
     row |= {f"ready_{name}_bytes": value for name, value in memory(service).items()}
-    row["peak_bytes"] = service.memory("VmHWM")
+    row["peak_bytes"] = service.peak()
     spent = []
     for body in bodies:
         before = sum(service.cpu_seconds().values())
@@ -99,7 +96,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     files, starts = [], []
     for row in results["rows"]:
         types = row["types"]
-        a_type = {f"{name}_a_type": row[f"{name}_bytes"] / types for name in ("file", "index", "positions")}
+        a_type = {f"{name}_a_type": row[f"{name}_bytes"] / types for name in ("file", *FILES)}
         files.append(row | a_type | {"make_a_million_s": 1e6 * row["make_cpu_s"] / types})
         for name, words in (
             ("first", "with the index"),
