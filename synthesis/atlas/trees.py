@@ -15,6 +15,7 @@ from __future__ import annotations
 import errno
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -136,17 +137,35 @@ def make_trees(
             raise OSError(
                 errno.ENOSPC, f"an index takes {needed:,} bytes while it is made, and as many are to be left"
             )
+    with ExitStack() as files:
+        made = _collected(source, trees, count, weight, lambda: files.enter_context(_spool(folder)), go_on)
+        return _arrays(made, new, go_on)
+
+
+def _spool(folder: Path | None) -> IO[bytes]:
+    """A file to be written and read again."""
+    return BytesIO() if folder is None else TemporaryFile(dir=folder)
+
+
+def _collected(
+    source: Source, trees: int, count: int, weight: Floats, spool: Callable[[], IO[bytes]], go_on: Callable[[], None]
+) -> list[_Tree]:
+    """All points, in the files of the parts of their trees."""
     every = max(1, count // FEW)
     few = list(source(every))
-    part_bytes = max(PART_BYTES, count * _record(size).itemsize // _MOST_PARTS)
+    part_bytes = max(PART_BYTES, count * _record(weight.size).itemsize // _MOST_PARTS)
     made = [
-        _Tree([one for one in few if one.tree == number], every, weight, part_bytes, folder)
-        for number in range(trees)
+        _Tree([one for one in few if one.tree == number], every, weight, part_bytes, spool) for number in range(trees)
     ]
     for points in few if every == 1 else source(1):
         go_on()
         made[points.tree].add(points)
-    del few
+    return made
+
+
+def _arrays(made: list[_Tree], new: New, go_on: Callable[[], None]) -> Arrays:
+    """What `make_trees` returns."""
+    size = made[0].reach.size
     leaves = [-(-tree.count // LEAF) for tree in made]
     boxes = [sum(level_counts(own)) for own in leaves]
     arrays = {
@@ -216,10 +235,13 @@ class _Tree:
     weight : ndarray, shape (K,)
     part_bytes : int
         Of the points of a part, about.
-    folder : Path, optional
+    spool : callable
+        A file for a part, which is closed once it has been read.
     """
 
-    def __init__(self, few: list[Points], every: int, weight: Floats, part_bytes: int, folder: Path | None) -> None:
+    def __init__(
+        self, few: list[Points], every: int, weight: Floats, part_bytes: int, spool: Callable[[], IO[bytes]]
+    ) -> None:
         nothing = Points(0, np.empty(0, np.uint32), np.empty((0, weight.size), np.float32), np.empty(0, np.float32))
         values = np.concatenate([nothing.values, *(one.values for one in few)])
         rests = np.concatenate([nothing.rests, *(one.rests for one in few)])
@@ -227,9 +249,7 @@ class _Tree:
         keys = np.sort(self._order.keys(values, rests))
         parts = -(-keys.size * every * self._record.itemsize // part_bytes) or 1
         self._cuts = keys[np.arange(1, parts) * keys.size // parts]
-        self._files: list[IO[bytes]] = [
-            BytesIO() if folder is None else TemporaryFile(dir=folder) for _ in range(parts)
-        ]
+        self._files = [spool() for _ in range(parts)]
         self.count, self.reach = 0, np.zeros(weight.size, np.float32)
 
     def add(self, points: Points) -> None:

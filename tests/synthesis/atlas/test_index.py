@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import logging
+import os
 import shutil
 import threading
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,6 +26,7 @@ from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.index import Index
 from synthesis.atlas.preparation import Preparation
 from synthesis.atlas.scan import KIND, Scan
+from synthesis.atlas.storeys import STOREYS, build_storey
 from synthesis.atlas.table import AtlasRule
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.mechanism import FOURBAR
@@ -285,6 +289,27 @@ def test_where_the_disk_has_little_left_an_index_of_windows_is_made_in_memory_or
     assert bool(atlas.scan.prepared.storeys) == bool(atlas.scan.prepared.path_storeys) == (most > len(atlas))
     assert "as many are to be left" in caplog.text
     assert same(atlas.scan.best(target(0), 5), in_memory.best(target(0), 5))
+
+
+@pytest.mark.parametrize("steps", [0, 3, 30])
+def test_making_an_index_of_windows_that_is_ended_leaves_no_file_open(path, steps) -> None:
+    class Ended(Exception):
+        pass
+
+    readings = iter(range(10**6))
+
+    def go_on() -> None:
+        if next(readings) >= steps:
+            raise Ended
+
+    buckets = [cells.bucket for cells in opened(path).scan.prepared.cells]
+    before = len(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(Ended):
+            build_storey(STOREYS[0], buckets, folder=path.parent, go_on=go_on)
+        gc.collect()
+    assert not before or len(os.listdir("/proc/self/fd")) == before
 
 
 def test_limits_hold_with_an_index_too(ready) -> None:
