@@ -12,7 +12,9 @@ from typing import Any, Protocol
 
 import anyio
 import anyio.to_thread
-from fastapi import FastAPI, Request, Response
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
 from starlette.routing import BaseRoute, Match, Route, get_route_path
 from starlette.types import Receive, Scope, Send
 
@@ -103,14 +105,10 @@ async def _content(request: Request) -> bytes:
 
 
 class Routes(BaseRoute):
-    """All computed routes. One is found by its path at once: to try one after the other takes a tenth of a short request.
-
-    FastAPI describes them, which takes a while and is done when the description is asked for; it handles none of them.
-    """
+    """All computed routes. One is found by its path at once: to try one after the other takes a tenth of a short request."""
 
     def __init__(self) -> None:
         self._routes: dict[str, Route] = {}
-        self._described: list[tuple[str, Callable[..., Any], dict[str, Any]]] = []
 
     def matches(self, scope: Scope) -> tuple[Match, Scope]:
         route = self._routes.get(get_route_path(scope)) if scope["type"] == "http" else None
@@ -119,31 +117,12 @@ class Routes(BaseRoute):
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         await self._routes[get_route_path(scope)].handle(scope, receive, send)
 
-    def add(
-        self,
-        path: str,
-        name: str,
-        model: type[RequestModel],
-        handle: Callable[[Request], Coroutine[Any, Any, Response]],
-        details: dict[str, Any],
-    ) -> None:
-        """A POST route: how requests of a model are handled, and what FastAPI is told beyond it."""
-
-        def described(body):  # type: ignore[no-untyped-def]
-            raise NotImplementedError("only described: the route has its own handler")
-
-        described.__annotations__ = {"body": model}
-        described.__name__ = name
+    def add(self, path: str, handle: Callable[[Request], Coroutine[Any, Any, Response]]) -> None:
+        """A POST route."""
         self._routes[path] = Route(path, handle, methods=["POST"])
-        self._described.append((path, described, details))
-
-    def describe(self, app: FastAPI) -> None:
-        """Add them to an application that is asked for its description and nothing else."""
-        for path, described, details in self._described:
-            app.add_api_route(path, described, methods=["POST"], **details)
 
 
-def install(app: FastAPI, computing: Computing) -> None:
+def install(app: Starlette, computing: Computing) -> None:
     """What the routes of `add` need."""
     app.state.computing = computing
     app.state.questions = {}
@@ -153,7 +132,7 @@ def install(app: FastAPI, computing: Computing) -> None:
 
 
 def add(
-    app: FastAPI,
+    app: Starlette,
     path: str,
     name: str,
     model: type[RequestModel],
@@ -161,7 +140,7 @@ def add(
     is_long: Callable[[Any], bool],
     **details: Any,
 ) -> None:
-    """A POST route that answers requests of a model by ``answer(request, resources)``."""
+    """A POST route that answers requests of a model by ``answer(request, resources)``; the details are of its description."""
     question = app.state.questions[path] = Question(path, model, answer, is_long)
 
     async def handle(request: Request) -> Response:
@@ -170,4 +149,10 @@ def add(
             raise problems.NotJson
         return await app.state.computing.answer(request, question, content)  # type: ignore[no-any-return]
 
-    app.state.routes.add(path, name, model, handle, details)
+    def described(body):  # type: ignore[no-untyped-def]
+        raise NotImplementedError("only described: the route has its own handler")
+
+    described.__annotations__ = {"body": model}
+    described.__name__ = name
+    app.state.routes.add(path, handle)
+    app.state.description.add(path, described, methods=["POST"], **details)

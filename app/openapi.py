@@ -13,7 +13,9 @@ PLACE = Path(__file__).parents[1] / "docs" / "openapi.json"
 
 def description() -> str:
     """The description as text. Law: depends on the code alone, not on the environment or on an atlas."""
-    return json.dumps(create_app(Settings.model_construct()).openapi(), indent=1, sort_keys=True) + "\n"
+    return (
+        json.dumps(create_app(Settings.model_construct()).state.description.document, indent=1, sort_keys=True) + "\n"
+    )
 
 
 if __name__ == "__main__":

@@ -6,8 +6,9 @@ import json
 from types import SimpleNamespace
 from typing import Any, Literal
 
-from fastapi import FastAPI, Response
 from pydantic import Field
+from starlette.applications import Starlette
+from starlette.responses import Response
 
 import linkage_atlas as la
 from app import computed
@@ -60,7 +61,7 @@ def function_file(request: FunctionRequest, reply: FunctionReply, rank: int, nam
     return answer_export(body, None)[0]
 
 
-def install(app: FastAPI, responses: dict[int | str, dict[str, Any]]) -> None:
+def install(app: Starlette, responses: dict[int | str, dict[str, Any]]) -> None:
     """The route /v1/function/export."""
     files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
     example = {
