@@ -74,7 +74,13 @@ class Threads:
         self._resources.prepare()
         self._readers = anyio.CapacityLimiter(1)
         stopping = threading.Event()
-        behind = threading.Thread(target=self._resources.prepare_more, args=[stopping.is_set])
+
+        def prepare() -> None:
+            if self._resources.wants_more:
+                self._resources.prepare_rest()
+                self._resources.prepare_more(stopping.is_set)
+
+        behind = threading.Thread(target=prepare)
         behind.start()  # the service is ready meanwhile
         try:
             yield
@@ -104,14 +110,51 @@ async def _content(request: Request) -> bytes:
         give_back_memory(every=1.0)
 
 
+class Questions(dict[str, Question]):
+    """Questions by the path of their route; those of a scene come with the first that is asked, or with `load`.
+
+    Importing the scenes takes a tenth of a start, and most services are asked for none of them.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._later: dict[str, Callable[[], None]] = {}
+        self._lock = threading.RLock()
+
+    def later(self, prefix: str, add: Callable[[], None]) -> None:
+        """What adds the questions whose paths begin so."""
+        self._later[prefix] = add
+
+    def load(self, path: str | None = None) -> None:
+        """Have the questions that a path may be of; all without one."""
+        for prefix in tuple(self._later):
+            if path is None or path.startswith(prefix):
+                with self._lock:  # another thread, which makes the description, may be adding them
+                    if prefix in self._later:
+                        self._later[prefix]()
+                        del self._later[prefix]
+
+    def __missing__(self, path: str) -> Question:
+        self.load(path)
+        if path not in self:
+            raise KeyError(path)
+        return self[path]
+
+
 class Routes(BaseRoute):
     """All computed routes. One is found by its path at once: to try one after the other takes a tenth of a short request."""
 
-    def __init__(self) -> None:
+    def __init__(self, questions: Questions) -> None:
+        self._questions = questions
         self._routes: dict[str, Route] = {}
 
     def matches(self, scope: Scope) -> tuple[Match, Scope]:
-        route = self._routes.get(get_route_path(scope)) if scope["type"] == "http" else None
+        if scope["type"] != "http":
+            return Match.NONE, {}
+        path = get_route_path(scope)
+        if path not in self._routes:
+            self._questions.load(path)
+        route = self._routes.get(path)
         return (Match.NONE, {}) if route is None else route.matches(scope)
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -125,9 +168,9 @@ class Routes(BaseRoute):
 def install(app: Starlette, computing: Computing) -> None:
     """What the routes of `add` need."""
     app.state.computing = computing
-    app.state.questions = {}
+    app.state.questions = Questions()
     app.state.large = asyncio.Semaphore(16)
-    app.state.routes = Routes()
+    app.state.routes = Routes(app.state.questions)
     app.router.routes.append(app.state.routes)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from functools import cache
+from functools import cache, partial
 from inspect import iscoroutinefunction
 from typing import Annotated, Any, Literal
 
@@ -23,8 +23,9 @@ from app.description import Description
 from app.doors import Doors
 from app.fourbar import export, function_export
 from app.query import Export, Query, ReplyModel
-from app.registry import all_queries, worked_example
+from app.registry import fourbar_queries, worked_example
 from app.resources import ServiceResources
+from app.scenes import SCENES, queries_of
 from app.settings import Settings
 from app.turnstile import Turnstile
 
@@ -58,11 +59,9 @@ def create_app(
     problems.install(app)
     app.state.turnstile = turnstile
     computed.install(app, computing)
-    for query in all_queries():
-        _add_query(app, query)
-        for name, rendered in query.exports.items():
-            _add_export(app, query, name, rendered)
-
+    _add_queries(app, fourbar_queries)
+    for scene in SCENES:
+        app.state.questions.later(f"/v1/{scene}/", partial(_add_queries, app, partial(queries_of, scene)))
     export.install(app, _PROBLEM_RESPONSES, worked_example())
     function_export.install(app, _PROBLEM_RESPONSES)
     page.install(app)
@@ -72,8 +71,15 @@ def create_app(
     return app
 
 
+def described(app: Starlette) -> dict[str, Any]:
+    """The OpenAPI document of all routes."""
+    app.state.questions.load()
+    document: dict[str, Any] = app.state.description.document
+    return document
+
+
 def _description(request: Request) -> Response:  # no coroutine: made on a thread
-    return JSONResponse(request.app.state.description.document)
+    return JSONResponse(described(request.app))
 
 
 class AtlasReply(ReplyModel):
@@ -191,6 +197,13 @@ def _route_details(query: Query) -> dict[str, Any]:
         "responses": _problems(400, 413, 415, 422, 503),
         "openapi_extra": {"requestBody": {"content": {"application/json": {"examples": examples}}}},
     }
+
+
+def _add_queries(app: Starlette, queries: Callable[[], tuple[Query, ...]]) -> None:
+    for query in queries():
+        _add_query(app, query)
+        for name, rendered in query.exports.items():
+            _add_export(app, query, name, rendered)
 
 
 def _add_query(app: Starlette, query: Query) -> None:

@@ -19,8 +19,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from app.problems import NotFound
-from app.query import Query
-from app.scenes import scene_queries
+from app.scenes import SCENES, queries_of
 
 MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -99,14 +98,9 @@ def static_files(folder: str = "static") -> dict[str, StaticFile]:
     return {name: StaticFile(content, MEDIA_TYPES[name[name.rindex(".") :]]) for name, content in stored}
 
 
-def _scene(query: Query) -> str:
-    return query.command.split()[0]
-
-
 def scenes() -> dict[str, str]:
     """Title of each scene, by its name."""
-    names = dict.fromkeys(map(_scene, scene_queries()))
-    return {name: SCENE_TITLES.get(name, name.capitalize()) for name in names}
+    return {name: SCENE_TITLES.get(name, name.capitalize()) for name in SCENES}
 
 
 @cache
@@ -121,8 +115,7 @@ def scene_details(name: str) -> dict[str, Any]:
             "examples": dict(query.examples),
             "exports": list(query.exports),
         }
-        for query in scene_queries()
-        if _scene(query) == name
+        for query in queries_of(name)
     ]
     return {"name": name, "title": scenes()[name], "queries": queries}
 

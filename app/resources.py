@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from app.cache import open_atlas
 from app.query import build_models
+from app.scenes import scene_queries
 from app.settings import Settings
 
 
@@ -84,14 +85,16 @@ class ServiceResources:
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
     def prepare(self) -> None:
-        """Load everything now, what only answers need included.
-
-        Models of requests and replies too, where no `prepare_more` follows.
-        """
+        """Load what an answer needs now; everything where no `prepare_more` follows."""
         self.load()
-        la.prepare()
         if not self.wants_more:
-            build_models()
+            self.prepare_rest()
+
+    def prepare_rest(self) -> None:
+        """Have now what the first answer of each kind would else import or make: scenes, models, tables of the searches."""
+        scene_queries()
+        build_models()
+        la.prepare()
         give_back_memory()
         gc.freeze()
 
@@ -101,12 +104,11 @@ class ServiceResources:
         return self.settings.with_atlas and self.failure is None
 
     def prepare_more(self, cancelled: Callable[[], bool]) -> bool:
-        """Prepare all models, the scan for short spans, and for positions if that is set, where it `wants_more`.
+        """Prepare the scan for short spans, and for positions if that is set, where it `wants_more`.
 
         Returns false if cancelled.
         """
         if self.wants_more:
-            build_models()
             try:
                 self.atlas.prepare(positions=self.settings.prepare_positions, work=la.Work(cancelled=cancelled))
             except la.Cancelled:
