@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from functools import cache, partial
+from functools import cache
+from importlib import import_module
 from inspect import iscoroutinefunction
 from typing import Annotated, Any, Literal
 
@@ -21,9 +22,9 @@ from app import computed, page, problems
 from app.bodies import Reply
 from app.description import Description
 from app.doors import Doors
-from app.fourbar import export, function_export
+from app.fourbar import export
 from app.query import Export, Query, ReplyModel
-from app.registry import fourbar_queries, worked_example
+from app.registry import function_queries, motion_queries, worked_example
 from app.resources import ServiceResources
 from app.scenes import SCENES, queries_of
 from app.settings import Settings
@@ -59,11 +60,12 @@ def create_app(
     problems.install(app)
     app.state.turnstile = turnstile
     computed.install(app, computing)
-    _add_queries(app, fourbar_queries)
+    _add_queries(app, motion_queries())
+    questions = app.state.questions
+    questions.later("/v1/function", lambda: _add_function(app))
     for scene in SCENES:
-        app.state.questions.later(f"/v1/{scene}/", partial(_add_queries, app, partial(queries_of, scene)))
+        questions.later(f"/v1/{scene}/", lambda scene=scene: _add_queries(app, queries_of(scene)))
     export.install(app, _PROBLEM_RESPONSES, worked_example())
-    function_export.install(app, _PROBLEM_RESPONSES)
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)
@@ -199,8 +201,13 @@ def _route_details(query: Query) -> dict[str, Any]:
     }
 
 
-def _add_queries(app: Starlette, queries: Callable[[], tuple[Query, ...]]) -> None:
-    for query in queries():
+def _add_function(app: Starlette) -> None:
+    _add_queries(app, function_queries())
+    import_module("app.fourbar.function_export").install(app, _PROBLEM_RESPONSES)
+
+
+def _add_queries(app: Starlette, queries: tuple[Query, ...]) -> None:
+    for query in queries:
         _add_query(app, query)
         for name, rendered in query.exports.items():
             _add_export(app, query, name, rendered)

@@ -15,7 +15,6 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from app.cache import open_atlas
 from app.query import build_models
-from app.scenes import scene_queries
 from app.settings import Settings
 
 
@@ -91,8 +90,7 @@ class ServiceResources:
             self.prepare_rest()
 
     def prepare_rest(self) -> None:
-        """Have now what the first answer of each kind would else import or make: scenes, models, tables of the searches."""
-        scene_queries()
+        """Have now what the first answer of each kind would else import or make: searches, their tables, models."""
         build_models()
         la.prepare()
         give_back_memory()

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
-from app.computed import Question
+from app.computed import Questions
 from app.computer import Computer, packed
 from app.resources import ServiceResources
 
@@ -44,8 +44,8 @@ class Supervisor:
     ----------
     front : callable
         ``front(control)`` runs the front in its process, with its end of a socket to the supervisor, until that is told to end.
-    questions : dict
-        What the computing processes answer, by path.
+    questions : Questions
+        What the computing processes answer.
     resources : ServiceResources
         With the atlas loaded.
     listeners : list of socket.socket
@@ -55,7 +55,7 @@ class Supervisor:
     def __init__(
         self,
         front: Callable[[socket.socket], None],
-        questions: dict[str, Question],
+        questions: Questions,
         resources: ServiceResources,
         listeners: list[socket.socket],
     ) -> None:
@@ -76,7 +76,8 @@ class Supervisor:
         for told in (signal.SIGINT, signal.SIGTERM):
             signal.signal(told, self._end)
         self._start_front()
-        self._resources.prepare()
+        if not self._steps:
+            self._prepare_rest()  # while the front begins, which computes nothing
         try:
             return self._watch()
         finally:
@@ -138,6 +139,7 @@ class Supervisor:
             self._tell_of_more()
 
     def _prepare_rest(self) -> bool:
+        self._questions.load()
         self._resources.prepare_rest()
         return True
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -13,8 +14,9 @@ from starlette.responses import Response
 import linkage_atlas as la
 from app import computed
 from app.bodies import Reply
+from app.fourbar.csv_request import function_from_csv
 from app.fourbar.export import LengthUnit
-from app.fourbar.function import MEDIA_TYPES, FunctionReply, FunctionRequest
+from app.fourbar.function import MEDIA_TYPES, QUERY, FunctionReply, FunctionRequest
 from app.fourbar.given import GivenGenerator
 from app.query import RequestModel, Resources
 from linkage_atlas.functions import read_wanted
@@ -59,6 +61,9 @@ def function_file(request: FunctionRequest, reply: FunctionReply, rank: int, nam
     solution = GivenGenerator.model_validate(reply.solutions[rank - 1].model_dump())
     body = FunctionExportRequest(request=request, solution=solution, format=name, length_unit=length_unit)
     return answer_export(body, None)[0]
+
+
+QUERIES = (replace(QUERY, file_of=function_file, from_csv=function_from_csv),)
 
 
 def install(app: Starlette, responses: dict[int | str, dict[str, Any]]) -> None:

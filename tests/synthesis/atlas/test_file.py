@@ -16,13 +16,11 @@ import pytest
 
 from synthesis.atlas import haar
 from synthesis.atlas.file import (
-    HEADER_BYTES,
-    MAGIC,
-    check_bytes,
     decode_atlas,
     encode_atlas,
     load_atlas,
 )
+from synthesis.atlas.header import HEADER_BYTES, MAGIC, check_bytes
 from synthesis.atlas.prepared import temporary
 from synthesis.atlas.series import in_memory
 from synthesis.atlas.table import COLUMNS, Atlas, AtlasRule
