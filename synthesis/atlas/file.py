@@ -14,7 +14,10 @@ import math
 import os
 import unicodedata
 import zlib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -42,6 +45,8 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_typ
 
 CHUNK_BYTES = 1 << 20
 _LIBVER = ("v110", "v110")
+_FILTERS = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32)
+"""Of the arrays, in the order in which they are written."""
 MAX_REST_BYTES = 1 << 20
 """Most bytes of a file beside its arrays: names, attributes, and where the chunks are."""
 MAX_TEXT = 4096
@@ -158,9 +163,8 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> ND
     """One array, read after checks for external data, fill values and decompressed size."""
     dataset = file[name]
     creation = dataset.id.get_create_plist()
-    filters = {creation.get_filter(k)[0] for k in range(creation.get_nfilters())}
-    allowed = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
-    if dataset.is_virtual or dataset.external or not filters <= allowed:
+    filters = tuple(creation.get_filter(k)[0] for k in range(creation.get_nfilters()))
+    if dataset.is_virtual or dataset.external or not set(filters) <= set(_FILTERS):
         refuse(AtlasFault.SCHEMA, f"{name} uses external or virtual storage or a foreign filter")
     if dataset.dtype != np.dtype(COLUMNS[name]) or dataset.shape != shape:
         refuse(AtlasFault.SCHEMA, f"{name} has type {dataset.dtype} and shape {dataset.shape}, wanted {shape}")
@@ -172,12 +176,15 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> ND
         )
     else:
         complete = dataset.id.get_storage_size() == dataset.nbytes
-    if h5py.h5z.FILTER_DEFLATE in filters:
-        _check_inflation(dataset)
     if not complete:  # HDF5 would fill the gap silently
         refuse(AtlasFault.CONTENT, f"{name} lacks a part of its data")
+    own = filters == _FILTERS and dataset.chunks[1:] == shape[1:]
+    if h5py.h5z.FILTER_DEFLATE in filters and not own:
+        _each_chunk(dataset, lambda first, content: None)  # before HDF5 inflates them, however large they become
     values = new(name, COLUMNS[name], shape)
-    if values.size:
+    if own:
+        _each_chunk(dataset, partial(_put_shuffled, values))
+    elif values.size:
         rows = dataset.chunks[0] if dataset.chunks else 1
         rows *= max(1, CHUNK_BYTES // (rows * values[:1].nbytes))
         for first in range(0, len(values), rows):
@@ -187,16 +194,34 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> ND
     return values
 
 
-def _check_inflation(dataset: h5py.Dataset) -> None:
-    """Refuse chunks that inflate to more than a chunk: HDF5 would inflate them completely, to a thousand times their size."""
+def _each_chunk(dataset: h5py.Dataset, use: Callable[[int, bytes], None]) -> None:
+    """``use(first row, inflated bytes)`` of each chunk, on all cores; those that inflate to more than a chunk are refused.
+
+    HDF5 would inflate these completely, to a thousand times their size, and all others one after the other.
+    """
     chunks: list[Any] = []
     dataset.id.chunk_iter(chunks.append)
-    size = int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
-    for chunk in chunks:
+    size = math.prod(dataset.chunks) * dataset.dtype.itemsize
+
+    def inflate(chunk: Any) -> None:
         _, stored = dataset.id.read_direct_chunk(chunk.chunk_offset)
         inflater = zlib.decompressobj()
-        if chunk.filter_mask or len(inflater.decompress(stored, size + 1)) != size or len(inflater.unused_data) > 4:
+        content = inflater.decompress(stored, size + 1)
+        if chunk.filter_mask or len(content) != size or len(inflater.unused_data) > 4:
             refuse(AtlasFault.SCHEMA, f"{dataset.name} has a chunk that does not inflate to its size")
+        use(chunk.chunk_offset[0], content)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for _ in pool.map(inflate, chunks):
+            pass
+
+
+def _put_shuffled(values: NDArray[Any], first: int, content: bytes) -> None:
+    """Put rows where they belong that HDF5 has shuffled: first all first bytes of the numbers, then all second ones."""
+    size = values.dtype.itemsize
+    rows = len(content) // (size * math.prod(values.shape[1:]))
+    numbers = values[first : first + rows].reshape(-1).view(np.uint8).reshape(-1, size)
+    numbers[...] = np.frombuffer(content, np.uint8).reshape(size, -1).T[: len(numbers)]
 
 
 class _Image(io.FileIO):
