@@ -84,9 +84,11 @@ class ServiceResources:
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
     def prepare(self) -> None:
-        """Load what an answer needs now; everything where no `prepare_more` follows."""
+        """Load what a match needs now; everything where no `prepare_more` follows."""
         self.load()
-        if not self.wants_more:
+        if self.wants_more:
+            _ = la.match
+        else:
             self.prepare_rest()
 
     def prepare_rest(self) -> None:

@@ -76,8 +76,10 @@ class Supervisor:
         for told in (signal.SIGINT, signal.SIGTERM):
             signal.signal(told, self._end)
         self._start_front()
-        if not self._steps:
-            self._prepare_rest()  # while the front begins, which computes nothing
+        if self._steps:  # while the front begins, which computes nothing
+            self._resources.prepare()
+        else:
+            self._prepare_rest()
         try:
             return self._watch()
         finally:

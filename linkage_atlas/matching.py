@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
+import numpy.ma  # which `numpy.unique` imports when it is first called: here before the processes fork
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
