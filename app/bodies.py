@@ -10,10 +10,9 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from fastapi import Response
-from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ValidationError
 from pydantic_core import to_json
+from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from app import problems
@@ -39,7 +38,7 @@ def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
     ------
     problems.Malformed
         No JSON, or an object with a key twice.
-    RequestValidationError
+    problems.Invalid
         JSON that is no such request.
     """
     check_counts(content)
@@ -50,14 +49,13 @@ def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        rows = error.errors(include_url=False, include_input=False)
-        raise RequestValidationError([{**row, "loc": ("body", *row["loc"])} for row in rows]) from None
+        raise problems.Invalid(error.errors(include_url=False, include_input=False)) from None
 
 
 def check_counts(content: bytes) -> None:
     """Refuse a body that is none or holds too much, before it is parsed; raises as `read_request` does."""
     if not content:
-        raise RequestValidationError([{"type": "missing", "loc": ("body",), "msg": "Field required", "input": None}])
+        raise problems.Invalid([{"loc": (), "msg": "Field required"}])
     counts = {
         "keys": (content.count(b":"), MAX_KEYS),
         "objects and arrays": (content.count(b"{") + content.count(b"["), MAX_CONTAINERS),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import shtab
 from pydantic import ValidationError
@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else argv
     if argv and argv[0] in BATCH_COMMANDS:
         return run_batch(argv)
-    parser = make_parser()
+    parser = make_parser(named=argv[0] if argv else None)
     if not argv:
         parser.print_help(sys.stderr)
         return Exit.USAGE
@@ -72,14 +72,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         return Exit.USAGE
 
 
-def make_parser(whole: bool = False) -> argparse.ArgumentParser:
-    """The parser of all commands; the batch's options are in it only where it is to be ``whole``: they take a while to load."""
+def make_parser(whole: bool = False, named: str | None = None) -> argparse.ArgumentParser:
+    """The parser of all commands; of one alone, where that is ``named`` and is no query: the others take a while to load.
+
+    The batch's options are in it only where it is to be ``whole``.
+    """
     plain = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
         prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    if named in _ALONE:
+        help_text, add = _ALONE[named]
+        add(commands.add_parser(named, help=help_text))
+        return parser
     groups: dict[str, argparse._SubParsersAction] = {}
     for query in sorted(all_queries(), key=lambda query: query.reads_atlas and query.file_of is None):
         *group, verb = query.command.split()
@@ -92,8 +99,8 @@ def make_parser(whole: bool = False) -> argparse.ArgumentParser:
         add_query(at.add_parser(verb, help=query.summary, description=query.summary), query)
     add_study(commands.add_parser("study", help="answer many requests, a line each"))
     _add_example(commands.add_parser("example", help="print a request to edit, or the list of examples"))
-    _add_serve(commands.add_parser("serve", help="answer over HTTP, with a page to draw motions on"))
-    _add_index(commands.add_parser("index", help="prepare an atlas for scanning, so that later starts take no time"))
+    for name, (text, add) in _ALONE.items():
+        add(commands.add_parser(name, help=text))
     if whole:
         add_batch_commands(commands)
     else:
@@ -178,3 +185,10 @@ def _serve(options: argparse.Namespace) -> int:
     if settings.with_atlas:
         _ = resources.atlas  # fail here, with an exit code
     return serve(resources, options.host, options.port, options.workers)
+
+
+_ALONE: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
+    "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),
+    "index": ("prepare an atlas for scanning, so that later starts take no time", _add_index),
+}
+"""Commands that need none of the questions, by name: their help and what adds their arguments."""

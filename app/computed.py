@@ -12,7 +12,9 @@ from typing import Any, Protocol
 
 import anyio
 import anyio.to_thread
-from fastapi import FastAPI, Request, Response
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
 from starlette.routing import BaseRoute, Match, Route, get_route_path
 from starlette.types import Receive, Scope, Send
 
@@ -72,7 +74,13 @@ class Threads:
         self._resources.prepare()
         self._readers = anyio.CapacityLimiter(1)
         stopping = threading.Event()
-        behind = threading.Thread(target=self._resources.prepare_more, args=[stopping.is_set])
+
+        def prepare() -> None:
+            if self._resources.wants_more:
+                self._resources.prepare_rest()
+                self._resources.prepare_more(stopping.is_set)
+
+        behind = threading.Thread(target=prepare)
         behind.start()  # the service is ready meanwhile
         try:
             yield
@@ -102,58 +110,72 @@ async def _content(request: Request) -> bytes:
         give_back_memory(every=1.0)
 
 
-class Routes(BaseRoute):
-    """All computed routes. One is found by its path at once: to try one after the other takes a tenth of a short request.
+class Questions(dict[str, Question]):
+    """Questions by the path of their route; some come with the first of their kind that is asked, or with `load`.
 
-    FastAPI describes them, which takes a while and is done when the description is asked for; it handles none of them.
+    To import all takes a fifth of a start: models by the dozen, and searches.
     """
 
     def __init__(self) -> None:
+        super().__init__()
+        self._later: dict[str, Callable[[], None]] = {}
+        self._lock = threading.RLock()
+
+    def later(self, prefix: str, add: Callable[[], None]) -> None:
+        """What adds the questions whose paths begin so."""
+        self._later[prefix] = add
+
+    def load(self, path: str | None = None) -> None:
+        """Have the questions that a path may be of; all without one."""
+        for prefix in tuple(self._later):
+            if path is None or path.startswith(prefix):
+                with self._lock:  # another thread, which makes the description, may be adding them
+                    if prefix in self._later:
+                        self._later[prefix]()
+                        del self._later[prefix]
+
+    def __missing__(self, path: str) -> Question:
+        self.load(path)
+        if path not in self:
+            raise KeyError(path)
+        return self[path]
+
+
+class Routes(BaseRoute):
+    """All computed routes. One is found by its path at once: to try one after the other takes a tenth of a short request."""
+
+    def __init__(self, questions: Questions) -> None:
+        self._questions = questions
         self._routes: dict[str, Route] = {}
-        self._described: list[tuple[str, Callable[..., Any], dict[str, Any]]] = []
 
     def matches(self, scope: Scope) -> tuple[Match, Scope]:
-        route = self._routes.get(get_route_path(scope)) if scope["type"] == "http" else None
+        if scope["type"] != "http":
+            return Match.NONE, {}
+        path = get_route_path(scope)
+        if path not in self._routes:
+            self._questions.load(path)
+        route = self._routes.get(path)
         return (Match.NONE, {}) if route is None else route.matches(scope)
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         await self._routes[get_route_path(scope)].handle(scope, receive, send)
 
-    def add(
-        self,
-        path: str,
-        name: str,
-        model: type[RequestModel],
-        handle: Callable[[Request], Coroutine[Any, Any, Response]],
-        details: dict[str, Any],
-    ) -> None:
-        """A POST route: how requests of a model are handled, and what FastAPI is told beyond it."""
-
-        def described(body):  # type: ignore[no-untyped-def]
-            raise NotImplementedError("only described: the route has its own handler")
-
-        described.__annotations__ = {"body": model}
-        described.__name__ = name
+    def add(self, path: str, handle: Callable[[Request], Coroutine[Any, Any, Response]]) -> None:
+        """A POST route."""
         self._routes[path] = Route(path, handle, methods=["POST"])
-        self._described.append((path, described, details))
-
-    def describe(self, app: FastAPI) -> None:
-        """Add them to an application that is asked for its description and nothing else."""
-        for path, described, details in self._described:
-            app.add_api_route(path, described, methods=["POST"], **details)
 
 
-def install(app: FastAPI, computing: Computing) -> None:
+def install(app: Starlette, computing: Computing) -> None:
     """What the routes of `add` need."""
     app.state.computing = computing
-    app.state.questions = {}
+    app.state.questions = Questions()
     app.state.large = asyncio.Semaphore(16)
-    app.state.routes = Routes()
+    app.state.routes = Routes(app.state.questions)
     app.router.routes.append(app.state.routes)
 
 
 def add(
-    app: FastAPI,
+    app: Starlette,
     path: str,
     name: str,
     model: type[RequestModel],
@@ -161,7 +183,7 @@ def add(
     is_long: Callable[[Any], bool],
     **details: Any,
 ) -> None:
-    """A POST route that answers requests of a model by ``answer(request, resources)``."""
+    """A POST route that answers requests of a model by ``answer(request, resources)``; the details are of its description."""
     question = app.state.questions[path] = Question(path, model, answer, is_long)
 
     async def handle(request: Request) -> Response:
@@ -170,4 +192,10 @@ def add(
             raise problems.NotJson
         return await app.state.computing.answer(request, question, content)  # type: ignore[no-any-return]
 
-    app.state.routes.add(path, name, model, handle, details)
+    def described(body):  # type: ignore[no-untyped-def]
+        raise NotImplementedError("only described: the route has its own handler")
+
+    described.__annotations__ = {"body": model}
+    described.__name__ = name
+    app.state.routes.add(path, handle)
+    app.state.description.add(path, described, methods=["POST"], **details)

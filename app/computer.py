@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from fastapi import Response
+from starlette.responses import Response
 
 from app import bodies, problems
 from app.computed import Question

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from functools import cache
+from importlib import import_module
+from inspect import iscoroutinefunction
 from typing import Annotated, Any, Literal
 
-from fastapi import FastAPI, Response
-from fastapi import Path as PathParameter
-from fastapi.responses import JSONResponse
-from pydantic import BeforeValidator
-from pydantic.warnings import UnsupportedFieldAttributeWarning
+from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
 
 import linkage_atlas as la
 from app import computed, page, problems
 from app.bodies import Reply
+from app.description import Description
 from app.doors import Doors
-from app.fourbar import export, function_export
+from app.fourbar import export
 from app.query import Export, Query, ReplyModel
-from app.registry import all_queries, worked_example
+from app.registry import function_queries, motion_queries, worked_example
 from app.resources import ServiceResources
+from app.scenes import SCENES, queries_of
 from app.settings import Settings
 from app.turnstile import Turnstile
 
@@ -31,7 +35,7 @@ def create_app(
     settings: Settings | None = None,
     resources: ServiceResources | None = None,
     make_computing: Callable[[Turnstile], computed.Computing] | None = None,
-) -> FastAPI:
+) -> Starlette:
     """The application; settings come from the environment unless given, resources are made from them unless given.
 
     Answers are computed by threads unless ``make_computing`` says otherwise.
@@ -42,58 +46,42 @@ def create_app(
     computing = make_computing(turnstile) if make_computing else computed.Threads(resources, turnstile)
 
     @asynccontextmanager
-    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
         async with computing.running():
             yield
 
-    app = FastAPI(
-        title="linkage-atlas",
-        version=la.__version__,
-        summary="Finds planar linkages for a required motion.",
-        lifespan=lifespan,
-        redirect_slashes=False,
-        openapi_url=None,  # `_describe` has its own
-        docs_url=None,  # the page has its own, of local files
-        redoc_url=None,
+    app = Starlette(lifespan=lifespan)
+    app.router.redirect_slashes = False
+    app.state.description = Description(
+        title="linkage-atlas", version=la.__version__, summary="Finds planar linkages for a required motion."
     )
     app.add_middleware(problems.BodyLimit, max_body_size=settings.max_body_bytes)
     app.add_middleware(Doors, hosts=settings.allowed_hosts)
     problems.install(app)
     app.state.turnstile = turnstile
     computed.install(app, computing)
-    for query in all_queries():
-        _add_query(app, query)
-        for name, rendered in query.exports.items():
-            _add_export(app, query, name, rendered)
-
+    _add_queries(app, motion_queries())
+    questions = app.state.questions
+    questions.later("/v1/function", lambda: _add_function(app))
+    for scene in SCENES:
+        questions.later(f"/v1/{scene}/", lambda scene=scene: _add_queries(app, queries_of(scene)))
     export.install(app, _PROBLEM_RESPONSES, worked_example())
-    function_export.install(app, _PROBLEM_RESPONSES)
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)
-    _describe(app)
+    app.add_route("/openapi.json", _description, ["GET"], include_in_schema=False)
     return app
 
 
-def _describe(app: FastAPI) -> None:
-    """The description, made when it is first asked for: that takes longer than all else in here."""
+def described(app: Starlette) -> dict[str, Any]:
+    """The OpenAPI document of all routes."""
+    app.state.questions.load()
+    document: dict[str, Any] = app.state.description.document
+    return document
 
-    @cache
-    def openapi() -> dict[str, Any]:
-        whole = FastAPI(title=app.title, version=app.version, summary=app.summary)
-        whole.router.routes += app.routes
-        app.state.routes.describe(whole)
-        with warnings.catch_warnings():  # FastAPI's own, which it keeps quiet where models are built at once
-            warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
-            document = whole.openapi()
-        document["components"]["schemas"]["Problem"] = problems.SCHEMA
-        return document
 
-    app.openapi = openapi  # type: ignore[method-assign]
-
-    @app.get("/openapi.json", include_in_schema=False)
-    def description() -> JSONResponse:  # no coroutine: made on a thread
-        return JSONResponse(openapi())
+def _description(request: Request) -> Response:  # no coroutine: made on a thread
+    return JSONResponse(described(request.app))
 
 
 class AtlasReply(ReplyModel):
@@ -125,34 +113,62 @@ def _written_plainly(number: str) -> str:
     return number
 
 
-def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
-    @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_problems(503))
+TypeNumber = Annotated[int, Field(ge=1, le=2**53), BeforeValidator(_written_plainly)]
+
+
+@cache
+def _type_number() -> TypeAdapter[int]:
+    return TypeAdapter(TypeNumber)
+
+
+def _add_atlas_routes(app: Starlette, resources: ServiceResources) -> None:
     async def atlas() -> AtlasReply:
         return AtlasReply(**resources.describe_atlas())
 
-    answers = _problems(404, 422, 503)
-
-    @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=answers)
-    async def dimension_type(
-        number: Annotated[int, PathParameter(ge=1, le=2**53), BeforeValidator(_written_plainly)],
-    ) -> AtlasTypeReply:
+    def dimension_type(number: TypeNumber) -> AtlasTypeReply:
         """Lengths, family and the Haar average and details of the coupler rotation over the whole turn."""
         try:
-            return AtlasTypeReply(**resources.atlas.details_of(number))
+            row = _type_number().validate_python(number)
+        except ValidationError as error:
+            raise problems.Invalid([{**entry, "loc": ("number",)} for entry in error.errors()]) from None
+        try:
+            return AtlasTypeReply(**resources.atlas.details_of(row))
         except la.FieldError as error:
             raise problems.NotFound(error.message) from None
 
+    _add_get(app, "/v1/atlas", atlas, tags=["atlas"], summary="What is loaded.", responses=_problems(503))
+    answers = _problems(404, 422, 503)
+    _add_get(
+        app, "/v1/types/{number}", dimension_type, tags=["atlas"], summary="One dimension type.", responses=answers
+    )
 
-def _add_health_routes(app: FastAPI, resources: ServiceResources) -> None:
-    @app.get("/livez", tags=["health"], summary="The process answers.")
+
+def _add_health_routes(app: Starlette, resources: ServiceResources) -> None:
     async def livez() -> dict[str, str]:
         return {"status": "ok"}
 
-    @app.get("/readyz", tags=["health"], summary="The atlas is loaded and verified.", responses=_problems(503))
     async def readyz() -> dict[str, str]:
         if resources.settings.with_atlas:
             _ = resources.atlas
         return {"status": "ready"}
+
+    _add_get(app, "/livez", livez, tags=["health"], summary="The process answers.")
+    whole = "The atlas is loaded and verified."
+    _add_get(app, "/readyz", readyz, tags=["health"], summary=whole, responses=_problems(503))
+
+
+def _add_get(app: Starlette, path: str, function: Callable[..., Any], **details: Any) -> None:
+    """A GET route that answers with what a function of its path's parameters returns; one that is no coroutine has a thread."""
+
+    async def answer(request: Request) -> Response:
+        if iscoroutinefunction(function):
+            return Reply(await function(**request.path_params))
+        return Reply(await run_in_threadpool(function, **request.path_params))
+
+    route = Route(path, answer, methods=["GET"])
+    route.methods = {"GET"}  # Starlette would add HEAD, which the description does not have
+    app.router.routes.append(route)
+    app.state.description.add(path, function, **details)
 
 
 _PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -185,7 +201,19 @@ def _route_details(query: Query) -> dict[str, Any]:
     }
 
 
-def _add_query(app: FastAPI, query: Query) -> None:
+def _add_function(app: Starlette) -> None:
+    _add_queries(app, function_queries())
+    import_module("app.fourbar.function_export").install(app, _PROBLEM_RESPONSES)
+
+
+def _add_queries(app: Starlette, queries: tuple[Query, ...]) -> None:
+    for query in queries:
+        _add_query(app, query)
+        for name, rendered in query.exports.items():
+            _add_export(app, query, name, rendered)
+
+
+def _add_query(app: Starlette, query: Query) -> None:
     def answer(body: Any, resources: Any) -> Response:
         return Reply(query.answer(body, resources))
 
@@ -202,7 +230,7 @@ def _add_query(app: FastAPI, query: Query) -> None:
     )
 
 
-def _add_export(app: FastAPI, query: Query, name: str, export: Export) -> None:
+def _add_export(app: Starlette, query: Query, name: str, export: Export) -> None:
     def answer(body: Any, resources: Any) -> Response:
         return Reply(export.render(body, resources), export.media_type)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from app.main import create_app
+from app.main import create_app, described
 from app.settings import Settings
 
 PLACE = Path(__file__).parents[1] / "docs" / "openapi.json"
@@ -13,7 +13,7 @@ PLACE = Path(__file__).parents[1] / "docs" / "openapi.json"
 
 def description() -> str:
     """The description as text. Law: depends on the code alone, not on the environment or on an atlas."""
-    return json.dumps(create_app(Settings.model_construct()).openapi(), indent=1, sort_keys=True) + "\n"
+    return json.dumps(described(create_app(Settings.model_construct())), indent=1, sort_keys=True) + "\n"
 
 
 if __name__ == "__main__":

@@ -14,11 +14,12 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
 
-from fastapi import FastAPI, Request, Response
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
 
 from app.problems import NotFound
-from app.query import Query
-from app.scenes import scene_queries
+from app.scenes import SCENES, queries_of
 
 MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -97,14 +98,9 @@ def static_files(folder: str = "static") -> dict[str, StaticFile]:
     return {name: StaticFile(content, MEDIA_TYPES[name[name.rindex(".") :]]) for name, content in stored}
 
 
-def _scene(query: Query) -> str:
-    return query.command.split()[0]
-
-
 def scenes() -> dict[str, str]:
     """Title of each scene, by its name."""
-    names = dict.fromkeys(map(_scene, scene_queries()))
-    return {name: SCENE_TITLES.get(name, name.capitalize()) for name in names}
+    return {name: SCENE_TITLES.get(name, name.capitalize()) for name in SCENES}
 
 
 @cache
@@ -119,60 +115,66 @@ def scene_details(name: str) -> dict[str, Any]:
             "examples": dict(query.examples),
             "exports": list(query.exports),
         }
-        for query in scene_queries()
-        if _scene(query) == name
+        for query in queries_of(name)
     ]
     return {"name": name, "title": scenes()[name], "queries": queries}
 
 
-def install(app: FastAPI) -> None:
+def install(app: Starlette) -> None:
     """The routes ``/``, ``/function``, ``/static/...``, one page a scene, and what those pages are made from."""
     stored, shown = static_files(), static_files("docs")
     titles = scenes()
-    methods = ["GET", "HEAD"]
-    hidden: dict[str, Any] = {"methods": methods, "include_in_schema": False}
 
-    @app.api_route("/", **hidden)
+    def of_scene(request: Request) -> str:
+        name: str = request.path_params["name"]
+        if name not in titles:
+            raise NotFound("there is no such scene")
+        return name
+
+    def found(files: dict[str, StaticFile], request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in files or name.endswith(".html"):
+            raise NotFound("the page has no such file")
+        return files[name].reply(request)
+
     async def page(request: Request) -> Response:
         return stored["index.html"].reply(request)
 
-    @app.api_route("/function", **hidden)
     async def function_page(request: Request) -> Response:
         return stored["function.html"].reply(request)
 
-    @app.api_route("/docs", **hidden)
-    @app.api_route("/redoc", **hidden)
     async def docs(request: Request) -> Response:
         return shown["index.html"].reply(request, **{"Content-Security-Policy": DOCS_POLICY})
 
-    @app.api_route("/docs/{name}", **hidden)
-    def docs_file(name: str, request: Request) -> Response:  # no coroutine: compressed on a thread
-        if name not in shown or name.endswith(".html"):
-            raise NotFound("the page has no such file")
-        return shown[name].reply(request)
+    def docs_file(request: Request) -> Response:  # no coroutine: compressed on a thread
+        return found(shown, request)
 
-    @app.api_route("/favicon.ico", **hidden)
     async def icon(request: Request) -> Response:
         return stored["icon.svg"].reply(request)
 
-    @app.api_route("/static/{name:path}", **hidden)
-    async def static(name: str, request: Request) -> Response:
-        if name not in stored or name.endswith(".html"):
-            raise NotFound("the page has no such file")
-        return stored[name].reply(request)
+    async def static(request: Request) -> Response:
+        return found(stored, request)
 
-    @app.api_route("/scenes", **hidden)
-    async def scene_list() -> list[dict[str, str]]:
-        return [{"name": name, "title": title} for name, title in titles.items()]
+    async def scene_list(request: Request) -> Response:
+        return JSONResponse([{"name": name, "title": title} for name, title in titles.items()])
 
-    @app.api_route("/scenes/{name}", **hidden)
-    async def scene_page(name: str, request: Request) -> Response:
-        if name not in titles:
-            raise NotFound("there is no such scene")
+    async def scene_page(request: Request) -> Response:
+        of_scene(request)
         return stored["scene.html"].reply(request)
 
-    @app.api_route("/scenes/{name}/queries", **hidden)
-    def scene_queries_of(name: str) -> dict[str, Any]:  # no coroutine: the schemas are made on a thread
-        if name not in titles:
-            raise NotFound("there is no such scene")
-        return scene_details(name)
+    def scene_queries_of(request: Request) -> Response:  # no coroutine: the schemas are made on a thread
+        return JSONResponse(scene_details(of_scene(request)))
+
+    for path, endpoint in {
+        "/": page,
+        "/function": function_page,
+        "/docs": docs,
+        "/redoc": docs,
+        "/docs/{name}": docs_file,
+        "/favicon.ico": icon,
+        "/static/{name:path}": static,
+        "/scenes": scene_list,
+        "/scenes/{name}": scene_page,
+        "/scenes/{name}/queries": scene_queries_of,
+    }.items():
+        app.add_route(path, endpoint, ["GET", "HEAD"])

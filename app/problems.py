@@ -11,13 +11,13 @@ from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
 
-from fastapi import FastAPI, Request, Response
-from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
+from starlette.applications import Starlette
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
-from starlette.requests import ClientDisconnect
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from linkage_atlas import AtlasError, AtlasFault, Cancelled, FieldError, OutOfTime
@@ -61,6 +61,14 @@ class Malformed(Exception):
     def __init__(self, detail: str, at_place: str | None = None) -> None:
         super().__init__(detail)
         self.detail, self.at_place = detail, at_place or detail
+
+
+class Invalid(Exception):
+    """A request whose values are not what its route takes: pydantic's list of errors."""
+
+    def __init__(self, errors: Sequence[Any]) -> None:
+        super().__init__(errors)
+        self.errors = errors
 
 
 class NotJson(Exception):
@@ -142,8 +150,8 @@ def http_problem(error: HTTPException) -> Response:
     return problem(error.status_code, detail, rows, dict(error.headers or {}))
 
 
-def _validation(error: RequestValidationError) -> Response:
-    rows = error_rows([{**entry, "loc": entry["loc"][1:]} for entry in error.errors()])  # less "body" or "path"
+def _invalid(error: Invalid) -> Response:
+    rows = error_rows(error.errors)
     return problem(422, f"{rows[0]['pointer'][2:] or 'the body'}: {rows[0]['detail']}", rows)
 
 
@@ -162,7 +170,7 @@ def _later(seconds: int, detail: str) -> Callable[[Exception], Response]:
 
 
 _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
-    RequestValidationError: _validation,
+    Invalid: _invalid,
     Malformed: lambda error: problem(400, error.detail, [{"pointer": "#", "detail": error.at_place}]),
     NotJson: lambda _: problem(415, "send the body with the header `Content-Type: application/json`"),
     ValidationError: _model,
@@ -187,7 +195,7 @@ def reply_to(error: Exception) -> Response:
     return next(_REPLIES[kind] for kind in type(error).__mro__ if kind in _REPLIES)(error)
 
 
-def install(app: FastAPI) -> None:
+def install(app: Starlette) -> None:
     """Register the replies on an application."""
 
     async def handle(_: Request, error: Exception) -> Response:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from importlib import import_module
 from importlib.resources import files
 from typing import Any
 
 from app.fourbar.answers import answer_match, answer_synthesize, is_long, practical_request
-from app.fourbar.csv_request import function_from_csv, match_from_csv, request_from_csv
+from app.fourbar.csv_request import match_from_csv, request_from_csv
 from app.fourbar.export import SYNTHESIZE_EXPORTS, synthesize_file
-from app.fourbar.function import QUERY as FUNCTION
-from app.fourbar.function_export import function_file
 from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
 from app.fourbar.tables import matches_table, synthesize_table
 from app.query import Query
@@ -23,8 +21,8 @@ def worked_example() -> dict[str, Any]:
     return json.loads(files("app").joinpath("examples/worked_example.json").read_text())
 
 
-def fourbar_queries() -> tuple[Query, ...]:
-    """The four-bar's queries."""
+def motion_queries() -> tuple[Query, ...]:
+    """The queries for a motion."""
     example = worked_example()
     rotation_only = {"rotation": example["rotation"], "crank_span": example["crank_span"]}
     return (
@@ -79,10 +77,15 @@ def fourbar_queries() -> tuple[Query, ...]:
             shows_units=True,
             reads_atlas=True,
         ),
-        replace(FUNCTION, file_of=function_file, from_csv=function_from_csv),
     )
+
+
+def function_queries() -> tuple[Query, ...]:
+    """The query for a function; its module comes with it, and the searches that the module needs."""
+    queries: tuple[Query, ...] = import_module("app.fourbar.function_export").QUERIES
+    return queries
 
 
 def all_queries() -> tuple[Query, ...]:
     """Every query of the service."""
-    return (*fourbar_queries(), *scene_queries())
+    return (*motion_queries(), *function_queries(), *scene_queries())

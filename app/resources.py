@@ -84,14 +84,17 @@ class ServiceResources:
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
     def prepare(self) -> None:
-        """Load everything now, what only answers need included.
-
-        Models of requests and replies too, where no `prepare_more` follows.
-        """
+        """Load what a match needs now; everything where no `prepare_more` follows."""
         self.load()
+        if self.wants_more:
+            _ = la.match
+        else:
+            self.prepare_rest()
+
+    def prepare_rest(self) -> None:
+        """Have now what the first answer of each kind would else import or make: searches, their tables, models."""
+        build_models()
         la.prepare()
-        if not self.wants_more:
-            build_models()
         give_back_memory()
         gc.freeze()
 
@@ -101,12 +104,11 @@ class ServiceResources:
         return self.settings.with_atlas and self.failure is None
 
     def prepare_more(self, cancelled: Callable[[], bool]) -> bool:
-        """Prepare all models, the scan for short spans, and for positions if that is set, where it `wants_more`.
+        """Prepare the scan for short spans, and for positions if that is set, where it `wants_more`.
 
         Returns false if cancelled.
         """
         if self.wants_more:
-            build_models()
             try:
                 self.atlas.prepare(positions=self.settings.prepare_positions, work=la.Work(cancelled=cancelled))
             except la.Cancelled:

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
-from app.computed import Question
+from app.computed import Questions
 from app.computer import Computer, packed
 from app.resources import ServiceResources
 
@@ -44,8 +44,8 @@ class Supervisor:
     ----------
     front : callable
         ``front(control)`` runs the front in its process, with its end of a socket to the supervisor, until that is told to end.
-    questions : dict
-        What the computing processes answer, by path.
+    questions : Questions
+        What the computing processes answer.
     resources : ServiceResources
         With the atlas loaded.
     listeners : list of socket.socket
@@ -55,14 +55,14 @@ class Supervisor:
     def __init__(
         self,
         front: Callable[[socket.socket], None],
-        questions: dict[str, Question],
+        questions: Questions,
         resources: ServiceResources,
         listeners: list[socket.socket],
     ) -> None:
         self._run_front, self._questions, self._resources, self._listeners = front, questions, resources, listeners
         self._computers: set[int] = set()
         self._deadline: float | None = None
-        self._prepared = not resources.wants_more
+        self._steps = [self._prepare_rest, self._prepare_more] if resources.wants_more else []
         self._front: int | None = None
 
     def run(self) -> int:
@@ -76,7 +76,10 @@ class Supervisor:
         for told in (signal.SIGINT, signal.SIGTERM):
             signal.signal(told, self._end)
         self._start_front()
-        self._resources.prepare()  # while the front begins, which computes nothing
+        if self._steps:  # while the front begins, which computes nothing
+            self._resources.prepare()
+        else:
+            self._prepare_rest()
         try:
             return self._watch()
         finally:
@@ -86,14 +89,14 @@ class Supervisor:
 
     def _watch(self) -> int:
         while True:
-            self._calls(_LOOK_SECONDS if self._prepared else _QUIET_SECONDS)
+            self._calls(_QUIET_SECONDS if self._steps else _LOOK_SECONDS)
             while (code := self._reaped()) is None and self._calls(0):
                 self._serve()
             if code is not None:
                 return code
             if self._deadline is not None and time.monotonic() > self._deadline:
                 self._kill({self._front or 0} - {0})
-            elif not self._prepared and not self._calls(0):
+            elif self._steps and not self._calls(0):
                 self._prepare()
 
     def _calls(self, seconds: float) -> bool:
@@ -130,11 +133,20 @@ class Supervisor:
             self._tell_of_more()
 
     def _prepare(self) -> None:
-        """Make what later requests need, unless something is wanted meanwhile."""
-        made = self._make(lambda: self._resources.prepare_more(lambda: bool(self._ready(0))))
-        self._prepared = made is not False
+        """Make the next of what later requests need; one that takes long is given up where something is wanted meanwhile."""
+        made = self._make(self._steps[0])
+        if made is not False:
+            del self._steps[0]
         if made:
             self._tell_of_more()
+
+    def _prepare_rest(self) -> bool:
+        self._questions.load()
+        self._resources.prepare_rest()
+        return True
+
+    def _prepare_more(self) -> bool:
+        return self._resources.prepare_more(lambda: bool(self._ready(0)))
 
     @staticmethod
     def _make(something: Callable[[], Any]) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 
 import anyio
 import anyio.to_thread
-from fastapi import Request
+from starlette.requests import Request
 
 from app import problems
 from app.query import Resources

@@ -25,7 +25,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from benchmarks import hostile, report, service
-from synthesis.atlas.file import check_bytes
+from synthesis.atlas.header import check_bytes
 from synthesis.errors import AtlasError
 
 BRIEF = ["--perimeter", "300", "--samples", "32", "--jobs", "2"]

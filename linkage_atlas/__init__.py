@@ -15,11 +15,12 @@ if TYPE_CHECKING:
     from linkage_atlas.answers import Match, Matches, Result, Solution
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
-    from linkage_atlas.door import match, prepare, synthesize
+    from linkage_atlas.door import prepare, synthesize
     from linkage_atlas.functions import function
     from linkage_atlas.generators import FunctionResult, FunctionSolution
     from linkage_atlas.linkages import FourBar, Joints
     from linkage_atlas.many_requests import StudyLocked, study
+    from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
     from synthesis.errors import AtlasError, AtlasFault, FieldError
     from synthesis.work import Cancelled, OutOfTime, Work
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "linkage_atlas.door": ("synthesize", "match", "prepare"),
+    "linkage_atlas.door": ("synthesize", "prepare"),
+    "linkage_atlas.matching": ("match",),
     "linkage_atlas.functions": ("function",),
     "linkage_atlas.generators": ("FunctionResult", "FunctionSolution"),
     "linkage_atlas.linkages": ("FourBar", "Joints"),

@@ -18,6 +18,9 @@ from synthesis.ranking import Errors
 
 Floats = NDArray[np.float64]
 
+FINISHING = 0.1
+"""Part of its budget that an answer may take beyond it, to finish what the search has found."""
+
 
 @dataclass(frozen=True)
 class AtlasType:

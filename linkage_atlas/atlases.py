@@ -14,8 +14,7 @@ import numpy as np
 
 from linkage_atlas.answers import AtlasType
 from synthesis.atlas import table
-from synthesis.atlas.file import MAX_TYPES, Stamp, file_hash
-from synthesis.atlas.file import load_atlas as load_table
+from synthesis.atlas.header import MAX_TYPES, Stamp, file_hash
 from synthesis.atlas.index import Index
 from synthesis.atlas.preparation import Preparation
 from synthesis.atlas.prepared import temporary
@@ -204,15 +203,21 @@ def load_atlas(
         Missing, larger than allowed, damaged or foreign.
     """
     most = MAX_TYPES if max_types is None else max_types
+
+    def read(*where: Any) -> table.Atlas:
+        from synthesis.atlas.file import load_atlas as load_table  # HDF5, which an index spares
+
+        return load_table(Path(path), max_bytes, most, *where)
+
     if index is None:
-        return Atlas(load_table(Path(path), max_bytes, most))
+        return Atlas(read())
     files: Any = None
     prepared: Preparation | None = None
 
     def load() -> table.Atlas:
         with suppress(OSError):  # where there is no place for an index, it is prepared in memory
-            return load_table(Path(path), max_bytes, most, digest, temporary(Path(index).parent))
-        return load_table(Path(path), max_bytes, most, digest)
+            return read(digest, temporary(Path(index).parent))
+        return read(digest)
 
     def known(claimed: str, stamp: Stamp) -> bool:
         nonlocal files, prepared

@@ -1,4 +1,4 @@
-"""Which four-bars make a motion (`synthesize`), and which rows of an atlas turn most like it (`match`)."""
+"""Which four-bars make a motion: `synthesize`."""
 
 from __future__ import annotations
 
@@ -6,24 +6,19 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import Features, Match, Matches, MatchReport, Report, Result
+from linkage_atlas.answers import FINISHING, Report, Result
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.finish import Wishes, cognate_notes, finished, read_lengths, read_tolerances, status_of
-from linkage_atlas.linkages import FourBar
-from linkage_atlas.motions import Motion, number, read_limits
+from linkage_atlas.motions import Motion, check_above_zero, check_top, number, read_limits
 from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, check_against, read_beginning, refined
 from linkage_atlas.relaxation import what_excludes
 from linkage_atlas.studies import check_rows, read_drive, read_manufacture, study_notes
 from synthesis.atlas.best import best_rows
-from synthesis.atlas.haar import features as haar_features
-from synthesis.atlas.haar import resample
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as answers
-from synthesis.fourbar.kinematics import principal
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.free.poses import Poses
@@ -38,8 +33,6 @@ DIVERSE_LOSS = 2.0
 """Times the best objective that the objectives of diverse solutions may be."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
-FINISHING = 0.1
-"""Part of its budget that an answer may take beyond it, to finish what the search has found."""
 
 
 @cache
@@ -286,100 +279,3 @@ def _searched(
     stopped_by = "tolerance" if reached else ("converged" if scanned.exhaustive else "budget")
     counts |= {"windows": scanned.windows, "exhaustive": scanned.exhaustive}
     return found, _Went({"screen": searched}, trace, stopped_by, counts)
-
-
-def check_top(top: int) -> None:
-    """FieldError unless at least one answer is asked for."""
-    if not isinstance(top, (int, np.integer)) or top < 1:
-        raise FieldError("/top", f"wanted a whole number of at least 1, found {top!r}")
-
-
-def check_above_zero(**values: float | None) -> None:
-    """FieldError for an argument that is given and not above zero."""
-    for name, value in values.items():
-        if value is not None and not number(name, value) > 0:
-            raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
-
-
-def match(
-    rotation: ArrayLike,
-    crank_span: float | None = None,
-    *,
-    atlas: Atlas,
-    crank_angle: ArrayLike | None = None,
-    curve: Literal["coupler", "rocker"] = "coupler",
-    degrees: bool = True,
-    top: int = 10,
-    features: bool = False,
-    budget: float | None = None,
-    work: Callable[[float | None], Work] = Work,
-) -> Matches:
-    """The best rows of an atlas by rotation alone: all types, both branches, every whole degree of start.
-
-    Parameters
-    ----------
-    rotation : array_like, shape (N,)
-    crank_span, crank_angle, degrees
-        As for `synthesize`.
-    atlas : Atlas
-    curve : {"coupler", "rocker"}
-        Which link is to turn like this. The first match of rockers prepares the atlas for them, some seconds.
-    top : int
-    features : bool
-        Also give the Haar features of the request and of each match.
-    budget : float, optional
-        Seconds; the best rows of those looked at by then are returned, and the report is not exhaustive.
-    work : callable
-        As for `synthesize`.
-
-    Returns
-    -------
-    Matches
-        Exactly the best, as if every window had been evaluated, where the report is exhaustive. No pose is computed.
-
-    Raises
-    ------
-    FieldError
-        Naming the argument.
-    """
-    check_top(top)
-    check_above_zero(budget=budget)
-    if curve not in ("coupler", "rocker"):
-        raise FieldError("/curve", f"wanted 'coupler' or 'rocker', found {curve!r}")
-    scan = atlas.scan if curve == "coupler" else atlas.rocker_scan
-    watch = work(budget)
-    motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)
-    target, radian = motion.target, motion.radian
-    wanted = target.rotation
-    assert wanted is not None
-    windows, report = scan.best(target, top, work=watch)
-    screened, finishing = watch.elapsed, watch.extended(FINISHING)
-    matches: list[Match] = []
-    for k, angle in enumerate(scan.angles(target, windows)):
-        if matches and finishing.expired():
-            break
-        angle = principal(angle)
-        kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
-        start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
-        offset = float(np.mean(wanted - angle) / radian)
-        body = offset if curve == "coupler" else None
-        linkage = FourBar(*answers.four(kind.lengths), branch, start_angle=start, body_offset=body, degrees=degrees)
-        error = float(windows.error[k] / radian)
-        own = _features(target.crank, angle, radian) if features else None
-        matches.append(Match(k + 1, kind, linkage, start, branch, offset, error, own))
-    asked = _features(target.crank, wanted, radian) if features else None
-    total = watch.elapsed
-    stages = {"screen": screened, "rest": total - screened, "total": total}
-    elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
-    notes = motion.notes()
-    if len(matches) < windows.row.size:
-        notes.append(f"the time was up: of {windows.row.size} rows the best {len(matches)} are reported")
-    if not report.exhaustive:
-        notes.append("the scan was cut short: rows that it did not come to may be better")
-    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, notes, asked, report.exhaustive))
-
-
-def _features(crank: Any, curve: Any, radian: float) -> Features:
-    resampled = resample(crank, curve)[1]
-    average, details = haar_features(resampled)
-    return Features(resampled.size, resampled is not curve, float(average / radian), (details / radian).tolist())

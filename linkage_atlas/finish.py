@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from linkage_atlas.answers import NotRounded, Rounded, Solution, Verdict
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.linkages import FourBar
-from linkage_atlas.motions import Motion, column, number
+from linkage_atlas.motions import MOST_STOCK, Motion, column, number
 from linkage_atlas.studies import Drive, Manufacture, analysed, share_of, studied
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as answers
@@ -40,7 +40,6 @@ _AT_ONCE = 8
 
 TRIES, FEWEST_TRIES = 4000, 40
 """Combinations of lengths that are fitted in all solutions of one request (about two seconds), and at least in each."""
-MOST_STOCK = 1000
 
 
 @dataclass(frozen=True)

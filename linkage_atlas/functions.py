@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import Report
-from linkage_atlas.door import check_above_zero, check_top, seed_tables
+from linkage_atlas.door import seed_tables
 from linkage_atlas.generators import Asked, FunctionResult, described, rounded
-from linkage_atlas.motions import column, number, radians_in
+from linkage_atlas.motions import check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.named import Dials, read_dials
 from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, named, read_beginning
 from synthesis.errors import FieldError

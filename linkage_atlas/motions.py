@@ -25,12 +25,17 @@ __all__ = [
     "MIN_LENGTH",
     "MIN_POSES",
     "MIN_SAMPLES",
+    "MOST_STOCK",
     "Motion",
+    "check_above_zero",
+    "check_top",
     "number",
     "radians_in",
     "read_limits",
 ]
 
+MOST_STOCK = 1000
+"""Lengths of a stock at most."""
 LIMITS = (
     "transmission_angle_min",
     "transmission_angle_min_turn",
@@ -198,6 +203,19 @@ def number(field: str, value: Any, least: float = -np.inf) -> float:
         bound = "" if least == -np.inf else f" of at least {least:g}"
         raise FieldError(f"/{field}", f"wanted a finite number{bound}")
     return found
+
+
+def check_top(top: int) -> None:
+    """FieldError unless at least one answer is asked for."""
+    if not isinstance(top, (int, np.integer)) or top < 1:
+        raise FieldError("/top", f"wanted a whole number of at least 1, found {top!r}")
+
+
+def check_above_zero(**values: float | None) -> None:
+    """FieldError for an argument that is given and not above zero."""
+    for name, value in values.items():
+        if value is not None and not number(name, value) > 0:
+            raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
 
 
 def column(name: str, values: ArrayLike) -> Any:

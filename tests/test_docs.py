@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from app.cli import main, make_parser
-from app.main import create_app
+from app.main import create_app, described
 from app.openapi import description
 from app.settings import Settings
 from docs import figures, notebook
@@ -71,7 +71,7 @@ def test_no_setting_is_documented_that_does_not_exist() -> None:
 
 
 def test_every_route_and_field_is_documented() -> None:
-    document = create_app(Settings.model_construct()).openapi()
+    document = described(create_app(Settings.model_construct()))
     every = "".join(path.read_text() for path in DOCUMENTS)
     for path, methods in document["paths"].items():
         text = HTTP if path in ("/v1/match", "/v1/synthesize") or "get" in methods else every

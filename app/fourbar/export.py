@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
-from fastapi import FastAPI, Response
 from pydantic import Field, Strict
+from starlette.applications import Starlette
+from starlette.responses import Response
 
 import linkage_atlas as la
 from app import computed
@@ -118,7 +119,7 @@ def answer_export(body: ExportRequest, resources: Resources | None) -> tuple[byt
     return text.encode(), MEDIA_TYPES[body.format]
 
 
-def install(app: FastAPI, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
+def install(app: Starlette, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
     """The route /v1/export."""
     files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
     names = ("dxf", "plates", "svg", "csv", "mjcf", "pylinkage", "json")

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, Literal
 
-from fastapi import FastAPI, Response
 from pydantic import Field
+from starlette.applications import Starlette
+from starlette.responses import Response
 
 import linkage_atlas as la
 from app import computed
 from app.bodies import Reply
+from app.fourbar.csv_request import function_from_csv
 from app.fourbar.export import LengthUnit
-from app.fourbar.function import MEDIA_TYPES, FunctionReply, FunctionRequest
+from app.fourbar.function import MEDIA_TYPES, QUERY, FunctionReply, FunctionRequest
 from app.fourbar.given import GivenGenerator
 from app.query import RequestModel, Resources
 from linkage_atlas.functions import read_wanted
@@ -60,7 +63,10 @@ def function_file(request: FunctionRequest, reply: FunctionReply, rank: int, nam
     return answer_export(body, None)[0]
 
 
-def install(app: FastAPI, responses: dict[int | str, dict[str, Any]]) -> None:
+QUERIES = (replace(QUERY, file_of=function_file, from_csv=function_from_csv),)
+
+
+def install(app: Starlette, responses: dict[int | str, dict[str, Any]]) -> None:
     """The route /v1/function/export."""
     files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
     example = {

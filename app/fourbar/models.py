@@ -9,8 +9,7 @@ from pydantic import Field
 from app.fourbar.given import GivenSolution
 from app.fourbar.study_models import AnalysisReply, AnalysisRequest, ToleranceStudyReply, ToleranceStudyRequest
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel
-from linkage_atlas.finish import MOST_STOCK
-from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES
+from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
 
 MAX_TOP = 1000
 

@@ -1,7 +1,7 @@
 """The scenes beside the four-bar: each module here holds the models and the queries of one machine.
 
-A scene module exposes ``QUERIES``, a tuple of `app.query.Query`. Its numerics live in `synthesis` and are imported
-when a request of that scene is answered, so that no scene costs another one's start.
+A scene module exposes ``QUERIES``, a tuple of `app.query.Query`, with paths ``/v1/<scene>/...``. It is imported when the scene
+is first asked for, and its numerics in `synthesis` when a request is answered, so that no scene costs another one's start.
 """
 
 from __future__ import annotations
@@ -13,6 +13,12 @@ from app.query import Query
 SCENES: tuple[str, ...] = ("lift", "chain", "knotter")
 
 
+def queries_of(scene: str) -> tuple[Query, ...]:
+    """The queries of a scene."""
+    queries: tuple[Query, ...] = import_module(f"app.scenes.{scene}").QUERIES
+    return queries
+
+
 def scene_queries() -> tuple[Query, ...]:
     """The queries of all scenes, in the order of `SCENES`."""
-    return tuple(query for name in SCENES for query in import_module(f"app.scenes.{name}").QUERIES)
+    return tuple(query for scene in SCENES for query in queries_of(scene))

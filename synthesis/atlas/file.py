@@ -12,20 +12,30 @@ import io
 import json
 import math
 import os
-import stat
 import unicodedata
 import zlib
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas import haar
+from synthesis.atlas.header import (
+    HEADER_BYTES,
+    MAX_TYPES,
+    check_bytes,
+    checked_hash,
+    header_of,
+    open_atlas_file,
+    refuse,
+)
 from synthesis.atlas.prepared import reserve
 from synthesis.atlas.rows import compute_rows
 from synthesis.atlas.series import New, in_memory
@@ -33,14 +43,10 @@ from synthesis.atlas.table import COLUMNS, CURVE, SCHEMA, UNITS, Atlas, AtlasRul
 from synthesis.errors import AtlasError, AtlasFault
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 
-HEADER_BYTES = 512
-MAGIC = "linkage-atlas"
-Stamp = tuple[int, int]
-"""Size of a file and when it was last written, in nanoseconds."""
 CHUNK_BYTES = 1 << 20
 _LIBVER = ("v110", "v110")
-MAX_TYPES = 8_000_000
-"""Types that are read unless the caller sets another limit."""
+_FILTERS = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32)
+"""Of the arrays, in the order in which they are written."""
 MAX_REST_BYTES = 1 << 20
 """Most bytes of a file beside its arrays: names, attributes, and where the chunks are."""
 MAX_TEXT = 4096
@@ -50,18 +56,13 @@ SAMPLED_ROWS = 256
 """Rows that are computed again when a file is loaded."""
 
 
-def _header(sha256: str, size: int) -> bytes:
-    text = f"{MAGIC} {SCHEMA}\nsha256 {sha256}\nbytes {size}\n"
-    return text.encode().ljust(HEADER_BYTES - 1, b" ") + b"\n"
-
-
 def encode_atlas(atlas: Atlas) -> bytes:
     """The file's bytes. Law: the same bytes for the same atlas, on every run on one machine."""
     with h5py.File.in_memory(libver=_LIBVER) as file:
         _fill(file, atlas.rule, atlas.generator, atlas.content_hash(), lambda name: [getattr(atlas, name)])
         file.flush()
         body = file.id.get_file_image()
-    return _header(hashlib.sha256(body).hexdigest(), len(body)) + body
+    return header_of(hashlib.sha256(body).hexdigest(), len(body)) + body
 
 
 def write_image(path: Path, rule: AtlasRule, generator: dict[str, str], parts: Parts) -> tuple[str, str]:
@@ -90,7 +91,7 @@ def write_image(path: Path, rule: AtlasRule, generator: dict[str, str], parts: P
         size = file.id.get_filesize()
     os.truncate(path, size)
     with path.open("rb") as image:
-        return _header(hashlib.file_digest(image, "sha256").hexdigest(), size).decode(), content
+        return header_of(hashlib.file_digest(image, "sha256").hexdigest(), size).decode(), content
 
 
 def _fill(file: h5py.File, rule: AtlasRule, generator: dict[str, str], content: str, parts: Parts) -> None:
@@ -124,40 +125,36 @@ def _fill(file: h5py.File, rule: AtlasRule, generator: dict[str, str], content: 
         dataset.attrs["units"] = UNITS[name]
 
 
-def _refuse(fault: AtlasFault, detail: str) -> None:
-    raise AtlasError(fault, detail)
-
-
 def _check_rest(file: h5py.File, size: int) -> None:
     """Refuse a file that holds much beside its arrays, before any of it is read: the texts of the attributes are short."""
     if set(file) != set(COLUMNS):
-        _refuse(AtlasFault.SCHEMA, f"it holds {len(set(file))} entries, wanted {', '.join(COLUMNS)}")
+        refuse(AtlasFault.SCHEMA, f"it holds {len(set(file))} entries, wanted {', '.join(COLUMNS)}")
     stored = 0
     for name in COLUMNS:
         if file.get(name, getclass=True) is not h5py.Dataset or not isinstance(
             file.get(name, getlink=True), h5py.HardLink
         ):
-            _refuse(AtlasFault.SCHEMA, f"{name} is no plain dataset of this file")
+            refuse(AtlasFault.SCHEMA, f"{name} is no plain dataset of this file")
         stored += file[name].id.get_storage_size()
     if not 0 <= size - stored <= MAX_REST_BYTES:
-        _refuse(AtlasFault.SCHEMA, f"it holds {size - stored:,} bytes beside its arrays")
+        refuse(AtlasFault.SCHEMA, f"it holds {size - stored:,} bytes beside its arrays")
 
 
 def _plain(text: str) -> str:
     """A short text that can be shown as it is."""
     if len(text) > MAX_TEXT or any(unicodedata.category(mark) in ("Cc", "Cf", "Cs", "Zl", "Zp") for mark in text):
-        _refuse(AtlasFault.SCHEMA, "an attribute's text is too long or holds control characters")
+        refuse(AtlasFault.SCHEMA, "an attribute's text is too long or holds control characters")
     return text
 
 
 def _attribute(file: h5py.File, name: str, kind: type) -> Any:
     """A scalar attribute, read after its type has been checked, its size by `_check_rest`."""
     if name not in file.attrs:
-        _refuse(AtlasFault.SCHEMA, f"attribute {name} is missing")
+        refuse(AtlasFault.SCHEMA, f"attribute {name} is missing")
     info = file.attrs.get_id(name)
     is_text = info.dtype.kind == "O" and h5py.check_string_dtype(info.dtype) is not None
     if info.shape != () or not (is_text if kind is str else info.dtype.kind in "iu"):
-        _refuse(AtlasFault.SCHEMA, f"attribute {name} is not a single {kind.__name__}")
+        refuse(AtlasFault.SCHEMA, f"attribute {name} is not a single {kind.__name__}")
     value = kind(file.attrs[name])
     return _plain(value) if kind is str else value
 
@@ -166,26 +163,28 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> ND
     """One array, read after checks for external data, fill values and decompressed size."""
     dataset = file[name]
     creation = dataset.id.get_create_plist()
-    filters = {creation.get_filter(k)[0] for k in range(creation.get_nfilters())}
-    allowed = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
-    if dataset.is_virtual or dataset.external or not filters <= allowed:
-        _refuse(AtlasFault.SCHEMA, f"{name} uses external or virtual storage or a foreign filter")
+    filters = tuple(creation.get_filter(k)[0] for k in range(creation.get_nfilters()))
+    if dataset.is_virtual or dataset.external or not set(filters) <= set(_FILTERS):
+        refuse(AtlasFault.SCHEMA, f"{name} uses external or virtual storage or a foreign filter")
     if dataset.dtype != np.dtype(COLUMNS[name]) or dataset.shape != shape:
-        _refuse(AtlasFault.SCHEMA, f"{name} has type {dataset.dtype} and shape {dataset.shape}, wanted {shape}")
+        refuse(AtlasFault.SCHEMA, f"{name} has type {dataset.dtype} and shape {dataset.shape}, wanted {shape}")
     if dataset.chunks and np.prod(dataset.chunks, dtype=float) * dataset.dtype.itemsize > 4 * CHUNK_BYTES:
-        _refuse(AtlasFault.SCHEMA, f"{name} has chunks of {dataset.chunks}")
+        refuse(AtlasFault.SCHEMA, f"{name} has chunks of {dataset.chunks}")
     if dataset.chunks:
         complete = dataset.id.get_num_chunks() == np.prod(
             [-(-s // c) for s, c in zip(shape, dataset.chunks)], dtype=int
         )
     else:
         complete = dataset.id.get_storage_size() == dataset.nbytes
-    if h5py.h5z.FILTER_DEFLATE in filters:
-        _check_inflation(dataset)
     if not complete:  # HDF5 would fill the gap silently
-        _refuse(AtlasFault.CONTENT, f"{name} lacks a part of its data")
+        refuse(AtlasFault.CONTENT, f"{name} lacks a part of its data")
+    own = filters == _FILTERS and dataset.chunks[1:] == shape[1:]
+    if h5py.h5z.FILTER_DEFLATE in filters and not own:
+        _each_chunk(dataset, lambda first, content: None)  # before HDF5 inflates them, however large they become
     values = new(name, COLUMNS[name], shape)
-    if values.size:
+    if own:
+        _each_chunk(dataset, partial(_put_shuffled, values))
+    elif values.size:
         rows = dataset.chunks[0] if dataset.chunks else 1
         rows *= max(1, CHUNK_BYTES // (rows * values[:1].nbytes))
         for first in range(0, len(values), rows):
@@ -195,78 +194,34 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> ND
     return values
 
 
-def _check_inflation(dataset: h5py.Dataset) -> None:
-    """Refuse chunks that inflate to more than a chunk: HDF5 would inflate them completely, to a thousand times their size."""
+def _each_chunk(dataset: h5py.Dataset, use: Callable[[int, bytes], None]) -> None:
+    """``use(first row, inflated bytes)`` of each chunk, on all cores; those that inflate to more than a chunk are refused.
+
+    HDF5 would inflate these completely, to a thousand times their size, and all others one after the other.
+    """
     chunks: list[Any] = []
     dataset.id.chunk_iter(chunks.append)
-    size = int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
-    for chunk in chunks:
+    size = math.prod(dataset.chunks) * dataset.dtype.itemsize
+
+    def inflate(chunk: Any) -> None:
         _, stored = dataset.id.read_direct_chunk(chunk.chunk_offset)
         inflater = zlib.decompressobj()
-        if chunk.filter_mask or len(inflater.decompress(stored, size + 1)) != size or len(inflater.unused_data) > 4:
-            _refuse(AtlasFault.SCHEMA, f"{dataset.name} has a chunk that does not inflate to its size")
+        content = inflater.decompress(stored, size + 1)
+        if chunk.filter_mask or len(content) != size or len(inflater.unused_data) > 4:
+            refuse(AtlasFault.SCHEMA, f"{dataset.name} has a chunk that does not inflate to its size")
+        use(chunk.chunk_offset[0], content)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for _ in pool.map(inflate, chunks):
+            pass
 
 
-def check_bytes(data: bytes) -> memoryview:
-    """The HDF5 image behind a header that it matches; AtlasError otherwise. Costs one SHA-256 and parses nothing."""
-    body = memoryview(data)[HEADER_BYTES:]
-    _check_header(data[:HEADER_BYTES], hashlib.sha256(body).hexdigest(), len(body))
-    return body
-
-
-def _check_header(head: bytes, sha256: str, size: int) -> None:
-    if len(head) < HEADER_BYTES or not head.startswith(MAGIC.encode()):
-        _refuse(AtlasFault.SCHEMA, "its header is not an atlas's")
-    if not head.startswith(f"{MAGIC} {SCHEMA}\n".encode()):
-        _refuse(AtlasFault.SCHEMA, f"its header names another schema than {SCHEMA}")
-    if _header(sha256, size) != head:
-        _refuse(AtlasFault.CHECKSUM, f"{size} bytes behind the header")
-
-
-def file_hash(
-    path: Path, max_bytes: int | None = None, known: Callable[[str, Stamp], bool] = lambda sha256, stamp: False
-) -> str:
-    """The SHA-256 in an atlas file's header, which all behind it has been compared with; nothing is parsed.
-
-    Not all of it is read where ``known(sha256, stamp)`` says that this very file has been compared before.
-
-    Raises
-    ------
-    AtlasError
-        Missing, larger than allowed, or not what was written.
-    """
-    with _open(path, max_bytes) as file:
-        status = os.fstat(file.fileno())
-        head = file.read(HEADER_BYTES)
-        claimed = head[len(f"{MAGIC} {SCHEMA}\nsha256 ") :][:64].decode("ascii", "replace")
-        whole = _header(claimed, status.st_size - HEADER_BYTES) == head
-        if whole and known(claimed, (status.st_size, status.st_mtime_ns)):
-            return claimed
-        file.seek(0)
-        return _checked_hash(file)
-
-
-def _checked_hash(file: BinaryIO) -> str:
-    try:
-        head = file.read(HEADER_BYTES)
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]  # it has readinto
-        _check_header(head, sha256, file.tell() - len(head))
-    except OSError as error:
-        raise AtlasError(AtlasFault.MISSING, f"{file.name}: {error.strerror}") from None
-    return sha256
-
-
-def _open(path: Path, max_bytes: int | None) -> BinaryIO:
-    """A regular file of at most so many bytes, open for reading."""
-    try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            _refuse(AtlasFault.MISSING, f"{path} is no regular file")
-        if max_bytes is not None and status.st_size > max_bytes:
-            _refuse(AtlasFault.LIMIT, f"{status.st_size} bytes, at most {max_bytes}")
-        return path.open("rb")
-    except OSError as error:
-        raise AtlasError(AtlasFault.MISSING, f"{path}: {error.strerror}") from None
+def _put_shuffled(values: NDArray[Any], first: int, content: bytes) -> None:
+    """Put rows where they belong that HDF5 has shuffled: first all first bytes of the numbers, then all second ones."""
+    size = values.dtype.itemsize
+    rows = len(content) // (size * math.prod(values.shape[1:]))
+    numbers = values[first : first + rows].reshape(-1).view(np.uint8).reshape(-1, size)
+    numbers[...] = np.frombuffer(content, np.uint8).reshape(size, -1).T[: len(numbers)]
 
 
 class _Image(io.FileIO):
@@ -301,7 +256,7 @@ def _decoded(image: Any, size: int, max_types: int, new: New) -> Atlas:
     for first in range(0, len(atlas), _CHECKED_AT_ONCE):
         _check_rows(atlas, first, min(first + _CHECKED_AT_ONCE, len(atlas)))
     if (found := atlas.content_hash()) != claimed:
-        _refuse(AtlasFault.CONTENT, "the content hash differs")
+        refuse(AtlasFault.CONTENT, "the content hash differs")
     _check_sample(atlas, found)
     return replace(atlas, known_hash=found)
 
@@ -311,15 +266,15 @@ def _check_rows(atlas: Atlas, begin: int, end: int) -> None:
     part = slice(begin, end)
     lengths, winding = atlas.lengths[part], atlas.winding[part]
     if not np.array_equal(lengths, enumerate_types(atlas.rule.types, begin, end)):
-        _refuse(AtlasFault.CONTENT, "the lengths are not those of its rule")
+        refuse(AtlasFault.CONTENT, "the lengths are not those of its rule")
     for name in ("average", "details", "curve_error"):
         values = getattr(atlas, name)[part]
         if not (values.min() > -20 and values.max() < 20):  # NaN fails both
-            _refuse(AtlasFault.CONTENT, f"{name} is not finite")
+            refuse(AtlasFault.CONTENT, f"{name} is not finite")
     if np.any((winding < 0) | (winding > 1)) or np.any(atlas.curve_error[part] < 0):
-        _refuse(AtlasFault.CONTENT, "winding or curve_error is out of range")
+        refuse(AtlasFault.CONTENT, "winding or curve_error is out of range")
     if np.any(winding != atlas.mechanism.winding(lengths.astype(float))):
-        _refuse(AtlasFault.CONTENT, "winding is not that of the lengths")
+        refuse(AtlasFault.CONTENT, "winding is not that of the lengths")
 
 
 def _check_sample(atlas: Atlas, seed: str) -> None:
@@ -333,7 +288,7 @@ def _check_sample(atlas: Atlas, seed: str) -> None:
     for name, absolute, relative in (("average", 1e-9, 0.0), ("details", 4e-6, 0.0), ("curve_error", 2e-6, 1e-3)):
         values, wanted = getattr(atlas, name)[chosen], getattr(again, name)
         if not np.allclose(values, wanted, relative, absolute):
-            _refuse(AtlasFault.CONTENT, f"{name} is not what the lengths give")
+            refuse(AtlasFault.CONTENT, f"{name} is not what the lengths give")
 
 
 def load_atlas(
@@ -361,16 +316,16 @@ def load_atlas(
     OSError
         There is no place for its arrays.
     """
-    with _open(path, max_bytes) as file:
-        found = _checked_hash(file)
+    with open_atlas_file(path, max_bytes) as file:
+        found = checked_hash(file)
         if sha256 is not None and found != sha256:
-            _refuse(AtlasFault.CHECKSUM, "it has been replaced meanwhile")
+            refuse(AtlasFault.CHECKSUM, "it has been replaced meanwhile")
         return _decoded(_Image(file.fileno(), closefd=False), file.tell() - HEADER_BYTES, max_types, new)
 
 
 def _read(file: h5py.File, max_types: int, new: New) -> tuple[Atlas, str]:
     if _attribute(file, "schema", int) != SCHEMA:
-        _refuse(AtlasFault.SCHEMA, "another schema")
+        refuse(AtlasFault.SCHEMA, "another schema")
     try:
         rule_values = json.loads(_attribute(file, "rule", str))
         versions = json.loads(_attribute(file, "generator", str))
@@ -383,7 +338,7 @@ def _read(file: h5py.File, max_types: int, new: New) -> tuple[Atlas, str]:
         raise AtlasError(AtlasFault.SCHEMA, "its rule cannot be read") from None
     types = rule.shapes["lengths"][0]
     if types > max_types:
-        _refuse(AtlasFault.LIMIT, f"{types} types, at most {max_types}")
+        refuse(AtlasFault.LIMIT, f"{types} types, at most {max_types}")
     arrays: dict[str, Any] = {name: _dataset(file, name, shape, new) for name, shape in rule.shapes.items()}
     return Atlas(rule=rule, generator=generator, **arrays), _attribute(file, "content_sha256", str)
 

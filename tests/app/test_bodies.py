@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from fastapi.exceptions import RequestValidationError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app import bodies
 from app.bodies import MAX_CONTAINERS, MAX_KEYS, MAX_VALUES, json_pieces, read_request
-from app.problems import Malformed
+from app.problems import Invalid, Malformed
 from app.query import ReplyModel
 from app.registry import all_queries
 from app.resources import ServiceResources
@@ -45,16 +44,16 @@ def test_what_cannot_be_read_is_malformed(content, client) -> None:
 @pytest.mark.parametrize("path", MODEL)
 def test_a_body_within_the_bounds_that_is_no_request_is_refused_shortly(path) -> None:
     content = "{" + ",".join(f'"k{k}":[1]' for k in range(MAX_KEYS)) + "}"
-    with pytest.raises(RequestValidationError) as error:
+    with pytest.raises(Invalid) as error:
         read_request(content.encode(), MODEL[path])
-    assert all(row["loc"][0] == "body" for row in error.value.errors())
+    assert error.value.errors and all(row["loc"] for row in error.value.errors)
 
 
 def test_a_list_of_nothing_but_errors_ends_at_the_first() -> None:
     content = '{"times":[' + ",".join(['""'] * 100_000) + "]}"
-    with pytest.raises(RequestValidationError) as error:
+    with pytest.raises(Invalid) as error:
         read_request(content.encode(), MODEL["/v1/lift/motion"])
-    assert sum(row["loc"][1] == "times" for row in error.value.errors()) == 1
+    assert sum(row["loc"][0] == "times" for row in error.value.errors) == 1
 
 
 VALUES = st.recursive(

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 import schemathesis
-from fastapi import FastAPI
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from schemathesis import GenerationMode
 from schemathesis.checks import load_all_checks
 from schemathesis.python.asgi import get_client
+from starlette.applications import Starlette
 
 from app.main import create_app
 from app.settings import Settings
@@ -37,7 +37,7 @@ SETTINGS: dict[str, Any] = {
     "phases": [Phase.generate],
     "suppress_health_check": list(HealthCheck),
 }
-DESCRIPTION = schemathesis.openapi.from_dict(create_app(Settings(atlas=Path("none"))).openapi())
+DESCRIPTION = schemathesis.openapi.from_dict(create_app(Settings(atlas=Path("none"))).state.description.document)
 CASES = [
     (operation.ok().label, mode)
     for operation in DESCRIPTION.get_all_operations()
@@ -47,7 +47,7 @@ CASES = [
 
 
 @pytest.fixture(scope="module")
-def api(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
+def api(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Starlette:
     """The application over an atlas of few types, with short searches."""
     path = tmp_path_factory.mktemp("fuzz") / "small.h5"
     path.write_bytes(small_bytes)
@@ -55,14 +55,14 @@ def api(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> FastAPI
 
 
 @pytest.fixture(scope="module")
-def session(api: FastAPI) -> Iterator[Any]:
+def session(api: Starlette) -> Iterator[Any]:
     """A client inside the process; the application starts once."""
     with get_client(api) as client:
         yield client
 
 
 @pytest.fixture(scope="module")
-def operations(api: FastAPI) -> dict[str, Any]:
+def operations(api: Starlette) -> dict[str, Any]:
     schema = schemathesis.openapi.from_asgi("/openapi.json", api)
     return {operation.ok().label: operation.ok() for operation in schema.get_all_operations()}
 

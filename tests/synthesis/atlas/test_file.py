@@ -16,13 +16,11 @@ import pytest
 
 from synthesis.atlas import haar
 from synthesis.atlas.file import (
-    HEADER_BYTES,
-    MAGIC,
-    check_bytes,
     decode_atlas,
     encode_atlas,
     load_atlas,
 )
+from synthesis.atlas.header import HEADER_BYTES, MAGIC, check_bytes
 from synthesis.atlas.prepared import temporary
 from synthesis.atlas.series import in_memory
 from synthesis.atlas.table import COLUMNS, Atlas, AtlasRule
@@ -59,6 +57,48 @@ def test_round_trip(rule) -> None:
     for name in ARRAYS:
         assert np.array_equal(getattr(back, name), getattr(atlas, name)) and not getattr(back, name).flags.writeable
     assert back.content_hash() == atlas.content_hash()
+
+
+PACKED = {
+    "as_written": {"compression": "gzip", "shuffle": True, "fletcher32": True},
+    "gzip_alone": {"compression": "gzip"},
+    "shuffled_without_sums": {"compression": "gzip", "shuffle": True},
+    "sums_alone": {"fletcher32": True},
+    "plain": {},
+}
+
+
+@pytest.mark.parametrize("rows", [7, 64, 1 << 12])
+@pytest.mark.parametrize("how", PACKED)
+def test_arrays_are_those_that_hdf5_reads_however_they_are_packed(how, rows) -> None:
+    atlas = make_atlas(AtlasRule(TypeRule(60, 6), 16))
+
+    def pack(file: h5py.File) -> None:
+        for name in ARRAYS:
+            values = file[name][()]
+            chunks = (min(rows, len(values)), *values.shape[1:])
+            del file[name]
+            file.create_dataset(name, data=values, chunks=chunks, **PACKED[how])
+
+    data = edited(encode_atlas(atlas), pack)
+    back = decode_atlas(data)
+    with h5py.File(io.BytesIO(data[HEADER_BYTES:])) as file:
+        for name in ARRAYS:
+            read = file[name][()]
+            assert read.tobytes() == getattr(back, name).tobytes() == getattr(atlas, name).tobytes()
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole rows", "parts of rows"])
+def test_chunks_of_parts_of_rows_are_put_together(whole) -> None:
+    atlas = make_atlas(AtlasRule(TypeRule(60, 6), 16))
+
+    def pack(file: h5py.File) -> None:
+        values = file["details"][()]
+        del file["details"]
+        chunks = (13, 15 if whole else 4)
+        file.create_dataset("details", data=values, chunks=chunks, **PACKED["as_written"])
+
+    assert np.array_equal(decode_atlas(edited(encode_atlas(atlas), pack)).details, atlas.details)
 
 
 def test_an_atlas_without_types_is_an_atlas() -> None:
@@ -262,19 +302,27 @@ def virtual(file: h5py.File, values: np.ndarray) -> None:
     file.create_virtual_dataset("average", layout)
 
 
-def deflate_bomb(file: h5py.File, values: np.ndarray) -> None:
-    chunks = file.create_dataset("average", values.shape, values.dtype, chunks=values.shape, compression="gzip")
+def deflate_bomb(file: h5py.File, values: np.ndarray, **filters: bool) -> None:
+    chunks = file.create_dataset(
+        "average", values.shape, values.dtype, chunks=values.shape, compression="gzip", **filters
+    )
     squeeze = zlib.compressobj(9)
     block = bytes(1 << 24)
     bomb = b"".join(squeeze.compress(block) for _ in range(8)) + squeeze.flush()  # 128 MiB in 128 KiB
     chunks.id.write_direct_chunk((0,), bomb)
 
 
-def trailing(file: h5py.File, values: np.ndarray) -> None:
-    chunks = file.create_dataset("average", values.shape, values.dtype, chunks=values.shape, compression="gzip")
+def trailing(file: h5py.File, values: np.ndarray, **filters: bool) -> None:
+    chunks = file.create_dataset(
+        "average", values.shape, values.dtype, chunks=values.shape, compression="gzip", **filters
+    )
     chunks.id.write_direct_chunk((0,), zlib.compress(values.tobytes()) + b"hidden" * 100)
 
 
+BOMBS = {
+    "deflate_bomb": swap("average", deflate_bomb),
+    "deflate_bomb_as_written": swap("average", lambda f, v: deflate_bomb(f, v, shuffle=True, fletcher32=True)),
+}
 HOSTILE = {
     "external_link": swap(
         "average", lambda f, _: f.__setitem__("average", h5py.ExternalLink("other.h5", "/average"))
@@ -330,6 +378,9 @@ HOSTILE = {
     "generator_that_writes_backwards": set_attribute("generator", json.dumps({"numpy": "\u202e2"})),
     "generator_of_bytes": set_attribute("generator", b'{"numpy": "\xff"}'),
     "text_hidden_behind_a_chunk": swap("average", lambda f, v: trailing(f, v)),
+    "text_hidden_behind_a_chunk_as_written": swap(
+        "average", lambda f, v: trailing(f, v, shuffle=True, fletcher32=True)
+    ),
 }
 
 
@@ -375,14 +426,14 @@ HOSTILE_CONTENT = {
 }
 
 
-@pytest.mark.parametrize("name", [*HOSTILE, *HOSTILE_CONTENT, "deflate_bomb", "rule_beyond_the_limit"])
+@pytest.mark.parametrize("name", [*HOSTILE, *HOSTILE_CONTENT, *BOMBS, "rule_beyond_the_limit"])
 def test_hostile_hdf5_is_refused_without_a_crash_or_much_memory(name, tiny_bytes, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     wanted = AtlasFault.CONTENT if name in HOSTILE_CONTENT else AtlasFault.SCHEMA
     if name == "rule_beyond_the_limit":
         edit, wanted = set_rule(perimeter=10_000, order="full_crank"), AtlasFault.LIMIT
     else:
-        edit = (HOSTILE | HOSTILE_CONTENT).get(name) or swap("average", deflate_bomb)
+        edit = (HOSTILE | HOSTILE_CONTENT | BOMBS)[name]
     data = edited(tiny_bytes, edit)
     tracemalloc.start()
     try:

@@ -20,7 +20,7 @@ from app.cache import index_of
 from linkage_atlas.motions import Motion
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import file as file_module
-from synthesis.atlas import halving, preparation, series, stored, trees
+from synthesis.atlas import halving, header, preparation, series, stored, trees
 from synthesis.atlas import index as module
 from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.index import Index
@@ -243,8 +243,9 @@ def test_an_atlas_that_was_compared_is_not_read_again(path, monkeypatch) -> None
     """A start with an index reads the header; one with a file that was written since, if only a byte of it, all of it."""
     opened(path).prepare()
     read: list[Path] = []
-    whole = file_module._checked_hash
-    monkeypatch.setattr(file_module, "_checked_hash", lambda file: read.append(file.name) or whole(file))
+    whole = header.checked_hash
+    for reader in (header, file_module):
+        monkeypatch.setattr(reader, "checked_hash", lambda file: read.append(file.name) or whole(file))
     atlas = opened(path)
     assert not read and atlas.index_files and atlas.type_of(7) == la.load_atlas(path).type_of(7)
     read.clear()
