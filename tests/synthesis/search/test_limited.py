@@ -195,8 +195,16 @@ def _box(middle: np.ndarray, half: float) -> list[float]:
     return [*(middle - half).tolist(), *(middle + half).tolist()]
 
 
-@pytest.mark.parametrize("timing", ["given", "free"])
-@pytest.mark.parametrize("name", NAMED)
+def named_and_timed() -> list:
+    """Each limit with crank angles given and free; the default run takes one of the two, in turn."""
+    return [
+        pytest.param(name, timing, marks=[pytest.mark.wide] * ((k + other) % 2))
+        for k, name in enumerate(NAMED)
+        for other, timing in enumerate(("given", "free"))
+    ]
+
+
+@pytest.mark.parametrize(("name", "timing"), named_and_timed())
 def test_each_limit_is_kept(name, timing) -> None:
     request = dict(make_case("unreachable", len(name), 10).request)
     position = np.array(request["position"])
