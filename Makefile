@@ -7,7 +7,7 @@ ATLAS ?= atlas.h5
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help run test fault audit parts lock lint map report accept poses function limits stability studies bench docs scenes clean setup
+.PHONY: help run test tests fault audit parts lock lint style types map report accept poses function limits stability studies bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -53,8 +53,11 @@ run: $(READY) $(ATLAS)
 	@echo
 	@$(BIN)/linkage-atlas serve --atlas $(ATLAS) --host $(HOST) --port $(PORT)
 
-test: lint
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile
+test: style
+	@$(MAKE) --no-print-directory -j 2 tests types  # types are checked beside the tests
+
+tests: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 fault: $(READY) $(ATLAS)
 	$(BIN)/python -m pytest -m fault
@@ -74,11 +77,15 @@ parts: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[audit]'
 	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible -o parts.cdx.json requirements.lock
 
-lint: $(READY)
+lint: style types
+
+style: $(READY)
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
-	$(BIN)/python -m mypy
 	$(BIN)/oxlint app/static app/docs/docs.js
+
+types: $(READY)
+	$(BIN)/python -m mypy
 
 map: $(READY)
 	$(BIN)/python -m docs.map

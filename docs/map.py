@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import sys
 import textwrap
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -23,7 +24,8 @@ def sources(*folders: str) -> list[Path]:
     return [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
 
 
-def imported(path: Path) -> set[str]:
+@cache
+def imported(path: Path) -> frozenset[str]:
     """Dotted names of all modules that a file imports, also inside functions; a relative import is an error."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -33,7 +35,7 @@ def imported(path: Path) -> set[str]:
             if node.level or not node.module:
                 raise ValueError(f"{path}: relative import")
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return names
+    return frozenset(names)
 
 
 def module_graph() -> dict[str, set[str]]:

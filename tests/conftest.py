@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import fcntl
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
@@ -30,6 +31,14 @@ settings.register_profile(
     "suite", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=False
 )
 settings.load_profile("suite")
+
+
+def some_of(cases: Sequence[Any], default: int) -> list[Any]:
+    """Cases for `parametrize`, a tuple for several names: the default run takes the first so many, ``-m wide`` the others."""
+    marks = [[pytest.mark.wide] * (k >= default) for k, _ in enumerate(cases)]
+    return [
+        pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=mark) for case, mark in zip(cases, marks)
+    ]
 
 
 def make_atlas(rule: AtlasRule) -> Atlas:

@@ -83,8 +83,9 @@ def test_every_route_and_field_is_documented() -> None:
 
 
 def test_the_documented_bounds_are_those_of_the_description() -> None:
-    assert '"maximum": 1e+50' in description() and "1e50" in HTTP
-    assert '"maxItems": 1024' in description() and "1,024" in HTTP
+    described = description()
+    assert '"maximum": 1e+50' in described and "1e50" in HTTP
+    assert '"maxItems": 1024' in described and "1,024" in HTTP
 
 
 # -- commands and links -----------------------------------------------------------------------------------------------

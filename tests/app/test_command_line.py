@@ -22,7 +22,7 @@ import pytest
 
 import linkage_atlas
 from app import cli
-from app.registry import all_queries, worked_example
+from app.registry import all_queries, fourbar_queries, worked_example
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [str(Path(sysconfig.get_path("scripts")) / "linkage-atlas")]
@@ -81,13 +81,18 @@ def test_file_and_standard_input_give_the_same_reply(verb, run, request_file, sm
     assert len(replies[0]["matches" if verb == "match" else "solutions"]) == 3
 
 
-@pytest.mark.parametrize("query", all_queries(), ids=lambda query: query.command)
-def test_every_query_prints_a_table_and_help(query, run, small_path) -> None:
+@pytest.mark.parametrize("query", fourbar_queries(), ids=lambda query: query.command)
+def test_every_query_prints_a_table(query, run, small_path) -> None:
+    """Those of the scenes: tests/app/scenes/test_scenes.py."""
     name = sorted(query.examples)[0]
     atlas = ["--atlas", small_path] if query.reads_atlas else []
     code, out, err = run(*query.command.split(), "--example", name, *atlas)
     assert (code, err) == (OK, "")
     assert len(out.splitlines()) >= 2 and "{" not in out and "nan" not in out.lower()
+
+
+@pytest.mark.parametrize("query", all_queries(), ids=lambda query: query.command)
+def test_every_query_prints_help(query, run) -> None:
     code, out, _ = run(*query.command.split(), "--help")
     assert code == OK and query.summary.split(",")[0] in out.replace("\n", " ")
 

@@ -123,17 +123,17 @@ def test_an_interrupt_while_importing_shows_no_traceback(entry, name) -> None:
     assert (done.stdout, done.stderr) == ("", "") and done.returncode == -getattr(signal, name)
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
-def test_whichever_write_fails_the_old_file_is_kept(code, out, wanted, monkeypatch) -> None:
+def test_whichever_write_fails_the_old_file_is_kept(out, wanted, monkeypatch) -> None:
     """Every call that may fail on a disk, one after the other: the old file or the new one, and the next build succeeds."""
     out.write_bytes(b"old")
     calls = {"left": -1}
+    codes = (errno.ENOSPC, errno.EIO)  # in turn
 
     def failing(plain):
         def call(*arguments, **others):
             calls["left"] -= 1
             if calls["left"] == 0:
-                raise OSError(code, os.strerror(code))
+                raise OSError(codes[nth % 2], os.strerror(codes[nth % 2]))
             return plain(*arguments, **others)
 
         return call
@@ -174,7 +174,7 @@ def test_whichever_write_fails_the_old_file_is_kept(code, out, wanted, monkeypat
             build_atlas(RULE, out, Here())
         except OSError as error:
             failures += 1
-            assert error.errno == code and out.read_bytes() in (b"old", wanted)
+            assert error.errno == codes[nth % 2] and out.read_bytes() in (b"old", wanted)
             continue
         break
     calls["left"] = -1

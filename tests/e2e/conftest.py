@@ -11,6 +11,7 @@ import pytest
 import uvicorn
 
 from app.main import create_app
+from app.settings import Settings
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
@@ -30,10 +31,10 @@ OPTIONS = (
 
 @pytest.fixture(scope="session")
 def address():
-    """The service on a free port, without an atlas: the page needs none."""
+    """The service on a free port, without an atlas, whatever lies in the working folder: the page needs none."""
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
-        server = uvicorn.Server(uvicorn.Config(create_app(), log_level="error"))
+        server = uvicorn.Server(uvicorn.Config(create_app(Settings(with_atlas=False)), log_level="error"))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
         thread.start()
         for _ in range(1200):

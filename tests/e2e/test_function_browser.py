@@ -63,7 +63,7 @@ def test_a_drawn_function_and_what_is_missing(opened) -> None:
     solve(opened)
     assert find(opened, "status").text == "Draw the function from left to right first."
     pad = find(opened, "pad")
-    steps = ActionChains(opened).move_to_element_with_offset(pad, -120, 70).click_and_hold()
+    steps = ActionChains(opened, duration=5).move_to_element_with_offset(pad, -120, 70).click_and_hold()
     for k in range(1, 25):
         steps = steps.move_to_element_with_offset(pad, -120 + 10 * k, 70 - round(140 * (k / 24) ** 2))
     steps.release().perform()

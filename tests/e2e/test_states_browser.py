@@ -85,10 +85,9 @@ def keep(page, name: str) -> None:
     ("width", "theme"),
     [
         (360, "light"),
-        (1280, "dark"),
         *(
             pytest.param(width, theme, marks=pytest.mark.wide)
-            for width, theme in [(360, "dark"), (1280, "light"), (1440, "light"), (1440, "dark")]
+            for width, theme in [(360, "dark"), (1280, "light"), (1280, "dark"), (1440, "light"), (1440, "dark")]
         ),
     ],
 )

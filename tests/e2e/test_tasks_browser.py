@@ -38,6 +38,7 @@ from tests.e2e.test_page_browser import (  # noqa: F401
     saved,
     solve,
     solve_soon,
+    standing,
     stub,
     table,
     take,
@@ -231,8 +232,19 @@ def ask_function(page, way: str) -> None:
 ASK = {"motion": ask_motion, "path": ask_path, "function": ask_function}
 
 
-@pytest.mark.parametrize("way", ["mouse", "keyboard", "phone"])
-@pytest.mark.parametrize("task", ASK)
+WAYS = ("mouse", "keyboard", "phone")
+
+
+def tasks_and_ways() -> list:
+    """Each task in each way; the default run has each task once and each way once."""
+    return [
+        pytest.param(task, way, marks=[pytest.mark.wide] * (k != other))
+        for k, task in enumerate(("motion", "function", "path"))
+        for other, way in enumerate(WAYS)
+    ]
+
+
+@pytest.mark.parametrize(("task", "way"), tasks_and_ways())
 def test_each_task_from_the_empty_page_to_dxf(taken, downloads, task, way) -> None:
     """By mouse; by keys alone; and by fingers on a phone, where the linkage is in view after Solve."""
     resize(taken, *((360, 740) if way == "phone" else (1280, 800)))
@@ -352,17 +364,17 @@ def test_each_practical_limit_can_be_switched_off(opened) -> None:  # noqa: F811
         ("X\tY\tφ (rad)\n1,5\t2\t0\n3\t4\t1", [[1.5, 2, 0], [3, 4, 57.2958]]),
         ("x y phi\n1,5 2,5 3\n4 5 6,5", [[1.5, 2.5, 3], [4, 5, 6.5]]),
         ("x,y,angle\n1.5,2,3\n4,5,6", [[1.5, 2, 3], [4, 5, 6]]),
-        ("x in, y in\n1, 2\n3, 4", [[1, 2], [3, 4]]),
         ("No\tx\ty\tphi\n1\t1\u00a0234,5\t2\t\u22128,3 °\n2\t3\t1'000\t5°", [[1234.5, 2, -8.3], [3, 1000, 5]]),
+        ("x in, y in\n1, 2\n3, 4", [[1, 2], [3, 4]]),  # the last: the unit stays
     ],
 )
-def test_rows_with_names_units_and_decimal_commas(opened, rows, wanted) -> None:  # noqa: F811
-    find(opened, "paste").click()
-    opened.execute_script("document.getElementById('paste-text').value = arguments[0]", rows)
-    find(opened, "paste-use").click()
-    assert text_of(opened, "paste-error") == ""
-    assert [row[1 : 1 + len(wanted[0])] for row in table(opened)] == wanted
-    assert find(opened, "length-unit").get_attribute("value") == ("in" if "x in" in rows else "mm")
+def test_rows_with_names_units_and_decimal_commas(standing, rows, wanted) -> None:  # noqa: F811
+    find(standing, "paste").click()
+    standing.execute_script("document.getElementById('paste-text').value = arguments[0]", rows)
+    find(standing, "paste-use").click()
+    assert text_of(standing, "paste-error") == ""
+    assert [row[1 : 1 + len(wanted[0])] for row in table(standing)] == wanted
+    assert find(standing, "length-unit").get_attribute("value") == ("in" if "x in" in rows else "mm")
 
 
 @pytest.mark.parametrize(
@@ -376,36 +388,37 @@ def test_rows_with_names_units_and_decimal_commas(opened, rows, wanted) -> None:
         ("x;y;phi\n1;2;5°30'", "Line 2, column 3: '5°30'' is not a number."),
     ],
 )
-def test_rows_that_cannot_be_read_say_where(opened, rows, said) -> None:  # noqa: F811
-    before = table(opened)
-    find(opened, "paste").click()
-    opened.execute_script("document.getElementById('paste-text').value = arguments[0]", rows)
-    find(opened, "paste-use").click()
-    assert text_of(opened, "paste-error") == said and table(opened) == before
+def test_rows_that_cannot_be_read_say_where(standing, rows, said) -> None:  # noqa: F811
+    before = table(standing)
+    find(standing, "paste").click()
+    standing.execute_script("document.getElementById('paste-text').value = arguments[0]", rows)
+    find(standing, "paste-use").click()
+    assert text_of(standing, "paste-error") == said and table(standing) == before
+    find(standing, "paste-cancel").click()
 
 
-def test_a_pose_that_is_there_twice_is_named(opened) -> None:  # noqa: F811
-    find(opened, "paste").click()
+def test_a_pose_that_is_there_twice_is_named(standing) -> None:  # noqa: F811
+    find(standing, "paste").click()
     rows = "0,0,0\n10,4,6\n10,4,6\n20,5,15"
-    opened.execute_script("document.getElementById('paste-text').value = arguments[0]", rows)
-    find(opened, "paste-use").click()
+    standing.execute_script("document.getElementById('paste-text').value = arguments[0]", rows)
+    find(standing, "paste-use").click()
     said = "Pasted. Poses 2 and 3 are the same: a crank that turns on cannot meet both exactly."
-    assert text_of(opened, "example-note") == said
+    assert text_of(standing, "example-note") == said
 
 
-def test_wrapped_angles_are_offered_unwrapped(opened) -> None:  # noqa: F811
-    find(opened, "paste").click()
-    opened.execute_script("document.getElementById('paste-text').value = 'x,y,angle\\n0,0,0\\n10,3,350\\n20,5,10'")
-    find(opened, "paste-use").click()
-    assert [row[3] for row in table(opened)] == [0, 350, 10], "nothing is changed unasked"
-    find(opened, "unwrap-use").click()
-    assert [row[3] for row in table(opened)] == [0, -10, 10] and not find(opened, "unwrap").is_displayed()
+def test_wrapped_angles_are_offered_unwrapped(standing) -> None:  # noqa: F811
+    find(standing, "paste").click()
+    standing.execute_script("document.getElementById('paste-text').value = 'x,y,angle\\n0,0,0\\n10,3,350\\n20,5,10'")
+    find(standing, "paste-use").click()
+    assert [row[3] for row in table(standing)] == [0, 350, 10], "nothing is changed unasked"
+    find(standing, "unwrap-use").click()
+    assert [row[3] for row in table(standing)] == [0, -10, 10] and not find(standing, "unwrap").is_displayed()
 
 
-def test_digits_are_not_clipped(opened) -> None:  # noqa: F811
+def test_digits_are_not_clipped(standing) -> None:  # noqa: F811
     values = {"rotation": [0, -123.456, 360.25], "position": [[-1234.56, 1234.56], [-12345.6, 0.12345], [1e6, 2]]}
-    take(opened, {**values, "crank_angle": [0, 33.3333, 66.6667]})
-    clipped = opened.execute_script(
+    take(standing, {**values, "crank_angle": [0, 33.3333, 66.6667]})
+    clipped = standing.execute_script(
         "const cells = [...document.querySelectorAll('#poses input')];"
         "return cells.filter(e => e.scrollWidth > e.clientWidth).map(e => e.value)"
     )
@@ -415,8 +428,8 @@ def test_digits_are_not_clipped(opened) -> None:  # noqa: F811
 # -- faults that were seen -----------------------------------------------------------------------------------------------
 
 
-def test_further_stages_take_no_cards_away(opened) -> None:  # noqa: F811
-    kept = opened.execute_async_script(
+def test_further_stages_take_no_cards_away(standing) -> None:  # noqa: F811
+    kept = standing.execute_async_script(
         "const [done] = arguments; Promise.all([import('/static/service.js'), import('/static/fit.js')]).then(([s, f]) => {"
         "const one = (size, objective) => ({links: {crank: 1, coupler: size, rocker: 3, ground: 3}, branch: 1, mount: null,"
         "verdict: {order: true, branch: true, circuit: true, within_tolerance: null}, errors: {objective}});"

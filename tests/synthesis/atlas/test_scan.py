@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from threading import Event
 
 import numpy as np
@@ -165,10 +166,19 @@ def check_scan(scan: Scan, bounds_of: Bounds, target: Target, tops: tuple[int, .
         assert set(np.flatnonzero(everything.error <= limit)) <= set(place)
 
 
-@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
-@pytest.mark.parametrize("reachable", [True, False], ids=["reachable", "unreachable"])
-@pytest.mark.parametrize("kind", ["rotation", "both", "position"])
-@pytest.mark.parametrize("name", ATLASES)
+def cases() -> list:
+    """Every atlas, kind, reach and weighting; the default run takes half of them, with any two of these four together."""
+    found = []
+    for (i, name), (j, kind), reachable, weighted in product(
+        enumerate(ATLASES), enumerate(("rotation", "both", "position")), (True, False), (False, True)
+    ):
+        marks = [pytest.mark.wide] if (i + j + reachable + weighted) % 2 else []
+        names = f"{name}-{kind}-{'' if reachable else 'un'}reachable-{'weighted' if weighted else 'all alike'}"
+        found.append(pytest.param(name, kind, reachable, weighted, marks=marks, id=names))
+    return found
+
+
+@pytest.mark.parametrize(("name", "kind", "reachable", "weighted"), cases())
 def test_scan_is_that_of_all_windows(scans, bounds_of, name, kind, reachable, weighted) -> None:
     rng = np.random.default_rng([list(ATLASES).index(name), len(kind), reachable, weighted])
     target = random_target(scans[name], rng, kind, reachable, weighted)
