@@ -135,9 +135,9 @@ def file_figures(results: dict[str, Any]) -> str:
         ],
         ["the series for requests with positions, behind the readiness", f"{size(atlas['positions_bytes'])} more"],
         [
-            "service: start until ready",
+            "service with an index: start until ready",
             f"{significant(built['ready_s'], 2)} s; {size(built['resident_bytes'])} then, "
-            f"{size(built['peak_bytes'])} at most on the way; {size(loaded['bytes'])} with positions, after requests",
+            f"{size(built['asked_bytes'])} after requests; {size(loaded['bytes'])} with positions",
         ],
         [million, between(medians["spans"]) + faster],
         ["the same with positions", between(medians["joint"])],

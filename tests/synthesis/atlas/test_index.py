@@ -304,13 +304,14 @@ def test_making_an_index_of_windows_that_is_ended_leaves_no_file_open(path, step
             raise Ended
 
     buckets = [cells.bucket for cells in opened(path).scan.prepared.cells]
+    gc.collect()
     before = len(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(Ended):
             build_storey(STOREYS[0], buckets, folder=path.parent, go_on=go_on)
         gc.collect()
-    assert not before or len(os.listdir("/proc/self/fd")) == before
+    assert not before or len(os.listdir("/proc/self/fd")) <= before
 
 
 def test_limits_hold_with_an_index_too(ready) -> None:
