@@ -196,10 +196,14 @@ def _within_equations(system: Floats, right: Floats, rows: Floats, gap: Floats) 
 
 
 def restored(problem: Problem, found: Descended, rounds: int = 12) -> Descended:
-    """Candidates moved onto the limits that they break by the shortest way: Newton steps on those constraints."""
+    """Candidates moved onto the limits that they break by the shortest way: Newton steps on those constraints.
+
+    Law: none breaks more than it did; one that the steps lead away stays where it was.
+    """
     unknowns, branch = found.unknowns, found.branch
+    constrained = problem.constrained(unknowns, branch)
+    before = np.max(constrained.lacking, axis=1, initial=0.0)
     for _ in range(rounds):
-        constrained = problem.constrained(unknowns, branch)
         equal, values = constrained.equal, constrained.values - MARGIN * ~constrained.equal
         wrong = np.where(equal, np.abs(values) > _EXACT, values < 0)
         if not wrong.any():
@@ -211,6 +215,9 @@ def restored(problem: Problem, found: Descended, rounds: int = 12) -> Descended:
         if held.any():
             steps = (np.linalg.pinv(np.where(held[:, None], 0.0, rows), rcond=1e-9) @ gap[:, :, None])[:, :, 0]
         unknowns = problem.stepped(unknowns, steps)
+        constrained = problem.constrained(unknowns, branch)
+    broken = np.max(constrained.lacking, axis=1, initial=0.0)
+    astray = ~(broken <= before)  # NaN is astray, too
+    unknowns = np.where(astray[:, None], found.unknowns, unknowns)
     cost = problem.evaluate(unknowns, branch).cost
-    broken = problem.constrained(unknowns, branch).lacking
-    return Descended(unknowns, branch, cost, np.max(broken, axis=1, initial=0.0))
+    return Descended(unknowns, branch, cost, np.where(astray, before, broken))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import linkage_atlas as la
@@ -75,6 +75,9 @@ def test_derivatives_are_those_of_central_differences(chart, weighted) -> None:
 
 @LAW
 @given(st.integers(0, 10_000), st.sampled_from(["shape", "pose"]))
+@example(13, "pose")
+@example(123, "pose")
+@example(205, "pose")
 def test_no_candidate_is_worse_than_its_seed(seed, kind) -> None:
     """By the augmented Lagrangian of a single weight; restoring never leaves more broken than it finds."""
     problem, unknowns, branch = posed_problem(seed, GrashofChart(scaled=False))
@@ -89,8 +92,7 @@ def test_no_candidate_is_worse_than_its_seed(seed, kind) -> None:
 
     found = descend(problem, unknowns, branch, Plan(12, (3.0,), 100), Work())
     assert np.all(merit(found.unknowns) <= merit(unknowns) * (1 + 1e-9))
-    before = found.broken.max()
-    assert restored(problem, found).broken.max() <= max(before, 1e-6)
+    assert np.all(restored(problem, found).broken <= found.broken * (1 + 1e-9))
 
 
 def test_equations_are_met_by_each_step_and_to_rounding_in_the_end(windows) -> None:
