@@ -174,6 +174,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "exponents": report.lines(["quantity ~ types^e", "e, all perimeters", f"e, from {LARGE} on"], grown),
         "refusal": refusal_text(results["refusal"]),
         "billion": billion(rows, cores),
+        "stamps": report.made_text([results["made"], *([results["again"]] if "again" in results else [])]),
     }
 
 
