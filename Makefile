@@ -29,7 +29,7 @@ help:
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
 	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
-	@echo "                (forty minutes; needs 17 GB of memory, 3 GB of disk, no other work on the machine)"
+	@echo "                (over an hour; needs 45 GB of disk, no other work on the machine)"
 	@echo "make clean      remove the environment and the atlas"
 
 setup: $(READY)
