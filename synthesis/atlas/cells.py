@@ -62,6 +62,8 @@ _THIRD = _CURVATURE + 1
 _POINTS_AT_ONCE = 1 << 18
 _POINTS = 8
 """Points of the grid for one period of the highest harmonic."""
+_ROUNDING = 4e-6
+"""Of the sum of the amplitudes: more than a transform of 2^17 points in single precision is off."""
 
 
 class Arcs:
@@ -210,11 +212,9 @@ def _level(types: Bucket, groups: Ints, bounds: Column | None, error: Column, ne
         part = groups[k : k + at_once]
         periodic = types.periodic[part]
         middle = part[np.arange(len(part)), _middle(periodic)]
-        reach = _reaches(periodic - types.periodic[middle][:, None])
-        if bounds is not None:
-            reach += bounds[:, part]
+        finer = None if bounds is None else bounds[:, part]
+        own[:, k : k + at_once] = _upwards(_reaches(periodic - types.periodic[middle][:, None], finer))
         chosen[k : k + at_once] = middle
-        own[:, k : k + at_once] = _upwards(reach.max(axis=2))
     largest = new("largest", np.float32, (len(groups),))
     largest[...] = _upwards(error[groups].max(axis=1))
     return Level(types.copy(chosen, new), own, largest)
@@ -230,45 +230,68 @@ def _points(harmonics: int) -> int:
     return max(2 * ARCS, 1 << (_POINTS * harmonics - 1).bit_length())
 
 
-def _reaches(differences: Floats) -> NDArray[np.floating]:
-    """What `Level.bounds` keeps, of each of some series; (groups, types, 2H) to (kinds, groups, types, ARCS)."""
+def _reaches(differences: Floats, finer: Radii | None) -> Radii:
+    """What `Level.bounds` keeps, of cells whose members have so different series from their representative.
+
+    Parameters
+    ----------
+    differences : ndarray, shape (cells, members, 2H)
+    finer : ndarray, shape (kinds, cells, members, ARCS), optional
+        Bounds of the members, which are cells themselves.
+
+    Returns
+    -------
+    ndarray of float32, shape (kinds, cells, ARCS)
+    """
     harmonics = differences.shape[-1] // 2
     points = _points(harmonics)
     order = np.arange(1, harmonics + 1)
-    amplitudes = np.conj(np.ascontiguousarray(differences).view(complex))
+    amplitudes = np.conj(np.ascontiguousarray(differences.swapaxes(0, 1)).view(complex))
     size = np.abs(amplitudes)
-    result = np.empty((_THIRD + len(THIRDS), *size.shape[:-1], ARCS), dtype=np.float32)
+    result = np.empty((_THIRD + len(THIRDS), len(differences), ARCS), dtype=np.float32)
 
-    def pieces(derivative: int) -> tuple[Radii, Radii, Floats]:
-        """Largest and least value in each piece at the points of a grid, and how much may be missed between them."""
-        spectrum = np.zeros((*size.shape[:-1], points // 2 + 1), dtype=complex)
+    def keep(kind: int, reach: Radii) -> None:
+        if finer is not None:
+            reach += finer[kind].T
+        result[kind] = reach.max(axis=1).T
+
+    def pieces(derivative: int) -> tuple[Radii, Radii, Radii]:
+        """Largest and least value in each piece at the points of a grid, (ARCS, members, cells), and what is missed between."""
+        spectrum = np.zeros((*size.shape[:-1], points // 2 + 1), dtype=np.complex64)
         spectrum[..., 1 : harmonics + 1] = amplitudes * ((1j * order) ** derivative * (points / 2))
-        values = np.fft.irfft(spectrum, points, axis=-1).astype(np.float32)
-        values = values.reshape(*values.shape[:-1], ARCS, points // ARCS)
-        highest = lowest = np.roll(values[..., 0], -1, axis=-1)  # a piece ends where the next begins
-        for k in range(points // ARCS):  # a reduction over so short an axis would take ten times as long
-            highest, lowest = np.maximum(highest, values[..., k]), np.minimum(lowest, values[..., k])
-        missed = size @ (order ** (2.0 + derivative) * ((TURN / points) ** 2 / 8) + 1e-6 * order**derivative)
-        return highest, lowest, missed[..., None]
+        values = np.fft.irfft(spectrum, points, axis=-1).astype(np.float32, copy=False)
+        values = np.ascontiguousarray(np.moveaxis(values, -1, 0)).reshape(ARCS, -1, *size.shape[:-1])
+        ends = np.roll(values[:, 0], -1, axis=0)  # a piece ends where the next begins
+        highest, lowest = np.maximum(values.max(axis=1), ends), np.minimum(values.min(axis=1), ends)
+        missed = size @ (order ** (2.0 + derivative) * ((TURN / points) ** 2 / 8) + _ROUNDING * order**derivative)
+        return highest, lowest, missed.astype(np.float32)
 
     highest, lowest, missed = pieces(0)
-    for index, (high, low) in enumerate(zip(_over_arcs(highest, RANGES), _over_arcs(-lowest, RANGES))):
-        result[index] = (high + low) / 2 + missed
+    for kind, (high, low) in enumerate(
+        zip(_over_arcs(highest + missed, RANGES), _over_arcs(missed - lowest, RANGES))
+    ):
+        high += low
+        high /= 2
+        keep(kind, high)
     # Two pieces: a window's middle is somewhere in a stretch as long as one. (That it may leave them by 1e-9 of a piece is
     # within what is added for rounding.)
     for derivative, first, arcs in ((1, _SLOPE, (2,)), (2, _CURVATURE, (2,)), (3, _THIRD, THIRDS)):
         highest, lowest, missed = pieces(derivative)
-        for index, largest in enumerate(_over_arcs(np.maximum(highest, -lowest), arcs)):
-            result[first + index] = largest + missed
+        largest = np.maximum(highest, -lowest) + missed
+        if finer is None:  # the largest of all members over an arc is the largest over the arc of all members'
+            largest = largest.max(axis=1, keepdims=True)
+        for kind, values in enumerate(_over_arcs(largest, arcs), first):
+            keep(kind, values)
     return result
 
 
 def _over_arcs(values: Radii, lengths: tuple[int, ...]) -> Iterator[Radii]:
-    """Largest value over the arcs of so many pieces that begin in each."""
-    length = 1
+    """Largest value over the arcs of so many pieces that begin in each, pieces along the first axis; the next overwrites it."""
+    largest = np.empty_like(values)
+    values, length = np.concatenate([values, values]), 1
     for wanted in lengths:
         while 2 * length <= wanted:
-            values = np.maximum(values, np.roll(values, -length, axis=-1))
+            values = np.maximum(values[:-length], values[length:])
             length *= 2
         # two arcs of ``length`` pieces, the second ending where the wanted one ends, cover it
-        yield np.maximum(values, np.roll(values, length - wanted, axis=-1))
+        yield np.maximum(values[:ARCS], values[wanted - length :][:ARCS], out=largest)

@@ -1,4 +1,4 @@
-"""Haar features of rotation curves: the average and the detail coefficients of 2^j samples (pywt does the transform).
+"""Haar features of rotation curves: the average and the detail coefficients of 2^j samples (pywt transforms).
 
 Two normalisations of the same coefficients:
 
@@ -65,13 +65,18 @@ def curve_from_features(average: ArrayLike, details: ArrayLike, normalisation: s
     """Curves, shape (..., 2^j), from their average and details: the inverse of `features`."""
     average, details = np.asarray(average, dtype=float), np.asarray(details, dtype=float)
     samples = details.shape[-1] + 1
-    if normalisation == "mean":
-        details = details * _block_roots(samples)
-    elif normalisation != "orthonormal":
+    if normalisation == "orthonormal":
+        details = details / _block_roots(samples)
+    elif normalisation != "mean":
         raise ValueError(f"normalisation: wanted 'mean' or 'orthonormal', found {normalisation!r}")
-    parts = [average[..., None] * np.sqrt(samples)]
-    parts += [details[..., 2**n - 1 : 2 ** (n + 1) - 1] for n in range(levels(samples))]
-    return pywt.waverec(parts, "haar", mode="periodization", axis=-1)
+    curve = np.empty((*details.shape[:-1], samples))
+    curve[..., 0] = average
+    for n in range(levels(samples)):
+        # the first sample of a block holds its mean; with its detail come the means of its halves
+        step, half = samples >> n, details[..., 2**n - 1 : 2 ** (n + 1) - 1]
+        curve[..., step // 2 :: step] = curve[..., ::step] - half
+        curve[..., ::step] += half
+    return curve
 
 
 def resample(crank_angle: ArrayLike, curve: ArrayLike) -> tuple[Floats, Floats]:
