@@ -2,7 +2,8 @@
 
 Every atlas is built, prepared, served and asked by processes of their own, as users run them; the requests are the same for
 all. Then a scan in a process of its own answers motions over short, middle and long spans, in processor time of one thread. The
-largest perimeter has seven million types and takes 45 GB of disk meanwhile; nothing else should run.
+largest perimeter has seven million types and takes 45 GB of disk meanwhile; nothing else should run. Perimeter 2,274 has twenty
+million; where the disk has no room for their index of short spans, that is left out.
 """
 
 from __future__ import annotations
@@ -137,6 +138,10 @@ QUANTITIES = {
 }
 
 
+WINDOWS = ("make_cpu_s", "make_peak_bytes", "disk_bytes", "short_ms")
+"""Quantities that depend on whether an atlas has its index of short spans."""
+
+
 def slope(types: Sequence[float], values: Sequence[float | None]) -> float:
     """Slope of the least-squares line of log values against log types. Law: 3 types^e has the slope e."""
     if len(types) < 2 or None in values:
@@ -150,29 +155,45 @@ def exponents(rows: Sequence[dict[str, Any]], least: int = 0) -> dict[str, float
     return {name: slope([row["types"] for row in some], [row[name] for row in some]) for name in QUANTITIES}
 
 
+def foretold(rows: Sequence[dict[str, Any]], row: dict[str, Any]) -> str:
+    """What the growth over smaller atlases says of a larger one, beside what was measured of it."""
+    found, last = exponents(rows, LARGE), rows[-1]
+    told = [
+        (what, last[name] * (row["types"] / last["types"]) ** found[name], row[name])
+        for name, what in QUANTITIES.items()
+        if name not in WINDOWS
+    ]
+    cells = [[what, *map(significant, (value, known, known / value))] for what, value, known in told]
+    return report.lines([f"{row['types']:,} types", "foretold", "measured", "measured / foretold"], cells)
+
+
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of growth and the arithmetic of a billion types in docs/scaling.md."""
-    rows, wide = results["rows"], results["wide"]
-    shares = [{f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "disk")} for row in rows]
-    told = [row | share for row, share in zip(rows, shares)]
+    every, wide = results["rows"], results["wide"]
+    rows = [row for row in every if "spans_bytes" in row]
+    (requests,) = {len(row["ms"]) for row in (*every, wide)}
+    shares = [{f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "disk")} for row in every]
+    told = [row | share for row, share in zip(every, shares)]
     overall, large = exponents(rows), exponents(rows, LARGE)
     grown = [
         [what, *(f"{found[name]:.2f}".replace("nan", "-") for found in (overall, large))]
         for name, what in QUANTITIES.items()
     ]
     default = [row for row in rows if row["perimeter"] == DEFAULT]
-    compared = [*default, wide, *(row for row in rows if row["types"] > wide["types"])]
-    slopes = [slope([row["types"] for row in compared], [row[f"{name}_ms"] for row in compared]) for name in SPANS]
-    percentile = "; their 99th percentile is the largest of them" if results["requests"] < 100 else ""
-    cores = results["made"]["machine"]["cores"]
+    compared = [*default, wide, *(row for row in every if row["types"] > wide["types"])]
+    alike = [row for row in compared if "spans_bytes" in row]
+    slopes = [slope([row["types"] for row in alike], [row[f"{name}_ms"] for row in alike]) for name in SPANS]
+    percentile = "; their 99th percentile is the largest of them" if requests < 100 else ""
+    cores = rows[-1]["made"]["machine"]["cores"]
     return {
         **report.tables("growth", {"build": told, "served": told, "spans": compared}),
         "span_exponents": ", ".join(f"{name} {value:.2f}" for name, value in zip(SPANS, slopes)),
-        "requests": f"{results['requests']} requests to each atlas, {cores} cores{percentile}.",
+        "requests": f"{requests} requests to each atlas, {cores} cores{percentile}.",
         "exponents": report.lines(["quantity ~ types^e", "e, all perimeters", f"e, from {LARGE} on"], grown),
         "refusal": refusal_text(results["refusal"]),
         "billion": billion(rows, cores),
-        "stamps": report.made_text([results["made"], *([results["again"]] if "again" in results else [])]),
+        "foretold": foretold(rows, every[-1]) if every[-1] not in rows else "Not measured.",
+        "stamps": report.made_text([row["made"] for row in (*every, wide)]),
     }
 
 
@@ -190,7 +211,7 @@ def refusal_text(refusal: dict[str, Any]) -> str:
 
 
 def billion(rows: Sequence[dict[str, Any]], cores: int) -> str:
-    """The arithmetic of 10^9 types, from the largest atlas that was measured."""
+    """The arithmetic of 10^9 types, from the largest atlas that was measured with all of its index."""
     largest = rows[-1]
     types = largest["types"]
     perimeter = bisect.bisect_left(range(MAX_PERIMETER), BILLION, key=lambda p: count_types(TypeRule(max(p, 4))))
@@ -275,22 +296,33 @@ def measured(rule: dict[str, Any], bodies: Sequence[bytes]) -> tuple[dict[str, A
     with tempfile.TemporaryDirectory() as folder:
         atlas = Path(folder) / "atlas.h5"
         row = {**rule, **build(atlas, **rule), **make(atlas, prepare_positions=False)}
-        row |= serve(atlas, bodies) | in_a_process(atlas, len(bodies))
+        row |= serve(atlas, bodies) | in_a_process(atlas, len(bodies)) | {"made": report.stamp()}
         print(json.dumps({name: value for name, value in row.items() if name != "ms"}), flush=True)
         return row, {"types": row["types"], **refusal(atlas)}
 
 
 def measure(
-    perimeters: Annotated[int, "of the atlases"] = PERIMETERS, requests: Annotated[int, "to each atlas"] = 40
+    perimeters: Annotated[int, "of the atlases"] = PERIMETERS,
+    requests: Annotated[int, "to each atlas"] = 40,
+    wide: Annotated[int, "1: the wider atlas too", (0, 1)] = 1,
 ) -> Iterator[dict[str, Any]]:
-    """Every perimeter in turn, from the smallest, and the wider atlas."""
-    bodies, rows = match_bodies(requests), []
-    wide, _ = measured(WIDE, bodies)
+    """Every perimeter in turn, from the smallest, after the wider atlas. What is left out keeps its figures."""
+    bodies = match_bodies(requests)
+    try:
+        results = report.load("growth")
+    except FileNotFoundError:
+        results = {"rows": []}
+    results.pop("made", None)
+    if wide:
+        results["wide"], _ = measured(WIDE, bodies)
     for perimeter in tqdm(sorted(perimeters), disable=None, unit="atlas"):
         samples = next(samples for largest, samples in SAMPLES.items() if perimeter <= largest)
         row, refused = measured({"perimeter": perimeter, "order": "increasing", "samples": samples}, bodies)
-        rows.append(row)
-        yield {"requests": requests, "wide": wide, "rows": rows, "refusal": refused}
+        others = [known for known in results["rows"] if known["perimeter"] != perimeter]
+        results["rows"] = sorted([*others, row], key=lambda known: known["perimeter"])
+        if row is results["rows"][-1]:
+            results["refusal"] = refused
+        yield results
 
 
 if __name__ == "__main__":
