@@ -138,8 +138,8 @@ QUANTITIES = {
 }
 
 
-WINDOWS = ("make_cpu_s", "make_peak_bytes", "disk_bytes", "short_ms")
-"""Quantities that depend on whether an atlas has its index of short spans."""
+WITHOUT_SPANS = ("make_cpu_s", "make_peak_bytes", "disk_bytes", "median_ms", "p99_ms", "evaluated", "short_ms")
+"""Quantities that are others where an atlas has no index of short spans."""
 
 
 def slope(types: Sequence[float], values: Sequence[float | None]) -> float:
@@ -159,11 +159,16 @@ def foretold(rows: Sequence[dict[str, Any]], row: dict[str, Any]) -> str:
     """What the growth over smaller atlases says of a larger one, beside what was measured of it."""
     found, last = exponents(rows, LARGE), rows[-1]
     told = [
-        (what, last[name] * (row["types"] / last["types"]) ** found[name], row[name])
+        (
+            what,
+            size if "bytes" in name else significant,
+            last[name] * (row["types"] / last["types"]) ** found[name],
+            row[name],
+        )
         for name, what in QUANTITIES.items()
-        if name not in WINDOWS
+        if name not in WITHOUT_SPANS
     ]
-    cells = [[what, *map(significant, (value, known, known / value))] for what, value, known in told]
+    cells = [[what, say(value), say(known), significant(known / value)] for what, say, value, known in told]
     return report.lines([f"{row['types']:,} types", "foretold", "measured", "measured / foretold"], cells)
 
 
@@ -181,8 +186,10 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     ]
     default = [row for row in rows if row["perimeter"] == DEFAULT]
     compared = [*default, wide, *(row for row in every if row["types"] > wide["types"])]
-    alike = [row for row in compared if "spans_bytes" in row]
-    slopes = [slope([row["types"] for row in alike], [row[f"{name}_ms"] for row in alike]) for name in SPANS]
+    slopes = []
+    for name in SPANS:
+        alike = [row for row in compared if "spans_bytes" in row] if name == "short" else compared
+        slopes.append(slope([row["types"] for row in alike], [row[f"{name}_ms"] for row in alike]))
     percentile = "; their 99th percentile is the largest of them" if requests < 100 else ""
     cores = rows[-1]["made"]["machine"]["cores"]
     return {
