@@ -1,7 +1,8 @@
 """How many requests a service answers, and what it does with too many: ``python -m benchmarks.throughput [--atlas FILE]``.
 
 Three arrangements, all other settings at their defaults: one service with one and with two workers, and two services with
-one worker each, their clients dealt out evenly. Clients keep their connections and ask again as soon as they are answered.
+one worker each, their clients dealt out evenly. Clients keep their connections and ask again as soon as they are answered. Then
+services with one and with two workers stand side by side and are asked in turn, so that a drift of the machine meets both.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ ONE, TWO = "`--workers 1`", "`--workers 2`"
 ARRANGEMENTS = {ONE: (1, 1), TWO: (2, 1), "two services": (1, 2)}
 """Workers, and how many times the service is started."""
 CLIENTS = (1, 8, 64)
+COMPARED = CLIENTS[1:]
+ROUNDS = 4
+"""Of the comparison, each of `--seconds` shared among them."""
 OVERLOAD_CLIENTS = 200
 BODIES = 200
 UNKNOWN = dict.fromkeys(("p50_ms", "p99_ms", "livez_p99_ms", "service_cores", "front_ms"))
@@ -107,6 +111,32 @@ def run(
     return row
 
 
+def compare(atlas: Path, bodies: dict[str, list], seconds: float) -> list[dict[str, Any]]:
+    """Requests a second with one and with two workers, asked in turn, every other round in reverse."""
+    rows = []
+    with ExitStack() as stack:
+        both = [
+            stack.enter_context(service.running(service.serve_command, atlas=atlas.resolve(), workers=workers))
+            for workers in (1, 2)
+        ]
+        for one in both:
+            one.need_ready()
+        for path, some in bodies.items():
+            for one in both:
+                service.drive(
+                    [one.port], path, some, 4, seconds / 5
+                )  # what the first requests prepare is not to be measured
+            for clients in COMPARED:
+                rates: tuple[list[float], list[float]] = [], []
+                for number in range(ROUNDS):
+                    for rate, one in list(zip(rates, both))[:: -1 if number % 2 else 1]:
+                        found = measure_load([one], path, some, clients=clients, seconds=seconds / ROUNDS)
+                        rate.append(found["per_second"])
+                ratios = [two / one for one, two in zip(*rates)]
+                rows.append({"path": path, "clients": clients, "ratio": report.spread(ratios)})
+    return rows
+
+
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of requests and of too many requests in docs/scaling.md."""
     services = results["services"]
@@ -119,22 +149,20 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         return sorted(every, key=lambda row: row["path"])  # stable: the order of services stays
 
     tables = {"loads": rows("loads"), "overload": rows("overload"), "clients": services}
-    return report.tables("throughput", tables) | {"ratios": ratios_text(services)}
+    return report.tables("throughput", tables) | {"ratios": ratios_text(results)}
 
 
-def ratios_text(services: Sequence[dict[str, Any]]) -> str:
+def ratios_text(results: dict[str, Any]) -> str:
     """How much more two workers answer than one."""
-    rates = {
-        row["service"]: {(load["path"], load["clients"]): load["per_second"] for load in row["loads"]}
-        for row in services
-    }
-    most = (8, 64)
-    ratios = {
-        path: " and ".join(significant(rates[TWO][path, some] / rates[ONE][path, some], 3) for some in most)
-        for path, _ in rates[ONE]
-    }
-    told = ", and ".join(f"{ratio} times the requests to {path}" for path, ratio in ratios.items())
-    return f"With {most[0]} and {most[1]} clients two workers answer {told} that one does."
+    told = [
+        f"{significant(row['ratio']['median'])} times the requests to {row['path']} of {row['clients']} clients "
+        f"({report.ends([row['ratio']['min'], row['ratio']['max']], 2)})"
+        for row in results["compared"]
+    ]
+    return (
+        f"Asked in turn, {ROUNDS} runs of {significant(results['seconds'] / ROUNDS)} s each, two workers answer at the median "
+        f"{', '.join(told[:-1])} and {told[-1]} that one does."
+    )
 
 
 def measure(
@@ -148,7 +176,8 @@ def measure(
             atlas = Path(folder) / "atlas.h5"
             service.build(atlas)
         rows = [{"service": name, **run(*how, atlas, bodies, seconds)} for name, how in ARRANGEMENTS.items()]
-    yield {"seconds": seconds, "services": rows}
+        compared = compare(atlas, bodies, seconds)
+    yield {"seconds": seconds, "services": rows, "compared": compared}
 
 
 if __name__ == "__main__":
