@@ -56,8 +56,8 @@ run: $(READY) $(ATLAS)
 test: style
 	@$(MAKE) --no-print-directory -j 2 tests types  # types are checked beside the tests
 
-tests: $(READY)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+tests: $(READY)  # compiled modules are kept, whatever the environment says: the tests start hundreds of processes
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 fault: $(READY) $(ATLAS)
 	$(BIN)/python -m pytest -m fault

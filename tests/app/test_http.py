@@ -39,9 +39,11 @@ def client(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iter
 
 @pytest.fixture(scope="module")
 def paper(atlas_path: Path) -> Iterator[TestClient]:
-    """The service with the published atlas of 101,408 types."""
-    with TestClient(create_app(Settings(atlas=atlas_path))) as client:
-        yield client
+    """The service with the published atlas of 101,408 types, without what is prepared behind the first answers."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ServiceResources, "prepare_more", lambda resources, cancelled: True)
+        with TestClient(create_app(Settings(atlas=atlas_path))) as client:
+            yield client
 
 
 def numbers(value: Any, place: str = "") -> Iterator[tuple[str, float]]:
