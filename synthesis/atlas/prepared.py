@@ -295,13 +295,8 @@ def _fill(
         os.ftruncate(handle, 0)
         writer = Writer(handle)
         writer.finish(key, fill(writer))
-        os.fsync(handle)
+        # No fsync, which a start would wait for: what a power failure leaves out is noticed like any damage, and made anew.
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
