@@ -25,7 +25,7 @@ from tqdm import tqdm
 from app.cache import index_of
 from benchmarks import report
 from benchmarks.figures import curve, figure
-from benchmarks.index import make
+from benchmarks.index import ANY_SIZE, NO_LIMIT, make
 from benchmarks.product import MAX_PERIMETER, Settings, TypeRule, count_types, la
 from benchmarks.report import Times, duration, significant, size
 from benchmarks.service import build, environment, match_bodies, quantile, running, serve_command, uvicorn_command
@@ -43,8 +43,7 @@ SPANS = {"short": (10, 20, 30, 45, 60, 75, 90), "middle": (105, 120, 150, 180), 
 SHORTEST = 0.05
 """Least link of a motion's linkage, over its perimeter."""
 WARM_UP = 5
-NO_LIMIT = 10**12
-SETTINGS = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT, "prepare_positions": False}
+SETTINGS = {**ANY_SIZE, "prepare_positions": False}
 LARGE = 200
 """Perimeter from which on what every process costs at any size is small beside what grows."""
 BILLION = 10**9

@@ -24,6 +24,8 @@ from benchmarks.report import ROOT
 from benchmarks.service import Service, environment, match_bodies, running, serve_command
 
 NO_LIMIT = 10**12
+ANY_SIZE = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT}
+"""Settings of a service that takes an atlas of any size."""
 FILES = ("index", "positions", "spans", "paths")
 ASKED = ("first_cpu_ms", "mean_cpu_ms", "asked_resident_bytes", "asked_unique_bytes")
 """What is not told of the first start, which goes on working behind the requests."""
@@ -39,8 +41,9 @@ def make(atlas: Path, **settings: Any) -> dict[str, Any]:
         "--atlas",
         str(atlas),
     ]
-    limits = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT, **settings}
-    process = subprocess.Popen(command, cwd=ROOT, env=environment(**limits), stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command, cwd=ROOT, env=environment(**{**ANY_SIZE, **settings}), stdout=subprocess.DEVNULL
+    )
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
@@ -85,7 +88,7 @@ def measured(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(dir=atlas.parent) as folder:
         link = Path(folder) / atlas.name
         link.symlink_to(atlas.resolve())
-        limits = {"atlas": link, "atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT}
+        limits = {"atlas": link, **ANY_SIZE}
         with running(serve_command, **limits) as service:
             anew = dict.fromkeys(ASKED) | ready(service)
         for place in link.parent.glob(f"{link.name}.index*"):

@@ -126,6 +126,26 @@ def test_no_flipped_bit_is_read(path, written) -> None:
     assert noticed > 0.9 * len(places)
 
 
+def test_pages_that_never_reached_the_disk_are_noticed(path, written) -> None:
+    """After a power failure any of the pages of a new file may be empty: none of them is read as an array."""
+    pages, rng = -(-len(written) // PAGE), np.random.default_rng(3)
+    held = {page for page in range(pages) if any(written[page * PAGE : (page + 1) * PAGE])}
+    for lost in (
+        {0},
+        {pages - 1},
+        *(set(rng.choice(pages, count, replace=False)) for count in (1, 3, pages // 2, pages)),
+    ):
+        left = bytearray(written)
+        for page in lost:
+            left[page * PAGE : (page + 1) * PAGE] = bytes(len(left[page * PAGE : (page + 1) * PAGE]))
+        path.write_bytes(left)
+        if lost & held:
+            with pytest.raises(DamagedError):
+                read_all(Prepared(path, KEY))
+        else:
+            assert equal(read_all(Prepared(path, KEY)))
+
+
 def test_a_page_damaged_while_the_file_is_open_is_noticed_when_it_is_asked_for(path, written) -> None:
     path.write_bytes(written)
     index = Prepared(path, KEY)
