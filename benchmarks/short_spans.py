@@ -3,15 +3,16 @@
 ``python -m benchmarks.short_spans [--atlas FILE] [--requests 400] [--hard 200] [--wide 6]`` ends with 1 if any answer differs.
 Both scans hold the same series and cells; one of them has the index too. Every request goes to both, twice, in alternating order,
 and the better time of each counts: processor time of one thread, which other work on the machine stretches little.
-Some requests are also given to the plain scan, which has neither index nor cells. ``--wide`` requests a span go to the wider
-atlas (crank or ground the shortest, the others in all orders); 0 leaves it out, and its figures as they were. ``--alone``
-requests a class are for positions alone: the index of shapes beside the comparison of all windows, once each, for that takes
-seconds.
+The requests to the default atlas are also given to the plain scan, which has neither index nor cells. ``--wide`` requests a
+span go to the wider atlas (crank or ground the shortest, the others in all orders); 0 leaves it out, and its figures as they
+were. ``--alone`` requests a class are for positions alone: the index of shapes beside the comparison of all windows, once
+each, for that takes seconds.
 """
 
 from __future__ import annotations
 
 import gc
+import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from copy import copy
@@ -38,8 +39,6 @@ NOISES = (0.001, 0.01, 0.1, 0.5)
 OTHERS = (3, 110, 180, 360)
 """Spans that the index does not serve."""
 NO_LIMIT = 10**9
-PLAIN = 25
-"""Every so many-th request also goes to the plain scan."""
 
 Request = tuple[str, int, Target]
 
@@ -102,7 +101,7 @@ def duels(
         for scan in (ours, cells, cells, ours) if twice else (ours, cells):
             answers[scan] = times[scan].run(scan.best, target, TOP)
         wanted = [answers[cells]]
-        if plain is not None and len(done) % PLAIN == 0:
+        if plain is not None:
             wanted.append(plain.best(target, TOP))
         windows, told = answers[ours]
         same = told.exhaustive and all(np.array_equal(*pair) for other, _ in wanted for pair in zip(windows, other))
@@ -212,10 +211,10 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def measure_default(atlas: Path, requests: int, hard_ones: int, smallest: float) -> dict[str, Any]:
-    """The duels on the default atlas; some of its requests go to the plain scan too."""
+    """The duels on the default atlas; all of its requests go to the plain scan too."""
     with tempfile.TemporaryDirectory() as folder:
         ours, cells, told = prepared(atlas, Path(folder) / "atlas.index")
-        plain = Scan(load_atlas(atlas), cells=False)
+        plain = Scan(load_atlas(atlas), cells=False, threads=os.cpu_count() or 1)
         done = {
             "spans": duels(ours, cells, some(requests, smallest), plain),
             "hard": duels(ours, cells, hard(hard_ones, smallest), plain),
