@@ -147,9 +147,9 @@ def test_kills_change_no_byte(requests, tmp_path) -> None:
 @pytest.mark.fault
 def test_a_hundred_kills_change_no_byte(tmp_path) -> None:
     requests = tmp_path / "requests.ndjson"
-    requests.write_text("".join(json.dumps(one) + "\n" for one in rotations(1500)))
+    requests.write_text("".join(json.dumps(one) + "\n" for one in rotations(10_000)))
     wanted, out = tmp_path / "wanted.ndjson", tmp_path / "results.ndjson"
-    assert study(requests, "--out", wanted, "--jobs", 1, "--no-preset") == Exit.OK
+    assert study(requests, "--out", wanted, "--jobs", 2, "--no-preset") == Exit.OK
     assert killed_and_resumed(requests, out, 100, 2, 2) >= 90
     assert out.read_bytes() == wanted.read_bytes()
 
