@@ -122,10 +122,8 @@ def compare(atlas: Path, bodies: dict[str, list], seconds: float) -> list[dict[s
         for one in both:
             one.need_ready()
         for path, some in bodies.items():
-            for one in both:
-                service.drive(
-                    [one.port], path, some, 4, seconds / 5
-                )  # what the first requests prepare is not to be measured
+            for one in both:  # what the first requests prepare is not to be measured
+                service.drive([one.port], path, some, 4, seconds / 5)
             for clients in COMPARED:
                 rates: tuple[list[float], list[float]] = [], []
                 for number in range(ROUNDS):
