@@ -56,7 +56,7 @@ run: $(READY) $(ATLAS)
 test: style
 	@$(MAKE) --no-print-directory -j 2 tests types  # types are checked beside the tests
 
-tests: $(READY)  # compiled modules are kept, whatever the environment says: the tests start hundreds of processes
+tests: $(READY)  # compiled modules are kept, whatever the environment says: the tests start many processes
 	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 fault: $(READY) $(ATLAS)
