@@ -145,6 +145,19 @@ def test_chunks_hold_every_window_once(seed) -> None:
     assert sorted(found) == wanted
 
 
+@pytest.mark.parametrize("points", [128, 1 << 12, 1 << 17])
+def test_a_transform_in_single_precision_is_as_exact_as_the_bounds_take_it(points) -> None:
+    rng = np.random.default_rng(points)
+    for shape in ("alike", "falling", "one", "in phase"):
+        spectrum = np.zeros(points // 2 + 1, dtype=complex)
+        phases = np.exp(1j * rng.uniform(0, TURN, points // 8)) if shape != "in phase" else np.ones(points // 8)
+        order = np.arange(1, points // 8 + 1)
+        size = {"falling": 1.0 / order**2, "one": (order == order[-1]) * 1.0}.get(shape, np.ones(order.size))
+        spectrum[1 : order.size + 1] = phases * size * (points / 2)
+        off = np.fft.irfft(spectrum.astype(np.complex64), points) - np.fft.irfft(spectrum, points)
+        assert abs(off).max() <= scan_cells._ROUNDING / 4 * size.sum()
+
+
 # -- cells of the published size --------------------------------------------------------------------------------------
 
 
