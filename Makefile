@@ -29,7 +29,7 @@ help:
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
 	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
-	@echo "                (over an hour; needs 45 GB of disk, no other work on the machine)"
+	@echo "                (over an hour; needs 17 GB of memory, 45 GB of disk, no other work on the machine)"
 	@echo "make clean      remove the environment and the atlas"
 
 setup: $(READY)
@@ -91,8 +91,8 @@ map: $(READY)
 	$(BIN)/python -m docs.map
 
 bench: $(READY) $(ATLAS)
-	@echo "Needs 17 GB of memory (the flat index and seven million types), 3 GB of disk for temporary files, the packages of the"
-	@echo "extra 'baselines', about forty minutes, and a machine that does nothing else."
+	@echo "Needs 17 GB of memory (the flat index), 45 GB of disk for temporary files, the packages of the extra 'baselines',"
+	@echo "over an hour, and a machine that does nothing else."
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,baselines]'
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)

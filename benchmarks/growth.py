@@ -157,17 +157,12 @@ def exponents(rows: Sequence[dict[str, Any]], least: int = 0) -> dict[str, float
 def foretold(rows: Sequence[dict[str, Any]], row: dict[str, Any]) -> str:
     """What the growth over smaller atlases says of a larger one, beside what was measured of it."""
     found, last = exponents(rows, LARGE), rows[-1]
-    told = [
-        (
-            what,
-            size if "bytes" in name else significant,
-            last[name] * (row["types"] / last["types"]) ** found[name],
-            row[name],
-        )
-        for name, what in QUANTITIES.items()
-        if name not in WITHOUT_SPANS
-    ]
-    cells = [[what, say(value), say(known), significant(known / value)] for what, say, value, known in told]
+    cells = []
+    for name, what in QUANTITIES.items():
+        if name not in WITHOUT_SPANS:
+            value = last[name] * (row["types"] / last["types"]) ** found[name]
+            say = size if "bytes" in name else significant
+            cells.append([what, say(value), say(row[name]), significant(row[name] / value)])
     return report.lines([f"{row['types']:,} types", "foretold", "measured", "measured / foretold"], cells)
 
 
@@ -314,10 +309,7 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """Every perimeter in turn, from the smallest, after the wider atlas. What is left out keeps its figures."""
     bodies = match_bodies(requests)
-    try:
-        results = report.load("growth")
-    except FileNotFoundError:
-        results = {"rows": []}
+    results = {"rows": [], **report.known("growth")}
     results.pop("made", None)
     if wide:
         results["wide"], _ = measured(WIDE, bodies)

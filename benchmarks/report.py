@@ -107,12 +107,18 @@ def repeat(function: Callable[[], Any], runs: int = 5, warm_up: int = 1) -> Time
     return times
 
 
-def paired(functions: Sequence[Callable[[], Any]], rounds: int = 5, warm_up: int = 1) -> list[Times]:
-    """Times of things to compare: all in each round, every other round in reverse, so that a drift meets all alike."""
-    times = [repeat(function, 0, warm_up) for function in functions]
+def in_turn(some: Iterable[Any], rounds: int) -> Iterator[Any]:
+    """All in each round, every other round in reverse, so that a drift meets all alike."""
+    some = list(some)
     for number in range(rounds):
-        for one, function in list(zip(times, functions))[:: -1 if number % 2 else 1]:
-            one.run(function)
+        yield from some[:: -1 if number % 2 else 1]
+
+
+def paired(functions: Sequence[Callable[[], Any]], rounds: int = 5, warm_up: int = 1) -> list[Times]:
+    """Times of things to compare, `in_turn`."""
+    times = [repeat(function, 0, warm_up) for function in functions]
+    for one, function in in_turn(zip(times, functions), rounds):
+        one.run(function)
     return times
 
 
@@ -290,6 +296,11 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
 def load(name: str) -> Any:
     """What `save` wrote."""
     return json.loads((RESULTS / f"{name}.json").read_text())
+
+
+def known(name: str) -> dict[str, Any]:
+    """The same for a benchmark that measures a part and keeps the rest; nothing where nothing was saved."""
+    return load(name) if (RESULTS / f"{name}.json").exists() else {}
 
 
 MARKER = re.compile(r"<!-- (\w+)\.(\w+) -->(\n?)(.*?)\n?<!-- /\1\.\2 -->", re.DOTALL)

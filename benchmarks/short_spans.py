@@ -24,6 +24,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks import report
+from benchmarks.index import NO_LIMIT
 from benchmarks.product import Scan, Target, Work, la, load_atlas, make_target
 from benchmarks.report import Times
 from benchmarks.service import build
@@ -38,7 +39,6 @@ NOISES = (0.001, 0.01, 0.1, 0.5)
 """Noise of paths, over their extent."""
 OTHERS = (3, 110, 180, 360)
 """Spans that the index does not serve."""
-NO_LIMIT = 10**9
 
 Request = tuple[str, int, Target]
 
@@ -237,26 +237,19 @@ def measure(
     index: Annotated[Path | None, "index for those, made if it is not there; default: one of their own"] = None,
 ) -> Iterator[dict[str, Any]]:
     """Both scans on one atlas, and on the wider one; exit code 1 if an answer differs. What is left out keeps its figures."""
+    known = report.known("short_spans")
     rule = load_atlas(atlas).rule.types
     smallest = rule.smallest / rule.perimeter
     with threadpool_limits(1, "blas"):
-        results = measure_default(atlas, requests, hard_ones, smallest) if requests else report.load("short_spans")
+        results = measure_default(atlas, requests, hard_ones, smallest) if requests else known
         gc.collect()
-        on_wide = measure_wide(wide_atlas, wide, smallest) if wide else _known("wide")
+        on_wide = measure_wide(wide_atlas, wide, smallest) if wide else known.get("wide")
         gc.collect()
-        on_paths = measure_paths(atlas, index, alone, smallest) if alone else _known("paths")
+        on_paths = measure_paths(atlas, index, alone, smallest) if alone else known.get("paths")
     yield {**results, "wide": on_wide, "paths": on_paths}
     rows = [*(on_wide or {"spans": []})["spans"], *(on_paths or {"rows": []})["rows"]]
     if results["differ"] + sum(row["differ"] for row in rows):
         raise SystemExit("answers differ")
-
-
-def _known(part: str) -> dict[str, Any] | None:
-    try:
-        known: dict[str, Any] | None = report.load("short_spans").get(part)
-    except FileNotFoundError:
-        return None
-    return known
 
 
 if __name__ == "__main__":

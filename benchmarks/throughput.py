@@ -112,7 +112,7 @@ def run(
 
 
 def compare(atlas: Path, bodies: dict[str, list], seconds: float) -> list[dict[str, Any]]:
-    """Requests a second with one and with two workers, asked in turn, every other round in reverse."""
+    """Requests a second with one and with two workers, asked in turn."""
     rows = []
     with ExitStack() as stack:
         both = [
@@ -126,10 +126,9 @@ def compare(atlas: Path, bodies: dict[str, list], seconds: float) -> list[dict[s
                 service.drive([one.port], path, some, 4, seconds / 5)
             for clients in COMPARED:
                 rates: tuple[list[float], list[float]] = [], []
-                for number in range(ROUNDS):
-                    for rate, one in list(zip(rates, both))[:: -1 if number % 2 else 1]:
-                        found = measure_load([one], path, some, clients=clients, seconds=seconds / ROUNDS)
-                        rate.append(found["per_second"])
+                for rate, one in report.in_turn(zip(rates, both), ROUNDS):
+                    found = measure_load([one], path, some, clients=clients, seconds=seconds / ROUNDS)
+                    rate.append(found["per_second"])
                 ratios = [two / one for one, two in zip(*rates)]
                 rows.append({"path": path, "clients": clients, "ratio": report.spread(ratios)})
     return rows
