@@ -1,4 +1,4 @@
-"""Haar features of rotation curves: the average and the detail coefficients of 2^j samples (pywt transforms).
+"""Haar features of rotation curves: the average and the detail coefficients of 2^j samples (pywt does the transform).
 
 Two normalisations of the same coefficients:
 
