@@ -207,7 +207,9 @@ def synthesize(
         notes.append(LOCAL)
     if wishes.drive is not None:
         check_rows(top, None if motion.free else motion.target.interval)
-    found, went = _searched(motion, kept, _VARIETY * top if diverse else top, tolerance, watch, prepared)
+    found, went = _searched(
+        motion, kept, _VARIETY * top if diverse else top, tolerance, watch.extended(-FINISHING), prepared
+    )
     if diverse:
         found = spread(found, top, DIVERSE_LOSS, tolerance)
     searched = watch.elapsed

@@ -9,10 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import Report
+from linkage_atlas.answers import FINISHING, Report
 from linkage_atlas.door import seed_tables
 from linkage_atlas.generators import Asked, FunctionResult, described, rounded
-from linkage_atlas.motions import check_above_zero, check_top, column, number, radians_in
+from linkage_atlas.motions import PRESETS, check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.named import Dials, read_dials
 from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, named, read_beginning
 from synthesis.errors import FieldError
@@ -151,7 +151,7 @@ def function(
         with named():
             found, went = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
     else:
-        found, went = generate(tables, wanted, kept, largest, top, tolerance, watch)
+        found, went = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
     searched = watch.elapsed
     asked = Asked(wanted, dials, degrees, largest, tolerance)
     solutions = described(asked, found, sensitivity, curves)
@@ -255,10 +255,10 @@ def read_function_limits(limits: Mapping[str, Any] | None, degrees: bool) -> Fun
     radian = radians_in(degrees)
     numbers: dict[str, Any] = {}
     if "preset" in given:
-        if given["preset"] != "practical":
-            raise FieldError("/limits/preset", f"wanted 'practical', found {given['preset']!r}")
+        if given["preset"] not in PRESETS:
+            raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {given['preset']!r}")
         values = (TRANSMISSION_ANGLE, TRANSMISSION_ANGLE_TURN, LINK_RATIO)
-        numbers = dict(zip(_NUMBERS, map(float, values)))
+        numbers = dict(zip(_NUMBERS, map(float, values))) if given["preset"] == "practical" else {}
     for name in _NUMBERS:
         if name in given:
             numbers[name] = number(f"limits/{name}", given[name]) * (radian if name in ANGLES else 1.0)

@@ -59,7 +59,7 @@ class Work:
             raise OutOfTime
 
     def extended(self, share: float) -> Work:
-        """The same work with its budget grown by a share: what remains to be done once a search has used it up."""
+        """The same work with its budget grown by a share, or shrunk: a search leaves time to finish what it finds."""
         longer = copy(self)
         longer._budget = self._budget * (1 + share)
         return longer

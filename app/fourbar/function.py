@@ -81,7 +81,7 @@ class FunctionLimitsRequest(RequestModel):
     link_min: Length | None = Field(None, description="Shortest length of any link.")
     link_max: Length | None = Field(None, description="Longest length of any link.")
     links: LinksRequest | None = Field(None, description="Lengths that are given; the ground is 1 otherwise.")
-    preset: Literal["practical"] | None = Field(
+    preset: Literal["practical", "none"] | None = Field(
         None,
         description="Transmission angle 35 degrees (15 over the turn), link ratio 10; a field beside it replaces its value.",
     )

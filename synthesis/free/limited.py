@@ -12,6 +12,7 @@ angle of that sample can make up for it; the others stand as samples without an 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -25,23 +26,23 @@ from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
 from synthesis.free.rows import JointProblem, Rows, Timed, Turned
 from synthesis.least_squares import Evaluation
-from synthesis.mechanism import BodyAngles, Chart, Constrained, Constraints, Placed
+from synthesis.mechanism import BodyAngles, Boxes, Chart, Constrained, Constraints, Placed
 from synthesis.search.constrained import MARGIN, Descended, restored
 from synthesis.search.placed import PosedProblem
-from synthesis.search.windows import Windows
+from synthesis.search.windows import Fits, Windows
 from synthesis.target import Interval, Target
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
 
-_SPANS = np.deg2rad([40.0, 80.0, 130.0, 190.0, 260.0, 330.0])
+_SPANS = np.deg2rad([130.0, 40.0, 80.0, 190.0, 260.0, 330.0])
 """Guesses of the crank angle from the first sample to the last."""
 _SEEDS = 24
 """Windows of each guess."""
-_BEFORE = 60
-"""Candidates of the search without limits that go on."""
 _PLAN = ((0.3, 12, 120), (3.0, 12, 60), (30.0, 15, 30), (300.0, 40, 14), (300.0, 120, 14))
 """Weight of broken limits, steps, and how many candidates go on."""
+_APART = 1e-6
+"""A crank shorter than this part of the length scale is none."""
 _STALL = 1e-6
 """A step that lowers the cost by a smaller part ends a candidate's descent."""
 _BY_ANGLE = ("transmission_angle_min", "envelope")
@@ -213,19 +214,12 @@ class _AtTheirAngles:
         return np.zeros(unknowns.shape, dtype=bool)
 
 
-def within_limits(poses: Poses, limits: Limits, pool: Pool, windows: Windows, work: Work) -> Pool:
-    """Candidates of a pool and of windows, refined within limits; their costs are J squared.
-
-    Parameters
-    ----------
-    poses : Poses
-    limits : Limits
-    pool : Pool
-        Of the search without limits, in the chart of the same family.
-    windows : Windows
-    work : Work
-    """
-    return refined_within(poses, limits, pool.best(_BEFORE).timed.joined(*_guessed(poses, limits, windows)), work)
+def moved_onto(problem: LimitedJoint, timed: Timed, rounds: int = 12) -> tuple[Pool, Floats]:
+    """Candidates moved onto the limits that they break, with J squared, and by how much they still break one."""
+    still = _AtTheirAngles(problem, timed)
+    nothing = np.empty(0)
+    moved = restored(still, Descended(still.unknowns, timed.branch, nothing, nothing), rounds)
+    return Pool(still.at(moved.unknowns), moved.cost), moved.broken
 
 
 def refined_within(poses: Poses, limits: Limits, timed: Timed, work: Work) -> Pool:
@@ -238,21 +232,40 @@ def refined_within(poses: Poses, limits: Limits, timed: Timed, work: Work) -> Po
         found = refine(problem, timed, steps, 0.0, work, stall=_STALL, all_of_them=True)
         timed = Pool.of(found).best(most).timed
     problem = LimitedJoint(poses, chart, constraints, 1.0)
-    still = _AtTheirAngles(problem, timed)
-    nothing = np.empty(0)
-    moved = restored(still, Descended(still.unknowns, timed.branch, nothing, nothing))
-    return Pool(still.at(moved.unknowns), moved.cost)
+    return moved_onto(problem, timed)[0]
 
 
-def _guessed(poses: Poses, limits: Limits, windows: Windows) -> list[Timed]:
-    """Seeds within limits at guessed crank angles, even along the way, for both senses of the crank."""
+def placed_within(problem: LimitedJoint, timed: Timed, boxes: Boxes) -> tuple[Timed, NDArray[np.intp]]:
+    """Candidates in the best pose that boxes for pivots and lengths leave them.
+
+    Those come first that fit well and keep the limits; then the places of those that keep all limits, best first.
+    """
+    turned = problem.turned(timed, derivatives=False)
+    start = timed.angles[:, 0]
+    crank = turned.crank * np.exp(-1j * start)[:, None]
+    lengths = problem.chart.shape(timed.shape).lengths
+    rho = lengths[:, 0] / lengths[:, 3] * np.exp(1j * start)
+    fits = Fits.of_candidates(problem.poses.position_mean, problem.position, crank, turned.body.phasor)
+    _, pivot, ground, coupler = fits.within(rho, boxes, boxes.reach(lengths))
+    apart = np.abs(ground) > _APART * lengths[:, 3] / lengths[:, 0]
+    pose = np.stack([pivot, ground * lengths[:, 0] / lengths[:, 3], coupler], axis=1)
+    timed = timed._replace(pose=pose).take(apart)
+    lacking = problem.constrained(timed)[0].lacking
+    merit = problem.plain_cost(timed) + np.sum(lacking**2, axis=1)
+    order = np.argsort(np.where(np.isfinite(merit), merit, np.inf), kind="stable")
+    return timed.take(order), np.flatnonzero(lacking[order].max(axis=1, initial=0.0) == 0)
+
+
+def guessed_windows(poses: Poses, limits: Limits, windows: Windows) -> Iterator[Timed]:
+    """Seeds within limits at guessed crank angles, even along the way, for both senses of the crank; a guess at a time."""
     assert poses.position is not None
     steps = np.abs(np.diff(poses.position))
     share = np.concatenate([[0.0], np.cumsum(steps + 0.3 * steps.mean())])
     share = share / share[-1]
-    chart, seeds = chart_of(limits.family), []
-    for sense in (1, -1):
-        for span in _SPANS[_SPANS <= poses.span_max]:
+    chart = chart_of(limits.family)
+    for span in _SPANS[_SPANS <= poses.span_max]:
+        both = []
+        for sense in (1, -1):
             target = Target(
                 None if poses.rotation is None else np.unwrap(poses.rotation),
                 poses.position,
@@ -261,8 +274,8 @@ def _guessed(poses: Poses, limits: Limits, windows: Windows) -> list[Timed]:
                 poses.position_weights,
                 crank=sense * span * share,
             )
-            seeds.append(_mirrored(_seeds(target, limits, windows, chart, sense), sense))
-    return seeds
+            both.append(_mirrored(_seeds(target, limits, windows, chart, sense), sense))
+        yield both[0].joined(both[1])
 
 
 def _seeds(target: Target, limits: Limits, windows: Windows, chart: Chart, sense: int) -> Timed:

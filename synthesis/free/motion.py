@@ -9,7 +9,7 @@ Data flow of a request::
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -82,9 +82,7 @@ def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, repair: bool 
     return Timed(shape, pairs.pose, pairs.offset, angles[keep], pairs.branch)
 
 
-def search_motion(
-    poses: Poses, family: str, tolerance: float, work: Work, note: Callable[[float], None]
-) -> tuple[Pool, bool]:
+def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> Iterator[Pool]:
     """Four-bars that guide a body through poses, some of which may lack their rotation or their position.
 
     Parameters
@@ -96,19 +94,18 @@ def search_motion(
     tolerance : float
         The search ends once J is below it.
     work : Work
-    note : callable
-        Told the best J after each round.
 
-    Returns
-    -------
-    pool : Pool
-        Candidates, best first.
-    settled : bool
-        Whether the search ran to its end: the tolerance, or the last round.
+    Yields
+    ------
+    Pool
+        All candidates so far, first those of dyads as equations give them, within milliseconds; then after each round.
     """
     search = _Motion(poses, family)
+    if search.full <= FEW and search.mixed:
+        yield from _sampled(search, tolerance, work)
+        return
     exact = 0.3 * tolerance
-    if search.full <= FEW and not search.mixed:
+    if search.full <= FEW:
         pool = _few(search, work)
         near = np.flatnonzero(pool.cost > exact**2)
         if pool.cost.size - near.size < _ENOUGH:
@@ -116,54 +113,49 @@ def search_motion(
             rest = pool.take(near).best(_ENOUGH)
             rest = Pool.of(refine(search.problem, rest.timed, 60, exact, work, all_of_them=True))
             pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(rest)
-        note(pool.least)
-        return pool, True
-    if search.full <= FEW:
-        return _sampled(search, tolerance, work, note)
+        yield pool
+        return
     dyads = linear_dyads(search.body)
     dyads, _ = polished(search.body, dyads) if dyads.radius.size else (dyads, None)
     five = search.full == FEW + 1 and not search.mixed
     pool = Pool.of(refine(search.problem, search.four_bars(dyads), 25, exact, work, all_of_them=five))
-    note(pool.least)
-    if pool.least < tolerance or work.expired():
-        return pool.best(pool.cost.size), True
+    yield pool
+    if pool.least < tolerance or (work.expired() and np.isfinite(pool.least)):
+        return
     everywhere, _ = landscape(search.body)
-    if work.expired() and np.isfinite(pool.least):  # what follows takes half a second at 1,024 samples
-        return pool.best(_KEPT), False
-    found = _rounds(
-        search, search.measured(everywhere.joined(dyads), repair=True).joined(pool), tolerance, work, note
-    )
-    return found, not work.expired()
+    pool = search.measured(everywhere.joined(dyads), repair=True).joined(pool)
+    yield pool
+    if not work.expired():  # what follows takes half a second at 1,024 samples
+        yield from _rounds(search, pool, tolerance, work)
 
 
-def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work, note: Callable[[float], None]) -> Pool:
-    """The best of a pool, refined in rounds; best first."""
+def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work) -> Iterator[Pool]:
+    """A pool with its best refined, after each round."""
     for one in ROUNDS:
         if one is ROUNDS[-1] and found.least > _EXACT_BELOW:
             break
         going = found.best(one.most)
         found = Pool.of(refine(search.problem, going.timed, one.iterations, 0.3 * tolerance, work)).joined(found)
-        note(found.least)
+        yield found
         if found.least < tolerance or work.expired():
             break
-    return found.best(_KEPT)
 
 
-def _sampled(search: _Motion, tolerance: float, work: Work, note: Callable[[float], None]) -> tuple[Pool, bool]:
+def _sampled(search: _Motion, tolerance: float, work: Work) -> Iterator[Pool]:
     """Three or four full samples among others: dyads at random that fit those exactly, until one pair fits the rest too."""
     random = np.random.default_rng(20)
     best: Pool | None = None
     idle = 0
     for _ in range(_SAMPLED_BATCHES):
         found = search.measured(sampled_dyads(search.body, _SAMPLED_DYADS, random))
-        found = _rounds(search, found, tolerance, work, note)
+        *_, found = _rounds(search, found, tolerance, work)
+        found = found.best(_KEPT)
         gained = best is None or found.least < (1 - _WORTH) * best.least
         best = found if best is None else best.joined(found)
+        yield best
         idle = 0 if gained else idle + 1
         if best.least < tolerance or work.expired() or (idle == 2 and best.least > _EXACT_BELOW):
             break
-    assert best is not None
-    return best.best(best.cost.size), not work.expired()
 
 
 class _Motion:

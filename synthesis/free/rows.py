@@ -192,6 +192,11 @@ class JointProblem:
         cost = cost if body.possible is True else np.where(body.possible, cost, np.inf)
         return np.where(np.isfinite(cost), cost, np.inf)
 
+    def plain_cost(self, timed: Timed) -> Floats:
+        """J squared of candidates as they are, (n,)."""
+        turned = self.turned(timed, derivatives=False)
+        return JointProblem.cost(self, JointProblem.residual(self, timed, turned), turned.body)
+
     def evaluate(self, timed: Timed, turned: Turned) -> Rows:
         """Rows and derivatives of candidates whose body angles carry their derivatives; what a bound holds has none."""
         return self.within_bounds(timed, self.derivatives(timed, turned))

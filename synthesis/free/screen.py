@@ -9,6 +9,7 @@ v_k = c_k e^{iks}, and with the best z2 it leaves
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +25,17 @@ Complexes = NDArray[np.complex128]
 
 _STARTS, _SAMPLES, _HARMONICS = 18, 64, 6
 _EACH = 60
+_AT_ONCE = 8
+"""Guesses that are compared at once: the products of all would take hundreds of megabytes, and longer."""
+_MISSED = 3.0
+"""What the square of a transmission angle that a window lacks, in radians, counts beside J squared."""
 _SPAN_CELL = 0.6
 _WITHIN_SPAN = 0.95
 """Part of the largest span that is allowed which a guess may take up."""
+
+
+Missing = Callable[[Floats, Floats, Floats], Floats]
+"""By how much linkages of lengths (..., d) miss the limits on shape while the crank turns from one angle to another (...)."""
 
 
 class Timing(NamedTuple):
@@ -77,30 +86,42 @@ class PathScreen:
         self.windows = np.ascontiguousarray(self.windows, dtype=np.float32)
 
     def errors(self, poses: Poses, guesses: Floats) -> Floats:
-        """Squared position errors over l^2, approximately, (guesses, T, 2, starts): branch +1, then -1."""
+        """J squared, approximately, (guesses, T, 2, starts): branch +1, then -1; of rotations by the chords of their errors."""
+        return np.concatenate(
+            [self._errors(poses, guesses[k : k + _AT_ONCE]) for k in range(0, len(guesses), _AT_ONCE)]
+        )
+
+    def _errors(self, poses: Poses, guesses: Floats) -> Floats:
         root = np.broadcast_to(poses.position_mean.root, poses.samples)
         columns = np.exp(1j * guesses[:, :, None] * np.array([0, 1]))
         basis = np.linalg.qr(columns * root[:, None])[0]
-        off = np.exp(1j * guesses[:, :, None] * self.harmonics) * root[:, None]
+        turned = np.exp(1j * guesses[:, :, None] * self.harmonics)
+        off = turned * root[:, None]
         off = off - basis @ (np.conj(basis).transpose(0, 2, 1) @ off)
         own = np.broadcast_to((poses.scaled * root)[:, None], (*guesses.shape, 1))
         own = own - basis @ (np.conj(basis).transpose(0, 2, 1) @ own)
         toward = np.einsum("gnk,gno->gk", off, np.conj(own))
         triangle = np.linalg.qr(off, mode="r")  # (g, m, K)
-        # v . toward, and the norm of sum_k v_k off_k, as real products
-        wide = np.concatenate([toward[:, None, :], triangle], axis=1)
-        count, rows, size = wide.shape
+        # v . toward, and the norm of sum_k v_k off_k, as real products; and with rotations v . mean(turned e^{-i gamma})
+        rows = [toward[:, None, :], triangle]
+        if poses.rotation is not None:
+            rows.insert(0, poses.rotation_mean((turned * np.conj(poses.turned)[:, None]).transpose(0, 2, 1))[:, None])
+        wide = np.concatenate(rows, axis=1)
+        count, height, size = wide.shape
         real = np.concatenate([wide.real, -wide.imag], axis=2)
         imag = np.concatenate([wide.imag, wide.real], axis=2)
-        right = np.stack([real, imag], axis=2).reshape(count * rows * 2, 2 * size).astype(np.float32)
-        values = (right @ self.windows.T).reshape(count, rows, 2, -1)
+        right = np.stack([real, imag], axis=2).reshape(count * height * 2, 2 * size).astype(np.float32)
+        values = (right @ self.windows.T).reshape(count, height, 2, -1)
         squares = np.einsum("grcw,grcw->grw", values, values)
-        below = squares[:, 1:].sum(axis=1)
+        aligned = squares[:, 0] if poses.rotation is not None else None
+        squares = squares[:, len(rows) - 2 :]
         total = np.sum(np.abs(own[:, :, 0]) ** 2, axis=1)
-        error = total[:, None] - squares[:, 0] / np.maximum(below, 1e-8)
-        return np.maximum(error, 0.0).reshape(count, len(self.lengths), 2, -1)
+        error = np.maximum(total[:, None] - squares[:, 0] / np.maximum(squares[:, 1:].sum(axis=1), 1e-8), 0.0)
+        if aligned is not None:
+            error += 2 * np.maximum(1 - np.sqrt(aligned), 0.0)
+        return error.reshape(count, len(self.lengths), 2, -1)
 
-    def seeds(self, poses: Poses, chart: Chart) -> Timed:
+    def seeds(self, poses: Poses, chart: Chart, missing: Missing | None = None) -> Timed:
         """Starting points for a path, best first, at most one a cell of shape, start, span and branch.
 
         Of each type, branch and guess only the best start counts, and of each guess the best ``_EACH`` types and branches: the
@@ -111,9 +132,16 @@ class PathScreen:
         poses : Poses
         chart : Chart
             Of the candidates' shapes.
+        missing : callable, optional
+            By how much windows miss the limits on shape and crank angles, in radians.
         """
         guesses = self.timing_of(poses)
         error = self.errors(poses, guesses)
+        if missing is not None:
+            span = guesses[:, -1, None, None]
+            lengths = self.lengths[:, None]
+            short = np.float32(_MISSED) * missing(lengths, self.start, self.start + span).astype(np.float32) ** 2
+            error += short[:, :, None]
         best = error.argmin(axis=3)
         least = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
         each = min(_EACH, least.shape[1] - 1)

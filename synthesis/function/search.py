@@ -45,8 +45,8 @@ _LEVELS = (1, 200, 21, 7)
 _STARTS = 24
 _FIRST_PLACES, _PLACES = 9, 33
 _SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
-_LOOKED = 24
-"""Candidates of the first look at full cranks."""
+_LOOKED, _BEGUN = 24, 8
+"""Candidates of the first look at full cranks; and, at each stage, those that are looked at as answers."""
 _SOFT = 0.5
 """Weight of a broken condition beside errors in radians, while the descent finds its valley."""
 _NEARLY = 1e-3
@@ -73,6 +73,8 @@ class FunctionSearch:
         self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
+        self.known: list[Generator] = []
+        """The best answers so far, different ones."""
 
     # -- places -------------------------------------------------------------------------------------------------------
 
@@ -198,20 +200,19 @@ class FunctionSearch:
 
     def led(self, unknowns: Floats, branch: Floats) -> list[Generator]:
         """The best of what beginnings lead to."""
-        solutions: list[Generator] = []
         if not len(branch):
-            return solutions
+            return self.known
+        self.add(unknowns[:_BEGUN], branch[:_BEGUN])
+        self.add(unknowns[-_BEGUN:], branch[-_BEGUN:])
         unknowns, cost = self.least_squares(unknowns, branch, 17, 12)
         best = apart(unknowns, branch, cost, _VALLEYS)
         unknowns, branch = unknowns[best], branch[best]
-        if not best.size:
-            return solutions
+        self.add(unknowns[:_BEGUN], branch[:_BEGUN])
         unknowns, cost = self.least_squares(unknowns, branch, _PLACES if self.largest else SEARCH_SAMPLES, 80)
         best = apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
         unknowns, branch = unknowns[best], branch[best]
-        solutions = self.kept(unknowns[:8], branch[:8])
-        self.note(solutions)
-        if Status.of(solutions, self.tolerance) is Status.REACHED:
+        self.add(unknowns[:_BEGUN], branch[:_BEGUN])
+        if Status.of(self.known, self.tolerance) is Status.REACHED:
             self.settled = True
             return distinct(self.kept(unknowns, branch), self.top, APART)
         radii = np.full(len(branch), FIRST_RADIUS)
@@ -219,6 +220,8 @@ class FunctionSearch:
             (21, 12, 1e-2, self.top + 10),
             (_PLACES, 25, 1e-4, self.top + 4),
         ):
+            if not branch.size or self.work.expired():
+                return self.known
             crank, root = (np.broadcast_to(one, (len(branch), one.size)) for one in self.places(count))
             done = self.stepped(unknowns, branch, crank, root, steps, gain, radii)
             best = apart(done.unknowns, branch, done.merit, most)
@@ -227,14 +230,19 @@ class FunctionSearch:
                 branch[best],
                 np.maximum(2 * done.radius[best], _LEAST_RADIUS),
             )
-            if not best.size:
-                return solutions
-            solutions = distinct(solutions + self.kept(unknowns, branch), self.top, APART)
-            self.note(solutions)
-        unknowns = self.levelled(unknowns, branch, radii)
-        solutions = distinct(solutions + self.kept(unknowns, branch), self.top, APART)
-        self.note(solutions)
-        return solutions
+            self.add(unknowns, branch)
+        if branch.size and not self.work.expired():
+            self.add(self.levelled(unknowns, branch, radii), branch)
+        return self.known
+
+    def add(self, unknowns: Floats, branch: Floats) -> None:
+        """Take candidates within the limits as answers; those of a step that the time cut short only where there are none yet.
+
+        More time would lead them elsewhere, and an answer must not be lost by that.
+        """
+        if branch.size and not (self.known and self.work.expired()):
+            self.known = distinct(self.known + self.kept(unknowns, branch), self.top, APART)
+            self.note(self.known)
 
     def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
         """Candidates led on over the extremes of their own error curves, which are looked up again after each few steps."""

@@ -27,9 +27,9 @@ from synthesis.free.joint import refine
 from synthesis.free.limited import refined_within
 from synthesis.free.motion import chart_of
 from synthesis.free.pairs import in_any_order
-from synthesis.free.path import nearest
 from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
+from synthesis.free.rounds import nearest
 from synthesis.free.rows import JointProblem, Timed
 from synthesis.local.beginning import report_of, turning_fully
 from synthesis.ranking import Status
@@ -100,8 +100,7 @@ def refine_poses(
 
 def _as_it_is(problem: JointProblem, timed: Timed) -> Pool:
     """Candidates in their own pose."""
-    turned = problem.turned(timed, derivatives=False)
-    return Pool(timed, problem.cost(problem.residual(timed, turned), turned.body))
+    return Pool(timed, problem.plain_cost(timed))
 
 
 def _begun(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None) -> Timed | None:

@@ -142,7 +142,7 @@ class LimitedSearch:
     def optima(self, wanted: int) -> Descended:
         """The best valleys descended to their end, one of each, with what was found on the way."""
         best = _valleys(self.pool, max(wanted, _OPTIMA), _ALIKE, slack=_BROKEN)
-        if len(best.branch):
+        if len(best.branch) and not (self.answers.cost.size and self.work.expired()):
             plan = _TO_THE_END._replace(awaited=wanted)
             self.keep(restored(self.whole, descend(self.whole, best.unknowns, best.branch, plan, self.work)))
         return self._of_each_valley(self.answers)
@@ -161,7 +161,12 @@ class LimitedSearch:
         return found.take(np.array(kept, dtype=int))
 
     def keep(self, found: Descended) -> None:
-        """Take those that keep the limits as answers."""
+        """Take those that keep the limits as answers; of a descent that the time cut short only where there are none yet.
+
+        More time would lead it elsewhere, and an answer must not be lost by that.
+        """
+        if self.answers.cost.size and self.work.expired():
+            return
         inside = found.take((found.broken <= _KEPT) & np.isfinite(found.cost))
         self.answers = self.answers.joined(inside)
         self.note(inside.cost)

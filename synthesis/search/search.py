@@ -241,7 +241,11 @@ class _Search:
             return solutions + self.polished(_FINISHED, 30)
         first, solutions = solutions, []
         for chart, way in zip(charts, ways):
-            limited = LimitedSearch(self.target, way, windows(self.limits.family), self.work, self.note)
+            # the first way is that of full cranks alone, so that the larger family is never worse
+            first_of_two = self.limits.family == "any" and way is ways[0]
+            limited = LimitedSearch(
+                self.target, way, windows("full_crank" if first_of_two else self.limits.family), self.work, self.note
+            )
             if not looked:  # one round tells whether an exact answer keeps the limits
                 first, looked = self.look(schedule.FIRST_LOOK[:1], top), True
                 self.note(np.array([one.errors.objective for one in first]) ** 2)

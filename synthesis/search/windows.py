@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from synthesis.mechanism import Boxes, Constraints, Mechanism, Placed
 from synthesis.search.placed import PosedProblem, Poses, ShapeProblem
-from synthesis.target import TURN, Target
+from synthesis.target import TURN, Mean, Target
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -104,7 +104,7 @@ class Windows:
             sides.append(np.full(closed.sum(), float(sign)))
             angles.append(angle[closed])
         window, branch, angle = np.concatenate(windows), np.concatenate(sides), np.concatenate(angles)
-        fits = _Fits.of(target, angle)
+        fits = Fits.of(target, angle)
         merit = fits.rotation + fits.least + 3 * miss[window] ** 2
         if isinstance(problem, PosedProblem):
             assert boxes is not None and reach is not None
@@ -152,7 +152,7 @@ def _missed(on_shape: Constraints, placed: Placed) -> Floats:
     return np.nan_to_num(np.max(found.lacking, axis=1, initial=0.0), nan=np.inf)
 
 
-class _Fits(NamedTuple):
+class Fits(NamedTuple):
     """Inner products of windows with the positions over l, <f, g> = mean(conj(f) g), after z2 E is taken out; (n,) each."""
 
     rotation: Floats
@@ -169,7 +169,7 @@ class _Fits(NamedTuple):
     """(n, 3): <E, 1>, <E, e>, <E, P>."""
 
     @classmethod
-    def of(cls, target: Target, angle: Singles) -> _Fits:
+    def of(cls, target: Target, angle: Singles) -> Fits:
         """Of the angles (n, N) of windows."""
         rotation = np.zeros(len(angle))
         if target.rotation is not None:
@@ -191,12 +191,23 @@ class _Fits(NamedTuple):
         np.cos(angle, out=back.real)
         np.negative(np.sin(angle), out=back.imag)
         share = (back @ columns.astype(np.complex64)).astype(complex)
+        return cls._of(rotation, share, mean(turned), mean(np.conj(turned) * place), mean(np.abs(place) ** 2))
+
+    @classmethod
+    def of_candidates(cls, mean: Mean, place: Complexes, crank: Complexes, body: Complexes) -> Fits:
+        """Of candidates with crank angles of their own: positions over l (N,), e^{i crank angle} and e^{i theta2}, (n, N) each."""
+        back = np.conj(body)
+        share = np.stack([mean(back), mean(back * crank), mean(back * place)], axis=1)
+        rotation, square = np.zeros(len(crank)), mean(np.abs(place) ** 2)
+        return cls._of(rotation, share, mean(crank), mean(np.conj(crank) * place), np.full(len(crank), square))
+
+    @classmethod
+    def _of(cls, rotation: Floats, share: Complexes, along: Any, across: Any, square: Any) -> Fits:
         one, own, held = share.T
-        along, across = mean(turned), mean(np.conj(turned) * place)
         one_one, turned_turned = 1 - np.abs(one) ** 2, 1 - np.abs(own) ** 2
         one_turned = along - np.conj(one) * own
         one_rest, turned_rest = -np.conj(one) * held, across - np.conj(own) * held
-        rest = mean(np.abs(place) ** 2) - np.abs(held) ** 2
+        rest = square - np.abs(held) ** 2
         determinant = np.maximum(one_one * turned_turned - np.abs(one_turned) ** 2, 1e-12)
         free = (
             turned_turned * np.abs(one_rest) ** 2
@@ -206,9 +217,9 @@ class _Fits(NamedTuple):
         least = np.clip(rest - free, 0.0, None)
         return cls(rotation, least, one_one, one_turned, turned_turned, one_rest, turned_rest, rest, share)
 
-    def take(self, places: Any) -> _Fits:
+    def take(self, places: Any) -> Fits:
         """Some of them."""
-        return _Fits(*(column[places] for column in self))
+        return Fits(*(column[places] for column in self))
 
     def within(
         self, rho: Complexes, boxes: Boxes, reach: tuple[Floats, Floats]
