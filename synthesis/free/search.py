@@ -190,9 +190,12 @@ class _Search:
                     begin += islice(guesses, 1)  # among them are answers
                 elif pool.least > _IN_SIGHT[True]:
                     break
-        if work.expired() or (pool is not None and self._settled(pool)):
+        if pool is not None and self._settled(pool):
             return not work.expired()
-        begin = begin or list(islice(guesses, 1))
+        if not (begin or (work.expired() and np.isfinite(found.least))):
+            begin += islice(guesses, 1)
+        if work.expired():
+            return False
         if pool is not None and pool.cost.size:
             begin.append(near.thinned(pool.best(_BEFORE).timed))
         exact: Iterator[Rounds] = iter(())
