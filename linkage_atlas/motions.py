@@ -277,9 +277,9 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
     for name in given:
         if name not in LIMITS:
             raise FieldError(f"/limits/{name}", f"there is no such limit; there are {', '.join(LIMITS)}")
-    preset = given.pop("preset", None)
-    if preset not in (None, "practical"):
-        raise FieldError("/limits/preset", f"wanted 'practical' or nothing, found {preset!r}")
+    preset = given.pop("preset", "none")
+    if preset not in ("none", "practical"):
+        raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {preset!r}")
     for name, value in given.items():
         if name in ANGLES:
             given[name] = number(f"limits/{name}", value) * motion.radian
@@ -294,7 +294,7 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
         given["keep_out"] = tuple(_box(f"limits/keep_out/{k}", box) for k, box in enumerate(given["keep_out"]))
     if "links" in given:
         given["links"] = _lengths(given["links"])
-    if preset is not None:
+    if preset == "practical":
         given = practical_limits(motion.samples, given)
     checked = Limits(**given)
     checked.check_against(motion.samples)

@@ -137,7 +137,7 @@ class LimitsRequest(RequestModel):
     family: Literal["full_crank", "crank_rocker", "double_crank", "any"] = Field(
         "full_crank", description="`any`: closes over the used interval without changing its branch."
     )
-    preset: Literal["practical"] | None = Field(
+    preset: Literal["practical", "none"] | None = Field(
         None,
         description=(
             "`practical`: transmission angle at least 35 degrees over the used interval and 15 over the turn, longest link at "
