@@ -11,6 +11,11 @@ export function say(sentence, bad = false) {
   $("status").classList.toggle("bad", bad);
 }
 
+/** Marks what is shown of an answer as that of an earlier request, or takes the marks away. */
+export function markEarlier(earlier) {
+  for (const mark of document.querySelectorAll("[data-earlier]")) mark.hidden = !earlier;
+}
+
 function stored() {
   try { return localStorage.getItem(KEY); } catch { return null; }
 }
