@@ -1,4 +1,4 @@
-// The motion as a request and as the part of a link behind #, and back.
+// The motion as a request and as what a link or a draft holds of it, and back.
 
 import { PRESET, UNITS, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 
@@ -182,31 +182,4 @@ export function fromRequest(body) {
   if (!numbers.every((value) => value === null || isNumber(value)) || !(box === null || (isNumbers(box) && box.length === 4)))
     throw new Error("The request has something else where a number is needed.");
   return motion;
-}
-
-const toBase64 = (bytes) => {
-  let text = "";
-  for (const byte of bytes) text += String.fromCharCode(byte);
-  return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
-};
-const fromBase64 = (text) => Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
-const through = async (bytes, stream) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
-
-/** A request as the fragment of a link, the part behind #. */
-export async function toFragment(request) {
-  const bytes = new TextEncoder().encode(JSON.stringify(request));
-  if (typeof CompressionStream === "undefined") return `j=${toBase64(bytes)}`;
-  return `z=${toBase64(await through(bytes, new CompressionStream("deflate-raw")))}`;
-}
-
-/** The request in the fragment of a link; null if there is none. Throws Error for a damaged one. */
-export async function fromFragment(fragment) {
-  const [, kind, text] = /^#?([zj])=(.+)$/.exec(fragment) ?? [];
-  if (!kind) return null;
-  try {
-    const bytes = fromBase64(text);
-    return JSON.parse(new TextDecoder().decode(kind === "z" ? await through(bytes, new DecompressionStream("deflate-raw")) : bytes));
-  } catch (error) {
-    throw new Error("The link is damaged: its motion cannot be read.", { cause: error });
-  }
 }

@@ -1,11 +1,11 @@
 // The page of function generation: a function chosen, drawn or typed; the linkages whose rocker turns so; their error.
 
 import { redrawOn, titledChart } from "./charts.js";
-import { functionTable } from "./csv.js";
 import { Draft } from "./draft.js";
 import { LinkageShape, View, make, put, text, thumbnail } from "./drawing.js";
-import { fromFragment, toFragment } from "./formats.js";
 import { Linkage } from "./kinematics.js";
+import { fromFragment, toFragment } from "./link.js";
+import { functionTable } from "./rows.js";
 import { ask, download } from "./service.js";
 import { $, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { mark, reasons } from "./verdict.js";

@@ -1,7 +1,8 @@
 // Where a motion comes from: an example, pasted rows, a file or a link; and the links to a request.
 
 import { fromCsv, toCsv } from "./csv.js";
-import { fromFragment, fromPage, fromRequest, toFragment, toPage, toRequest } from "./formats.js";
+import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
+import { fromFragment, toFragment } from "./link.js";
 import { emptyMotion, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, say } from "./shell.js";

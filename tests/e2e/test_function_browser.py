@@ -11,8 +11,8 @@ import pytest
 from tests.e2e.test_page_browser import (  # noqa: F401
     ActionChains,
     By,
-    Select,
     Keys,
+    Select,
     find,
     forget,
     pick,
@@ -97,7 +97,9 @@ def ask_table(page, rows: str, kind: str = "table") -> None:
     Select(find(page, "name")).select_by_value(kind)
     field = find(page, "table")
     page.execute_script(
-        "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', {bubbles: true}))", field, rows
+        "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', {bubbles: true}))",
+        field,
+        rows,
     )
 
 
@@ -142,11 +144,15 @@ def test_angle_pairs_keep_their_unit_and_their_zeros(opened) -> None:
     find(opened, "transmission").send_keys("40")
     solve(opened)
     request = asked(opened)
-    assert request["angle_unit"] == "rad" and [list(row) for row in zip(request["input"], request["output"])] == radians
+    assert (
+        request["angle_unit"] == "rad" and [list(row) for row in zip(request["input"], request["output"])] == radians
+    )
     assert request["limits"]["transmission_angle_min"] == pytest.approx(np.radians(40))
     assert find(opened, "where").text.startswith(f"{np.degrees(0.5):.4g}°, rocker {np.degrees(1.0):.2g}")
     assert float(find(opened, "solutions").text.split()[1].rstrip("°")) < 20
-    rows = dict(row.split(" ", 1) for row in find(opened, "numbers").text.splitlines() if row.startswith("Transmission "))
+    rows = dict(
+        row.split(" ", 1) for row in find(opened, "numbers").text.splitlines() if row.startswith("Transmission ")
+    )
     assert float(rows["Transmission"].rstrip("°")) >= 39.9
     pick(opened, "#exports [data-format=svg]").click()
     wait(opened, "document.getElementById('export-note').textContent.startsWith('Saved')")
@@ -163,7 +169,9 @@ def test_a_column_of_times_is_no_crank_angle(opened, rows) -> None:
     ask_table(opened, rows)
     solve(opened)
     name = rows.replace(" ", ",").split(",")[0]
-    said = f"The column '{name}' is a time, and no crank angle: name it 'crank' if it holds crank angles in degrees, or"
+    said = (
+        f"The column '{name}' is a time, and no crank angle: name it 'crank' if it holds crank angles in degrees, or"
+    )
     assert find(opened, "status").text.startswith(said)
 
 
@@ -193,7 +201,9 @@ def test_a_question_of_ones_own_is_kept_and_a_link_is_answered(opened, address) 
     find(opened, "x1").send_keys(Keys.END, "0")
     opened.execute_script("location.hash = arguments[0]", link.partition("#")[2])
     wait(opened, "document.querySelectorAll('#solutions li').length", 60)
-    assert find(opened, "table").get_attribute("value") == PAIRS and "replaced once" in find(opened, "draft-text").text
+    assert (
+        find(opened, "table").get_attribute("value") == PAIRS and "replaced once" in find(opened, "draft-text").text
+    )
     opened.back()
     wait(opened, "document.getElementById('name').value === 'log10'")
     assert find(opened, "x1").get_attribute("value") == "20", "the draft is there again"

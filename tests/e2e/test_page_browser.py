@@ -866,7 +866,8 @@ def test_requests_keep_all_their_fields(standing, body) -> None:
     """As a motion, in a link, and in rows of CSV where rows can hold them."""
     again, linked, rows = standing.execute_async_script(
         "const [body, done] = arguments; import('/static/formats.js').then(async (f) => { const motion = f.fromRequest(body);"
-        "const again = f.toRequest(motion), link = await f.fromFragment(await f.toFragment(again));"
+        "const l = await import('/static/link.js');"
+        "const again = f.toRequest(motion), link = await l.fromFragment(await l.toFragment(again));"
         "const c = await import('/static/csv.js');"
         "done([again, f.toRequest(f.fromRequest(link)), f.toRequest(c.fromCsv(c.toCsv(motion), motion))]); })",
         {**body, "top": 5},

@@ -1,7 +1,8 @@
-"""Work of one's own in the page: kept as a draft, undone step by step, opened from a link; answers that belong to what was asked."""
+"""Work of one's own in the page: kept as a draft, undone step by step, opened from a link; answers to what was asked."""
 
 from __future__ import annotations
 
+import itertools
 import json
 
 import numpy as np
@@ -109,7 +110,7 @@ def test_an_example_is_a_draft_only_once_it_is_changed(opened) -> None:  # noqa:
 def test_a_link_wins_over_the_draft_and_leaves_it(opened, address) -> None:  # noqa: F811
     paste(opened, "0, 0\n10, 20\n30, 25")
     link = opened.execute_async_script(
-        "const [body, done] = arguments; import('/static/formats.js').then(async (f) => done(await f.toFragment(body)))",
+        "const [body, done] = arguments; import('/static/link.js').then(async (l) => done(await l.toFragment(body)))",
         {"position": [[1, 2], [3, 4], [5, 9]], "crank_span": 50},
     )
     opened.get("about:blank")
@@ -160,7 +161,9 @@ def test_a_store_with_something_else_in_it_breaks_no_page(opened, address, page)
 
 
 def test_without_a_store_the_page_works(opened, address) -> None:  # noqa: F811
-    source = "Object.defineProperty(window, 'localStorage', {get() { throw new DOMException('no', 'SecurityError') }})"
+    source = (
+        "Object.defineProperty(window, 'localStorage', {get() { throw new DOMException('no', 'SecurityError') }})"
+    )
     script = opened.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": source})
     opened.get(address)
     wait(opened, READY)
@@ -243,7 +246,7 @@ def test_undo_of_another_motion_brings_its_answer_and_linkage_back(opened) -> No
 def test_a_link_pasted_into_an_open_tab_is_solved(opened) -> None:  # noqa: F811
     request = path_request([0, 60, 120])
     own = opened.execute_async_script(
-        "const [body, done] = arguments; import('/static/formats.js').then(async (f) => done(await f.toFragment(body)))",
+        "const [body, done] = arguments; import('/static/link.js').then(async (l) => done(await l.toFragment(body)))",
         request,
     )
     stub(opened, request, [0, 60, 120])
@@ -317,7 +320,8 @@ def replies(page, *sizes: float) -> None:
         "const [sizes] = arguments, reply = window.stub, stages = sizes.map((size, k) => { const one = structuredClone(reply);"
         "one.report.stopped_by = k < sizes.length - 1 ? 'budget' : 'converged';"
         "for (const s of one.solutions) { for (const n in s.links) s.links[n] *= size; s.mount.coupler_point.radius *= size;"
-        "for (const p of ['pivot_a', 'pivot_b']) s.mount[p] = s.mount[p].map((v) => v * size + 400 * (size - 1)); s.errors.objective /= size; }"
+        "for (const p of ['pivot_a', 'pivot_b']) s.mount[p] = s.mount[p].map((v) => v * size + 400 * (size - 1));"
+        "s.errors.objective /= size; }"
         "return one; });"
         "Object.defineProperty(window, 'stub', {configurable: true, get: () => stages.length > 1 ? stages.shift() : stages[0]})",
         sizes,
@@ -335,7 +339,12 @@ def in_view(page) -> bool:
 def test_the_view_fits_a_new_answer_unless_the_user_has_moved_it(opened) -> None:  # noqa: F811
     request = path_request([0, 60, 120])
     take(opened, request)
-    stub(opened, request, [0, 60, 120], [{"order": True, "branch": True, "circuit": True, "buildable": True, "reasons": []}])
+    stub(
+        opened,
+        request,
+        [0, 60, 120],
+        [{"order": True, "branch": True, "circuit": True, "buildable": True, "reasons": []}],
+    )
     for _ in range(3):
         find(opened, "zoom-in").click()
     replies(opened, 1, 3)
@@ -357,14 +366,17 @@ def test_the_view_fits_a_new_answer_unless_the_user_has_moved_it(opened) -> None
 def along(*corners) -> list[tuple[int, int]]:
     """Places in even steps from corner to corner."""
     points = np.array(corners, float)
-    ways = [np.linspace(a, b, 8, endpoint=False) for a, b in zip(points, points[1:])]
+    ways = [np.linspace(a, b, 8, endpoint=False) for a, b in itertools.pairwise(points)]
     return [tuple(map(round, place)) for place in np.vstack([*ways, points[-1:]]).tolist()]
 
 
 TURN = np.linspace(0, 2 * np.pi, 36)
 SHAPES = {
     "oval": OVAL,
-    "D": [*along((-80, 90), (-80, -90)), *((round(-80 + 150 * np.sin(t)), round(-90 * np.cos(t))) for t in TURN[1:18])],
+    "D": [
+        *along((-80, 90), (-80, -90)),
+        *((round(-80 + 150 * np.sin(t)), round(-90 * np.cos(t))) for t in TURN[1:18]),
+    ],
     "rectangle": along((-120, 70), (-120, -70), (120, -70), (120, 70), (-120, 70)),
     "eight": [(round(150 * np.sin(t)), round(-80 * np.sin(2 * t))) for t in TURN],
     "line": along((-150, 40), (150, -40)),
