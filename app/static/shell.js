@@ -13,6 +13,7 @@ export function say(sentence, bad = false) {
 
 /** Marks what is shown of an answer as that of an earlier request, or takes the marks away. */
 export function markEarlier(earlier) {
+  document.body.classList.toggle("earlier", earlier);
   for (const mark of document.querySelectorAll("[data-earlier]")) mark.hidden = !earlier;
 }
 

@@ -16,11 +16,13 @@ from tests.e2e.test_page_browser import (  # noqa: F401
     Keys,
     Select,
     asked,
+    assert_no_errors,
     choose,
     click_canvas,
     drag,
     drawn,
     find,
+    load,
     mode,
     opened,
     path_request,
@@ -387,11 +389,14 @@ SHAPES = {
 @pytest.mark.parametrize(
     "shape", ["oval", *(pytest.param(name, marks=pytest.mark.wide) for name in SHAPES if name != "oval")]
 )
-def test_a_shape_drawn_by_mouse_is_solved(opened, shape) -> None:  # noqa: F811
-    draw(opened, SHAPES[shape])
-    assert len(table(opened)) == 24
-    find(opened, "solve").click()
-    wait(opened, f"{IDLE} && document.getElementById('status').textContent", 90)
-    assert "off by" in text_of(opened, "status"), text_of(opened, "status")
-    assert opened.execute_script(f"return {CARDS}") >= 1 and earlier(opened) is False
-    assert in_view(opened)
+def test_a_shape_drawn_by_mouse_is_solved(browser, served, shape) -> None:
+    """By the service as it is run, within the memory of a request."""
+    load(browser, served)
+    draw(browser, SHAPES[shape])
+    assert len(table(browser)) == 24
+    find(browser, "solve").click()
+    wait(browser, f"{IDLE} && document.getElementById('status').textContent", 90)
+    assert "off by" in text_of(browser, "status"), text_of(browser, "status")
+    assert browser.execute_script(f"return {CARDS}") >= 1 and earlier(browser) is False
+    assert in_view(browser)
+    assert_no_errors(browser)
