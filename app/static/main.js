@@ -196,13 +196,13 @@ function soundMotion() {
 /** Runs what asks the service, `work(control, begin)`, with Stop and progress; what ran before ends. */
 async function run(work) {
   stopSearch();
-  const control = new AbortController(), begin = performance.now();
+  const control = new AbortController(), begin = performance.now(), before = answer;
   running = control;
   const endProgress = startProgress(begin);
   try {
     await work(control, begin);
   } catch (error) {
-    if (error.name !== "AbortError") say(error.message, true);
+    if (error.name !== "AbortError") say(answer === before ? error.message : `${error.message.replace(/\.$/, "")}. What is shown was found before that.`, true);
   } finally {
     endProgress();
     if (running === control) {
