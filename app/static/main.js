@@ -43,9 +43,15 @@ function asShown() {
   return { answer, state: results.state };
 }
 
-/** Brings back, with an earlier motion, the answer that was shown with it, and its linkage as it was by hand. */
+/** Whether an answer is one to the motion as it is. */
+function fits(one) {
+  return Boolean(one) && JSON.stringify(toRequest(editor.motion)) === JSON.stringify(one.request);
+}
+
+/** Brings back, with an earlier motion, the answer that was shown with it, unless this one came for it later, and its linkage as it was by hand. */
 function putBack({ answer: shown, state }) {
   if (shown !== answer) {
+    if (!fits(shown) && fits(answer)) return;
     stopSearch();
     [answer, passed] = [shown, false];
     results.show(answer, true);
@@ -100,12 +106,16 @@ function suggest({ reply: { report, solutions }, request }) {
 
 function sayAnswer() {
   const { reply: { solutions } } = answer;
+  if (editor.board.stale) {
+    say("The motion has changed since it was solved.");
+    return;
+  }
   say(sentenceOf(answer), !solutions.length || defects(solutions[0].verdict).length > 0);
   suggest(answer);
 }
 
 function updateStale() {
-  editor.board.stale = Boolean(answer) && JSON.stringify(toRequest(editor.motion)) !== JSON.stringify(answer.request);
+  editor.board.stale = Boolean(answer) && !fits(answer);
   markEarlier(editor.board.stale || passed);
 }
 
@@ -134,8 +144,7 @@ function motionChanged() {
   updateStale();
   $("suggestions").hidden ||= editor.board.stale;
   if (running) return;
-  if (editor.board.stale) say("The motion has changed since it was solved.");
-  else if (answer && !passed) sayAnswer();
+  if (answer && (editor.board.stale || !passed)) sayAnswer();
 }
 
 function useMotion(motion, { mode = null, fit = true, reply = null, card = null }) {

@@ -21,6 +21,7 @@ from tests.e2e.test_page_browser import (  # noqa: F401
     click_canvas,
     drag,
     drawn,
+    faults,
     find,
     load,
     mode,
@@ -281,6 +282,7 @@ def test_cards_of_an_earlier_request_say_so_or_are_gone(opened) -> None:  # noqa
     assert earlier(opened) is False
     find(opened, "any-order").click()
     assert earlier(opened) is True, "the motion is another one"
+    assert faults(opened) == []
     undo(opened)
     assert earlier(opened) is False
     opened.execute_script("window.real = window.fetch; window.fetch = () => Promise.reject(new TypeError('gone'))")
@@ -307,6 +309,24 @@ def test_cards_of_an_earlier_request_say_so_or_are_gone(opened) -> None:  # noqa
     assert not find(opened, "suggestions").is_displayed(), "they are of the motion before"
     find(opened, "new-motion").click()
     assert text_of(opened, "status") == "" and opened.execute_script(f"return {CARDS}") == 0
+
+
+def test_an_answer_to_a_motion_that_was_changed_meanwhile_says_so(opened) -> None:  # noqa: F811
+    request = path_request([0, 60, 120])
+    take(opened, request)
+    stub(opened, request, [0, 60, 120])
+    opened.execute_script(
+        "const own = window.fetch;"
+        "window.fetch = async (...a) => { await new Promise((go) => { window.go = go; }); return own(...a) }"
+    )
+    find(opened, "solve").click()
+    wait(opened, "window.go")
+    find(opened, "any-order").click()
+    opened.execute_script("window.go()")
+    wait(opened, f"{CARDS} === 4 && {IDLE}")
+    assert earlier(opened) is True and "has changed since" in text_of(opened, "status")
+    undo(opened)
+    assert earlier(opened) is False and "off by" in text_of(opened, "status")
 
 
 def test_a_note_goes_with_its_motion(opened) -> None:  # noqa: F811
