@@ -22,11 +22,12 @@ const SMALL = 1e-9;
 /**
  * Changes the motion only through `actions`: `edit(change, kind)`, `settle()` at the end of a drag, `choose(k)`, `add(at)`,
  * `remove(k)`, `draw(places, closed)` for a path drawn by hand, which begins a new motion, `hand(joint, place)` for a joint of the
- * linkage. `stale` says that the linkage belongs to an earlier motion; it is drawn dimmed.
+ * linkage. `stale` says that the linkage belongs to an earlier motion; it is drawn dimmed. `moved` says that the user has moved or
+ * zoomed the view since it was fitted.
  */
 export class Board {
   constructor(svg, help, actions) {
-    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, stale: false, others: [], corners: [], redrawn: [], seen: [] });
+    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, moved: false, stale: false, others: [], corners: [], redrawn: [], seen: [] });
     Object.assign(this, { motion: null, linkage: null, joints: null, ghosts: false, snap: false });
     for (const layer of LAYERS) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
     this.shape = new LinkageShape(this.linkageLayer);
@@ -56,8 +57,7 @@ export class Board {
   #wheel(event) {
     if (!event.ctrlKey && !event.metaKey) { this.tell("Ctrl and the wheel zoom"); return; }
     event.preventDefault();
-    this.view.zoom(Math.exp(-event.deltaY / 300), ...this.#pixel(event));
-    this.draw();
+    this.zoom(Math.exp(-event.deltaY / 300), ...this.#pixel(event));
   }
 
   /** Shows a sentence on the canvas for a moment. */
@@ -120,7 +120,7 @@ export class Board {
       Object.assign(this.view, { width, height });
       this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     }
-    this.fitted = true;
+    Object.assign(this, { fitted: true, moved: false });
     const points = this.hasPlaces ? this.motion.poses.map(placeOf).filter(Boolean) : [];
     const box = this.motion?.limits.box;
     if (box && this.hasPlaces) points.push([box[0], box[1]], [box[2], box[3]]);
@@ -138,8 +138,9 @@ export class Board {
     });
   }
 
-  zoom(factor) {
-    this.view.zoom(factor);
+  zoom(factor, ...at) {
+    this.view.zoom(factor, ...at);
+    this.moved = true;
     this.draw();
   }
 
@@ -199,7 +200,7 @@ export class Board {
       moved ||= Math.hypot(qx - px, qy - py) > CLICK;
       if (!moved || !drags) return;
       Object.assign(this.view, { cx: cx - (qx - px) / scale, cy: cy + (qy - py) / scale });
-      this.fitted = false;
+      Object.assign(this, { fitted: false, moved: true });
       this.draw();
     }, (cancelled) => { if (!moved && !cancelled) clicked(); });
   }

@@ -1,68 +1,17 @@
 // The motion as rows of CSV, and rows of CSV or from a spreadsheet as a motion.
 
-import { clone, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { UNITS, clone, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { readNumber, readTable } from "./rows.js";
 
 const COLUMNS = {
-  crank: "t", crank_angle: "t", theta1: "t", t: "t", x: "x", y: "y", angle: "angle", rotation: "angle", gamma: "angle", theta: "angle", phi: "angle",
+  crank: "t", crank_angle: "t", theta1: "t", x: "x", y: "y", angle: "angle", rotation: "angle", gamma: "angle", theta: "angle", phi: "angle",
   weight: "w", weight_rotation: "wr", weight_position: "wp", tolerance_rotation: "er", tolerance_position: "ep",
 };
-const NUMBERING = ["no", "nr", "n", "pose", "point", "sample", "index"]; // columns that count the rows, and are not read
+const POSES = {
+  columns: COLUMNS, otherwise: "free, or even over a crank span", named: "crank, x, y, angle", known: "x, y, angle and crank are", wanted: "crank, x, y, angle; or x, y, angle; or x, y",
+  byNumber: { 4: ["t", "x", "y", "angle"], 3: ["x", "y", "angle"], 2: ["x", "y"] },
+};
 const ANGLES = ["t", "angle", "er"];
-const UNITS = ["mm", "cm", "m", "in"];
-const GREEK = { "θ": "theta", "φ": "phi", "ϕ": "phi", "γ": "gamma" };
-
-/** What separates cells, and whether decimals are marked by a comma: found from all lines of a file together. */
-function readLayout(lines) {
-  const all = (character) => lines.some((line) => line.includes(character)), decimal = /(^|\s)[-+]?\d+,\d/;
-  if (all(";")) return [/\s*;\s*/, lines.some((line) => /\d,\d/.test(line))];
-  if (all("\t")) return [/ *\t */, lines.some((line) => /\d,\d/.test(line))];
-  // "1,5 2,5": blanks separate and commas are decimal where no comma is followed by a blank
-  if (all(",") && lines.every((line) => !/,\s|,$|^,|,,/.test(line) && (!line.includes(",") || /\S\s+\S/.test(line))) && lines.some((line) => decimal.test(line))) return [/\s+/, true];
-  return all(",") ? [/\s*,\s*/, false] : [/\s+/, false];
-}
-
-/** A name of a column, as {name, unit}: "X [mm]" is x in mm; null for a cell that is no name. */
-function readName(cell) {
-  const plain = cell.trim().toLowerCase().replace(/[θφϕγ]/g, (letter) => GREEK[letter]);
-  const [, name, unit] = /^([a-z][a-z0-9_]*)\W*([a-z°]*)/.exec(plain) ?? [];
-  return name === undefined ? null : { name, unit: unit === "°" || unit === "degrees" ? "deg" : unit };
-}
-
-/** A number as spreadsheets show it, in plain characters: grouped thousands, a minus of its own, a degree sign behind it. */
-function plainNumber(cell, decimalComma) {
-  const plain = cell.replace(/\s*°$/, "").replace("\u2212", "-").replace(/(?<=\d)[\u00a0\u202f\u2009'’](?=\d{3})/g, "").trim();
-  return decimalComma ? plain.replace(",", ".") : plain;
-}
-
-/** The rows of a text: {names of the columns, unit of each, rows of cells as text, the line of each row}. */
-function readTable(text) {
-  const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.replace(/^ +| +$/g, ""), k + 1])
-    .filter(([line]) => line.trim() && !line.startsWith("#"));
-  if (!lines.length) throw new Error("There are no rows.");
-  const named = /[a-zθφϕγ]/i.test(lines[0][0].replace(/\d[eE][-+]?\d/g, ""));
-  const [separator, decimalComma] = readLayout((named && lines.length > 1 ? lines.slice(1) : lines).map(([line]) => line));
-  const cells = (line, by = separator) => line.split(by).map((cell) => cell.replace(/^"(.*)"$/, "$1"));
-  let names, units = [];
-  if (named) {
-    const first = lines.shift()[0];
-    // a head may be separated otherwise than the rows
-    const head = cells(first, /[;\t,]/.test(first) ? /\s*[;\t,]\s*/ : /\s+(?![[(])/).map(readName);
-    if (!lines.length) throw new Error("There are no rows.");
-    names = head.map((one) => one && COLUMNS[one.name]);
-    units = head.map((one) => one?.unit ?? "");
-    const unknown = head.find((one, k) => one && !names[k] && !NUMBERING.includes(one.name));
-    if (unknown && names.some(Boolean)) throw new Error(`The first line names a column “${unknown.name}”, which is not known; x, y, angle and crank are.`);
-    if (!names.some(Boolean)) throw new Error("The first line names none of the columns crank, x, y, angle.");
-    const twice = names.findIndex((name, k) => name && names.indexOf(name) < k);
-    if (twice >= 0) throw new Error(`Two columns of the first line mean the same: ${head[names.indexOf(names[twice])].name} and ${head[twice].name}.`);
-  } else {
-    const { length } = cells(lines[0][0]);
-    names = { 4: ["t", "x", "y", "angle"], 3: ["x", "y", "angle"], 2: ["x", "y"] }[length];
-    if (!names) throw new Error("Each row must hold crank, x, y, angle; or x, y, angle; or x, y.");
-  }
-  const rows = lines.map(([line]) => cells(line).map((cell) => plainNumber(cell, decimalComma)));
-  return { names, units, rows, at: lines.map(([, line]) => line) };
-}
 
 /** The length unit that the columns x and y name; null where they name none. */
 function lengthUnit(names, units) {
@@ -78,7 +27,7 @@ function lengthUnit(names, units) {
  * with the number of the line.
  */
 export function fromCsv(text, motion = emptyMotion()) {
-  const { names, units, rows, at } = readTable(text);
+  const { names, units, rows, at } = readTable(text, POSES);
   if (rows.length > 1024) throw new Error(`There are ${rows.length} rows; at most 1024 are allowed.`);
   const has = (name) => names.includes(name);
   const place = has("x") && has("y");
@@ -88,8 +37,7 @@ export function fromCsv(text, motion = emptyMotion()) {
   const poses = rows.map((row, k) => {
     const pose = { t: 0, x: 0, y: 0, angle: 0 };
     for (const [column, name] of used) {
-      const cell = row[column] ?? "", value = cell ? Number((Number(cell) * scale[column]).toPrecision(15)) : NaN;
-      if (!Number.isFinite(value) && (cell || name === "t")) throw new Error(`Line ${at[k]}, column ${column + 1}: '${cell.slice(0, 20)}' is not a number.`);
+      const cell = row[column] ?? "", value = Number((readNumber(cell, at[k], column, name !== "t") * scale[column]).toPrecision(15));
       if (["x", "y", "angle"].includes(name)) pose[name] = cell ? value : null;
       else if (name === "t") pose.t = value;
       else if (cell) for (const one of name === "w" ? ["wr", "wp"] : [name]) pose[one] = value;

@@ -13,13 +13,13 @@ const modeButtons = () => [...document.querySelectorAll("[data-mode]:not(svg)")]
 export class Editor {
   /**
    * `changed()` is called after every change of the motion, before it is drawn again; `drawn(places, closed)` gets a path drawn
-   * by hand, which begins a new motion; `hand` moves the joints of the selected linkage.
+   * by hand, which begins a new motion; `hand` moves the joints of the selected linkage, which undo brings back `beside` the motion.
    */
-  constructor(changed, drawn, hand) {
+  constructor(changed, drawn, hand, beside) {
     this.changed = changed;
     this.chosen = 0;
     this.cellFaults = new Map();
-    this.history = new History(emptyMotion(), () => this.refresh());
+    this.history = new History(emptyMotion(), () => this.refresh(), beside);
     const edit = (change, kind) => this.history.change((motion) => { change(motion); }, kind), settle = () => this.history.settle();
     this.board = new Board($("canvas"), $("canvas-help"), {
       edit, settle, hand,
@@ -42,11 +42,14 @@ export class Editor {
     return this.fields.fault;
   }
 
-  /** Puts another motion in place of this one; undo brings this one back. `fit` false leaves the view as it is. */
-  replace(motion, fit = true) {
+  /**
+   * Puts another motion in place of this one; undo brings this one back, with what was beside it before `clear()`. `fit` false
+   * leaves the view as it is.
+   */
+  replace(motion, fit = true, clear = () => {}) {
     this.chosen = 0;
     this.#forget();
-    this.history.change(() => motion);
+    this.history.change(() => { clear(); return motion; });
     if (fit) this.board.fit();
   }
 
@@ -64,10 +67,20 @@ export class Editor {
     }
   }
 
-  /** Draws the motion again everywhere. */
-  refresh() {
+  /** Keeps the linkage as it is, before it is changed by hand, as a step of undo. */
+  keep(kind) {
+    this.history.keep(kind);
+    this.#showSteps();
+  }
+
+  #showSteps() {
     $("undo").disabled = !this.history.past.length;
     $("redo").disabled = !this.history.future.length;
+  }
+
+  /** Draws the motion again everywhere. */
+  refresh() {
+    this.#showSteps();
     this.chosen = Math.max(0, Math.min(this.chosen, this.motion.poses.length - 1));
     this.changed();
     this.board.show(this.motion, this.chosen);

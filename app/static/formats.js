@@ -1,6 +1,6 @@
-// The motion as a request and as the part of a link behind #, and back.
+// The motion as a request and as what a link or a draft holds of it, and back.
 
-import { PRESET, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { PRESET, UNITS, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 
 const NO_RATIO = 1e6; // a ratio of lengths that limits nothing
 
@@ -39,7 +39,7 @@ export function toRequest(motion) {
   if (tolerances) request.tolerances = tolerances;
   request.top = motion.top;
   if (motion.diverse) request.diverse = true;
-  const asked = { ...limits.extra, ...practical(limits) };
+  const asked = { ...limits.extra, ...practical(limits, motion.timing === "free") };
   if (limits.family !== "full_crank") asked.family = limits.family;
   if (limits.box && places) asked.pivot_box = limits.box;
   if (limits.min) asked.link_min = limits.min;
@@ -56,9 +56,12 @@ export function toRequest(motion) {
 
 const REPLACED = [["use", "transmission", "transmission_angle_min", 0], ["turn", "turn", "transmission_angle_min_turn", 0], ["ratio", "ratio", "link_ratio_max", NO_RATIO]];
 
-/** The practical limits of a request: the preset with what replaces its values, or without it those that are kept one by one. */
-function practical(limits) {
-  const { kept } = limits, asked = kept.reach ? { preset: "practical" } : {};
+/**
+ * The practical limits of a request: the preset with what replaces its values, or without it those that are kept one by one; `free`
+ * crank angles bring the preset with them unless it is declined.
+ */
+function practical(limits, free) {
+  const { kept } = limits, asked = kept.reach ? { preset: "practical" } : free ? { preset: "none" } : {};
   for (const [name, own, field, none] of REPLACED) {
     if (kept[name]) {
       if (limits[own] !== null || !kept.reach) asked[field] = limits[own] ?? PRESET[name];
@@ -68,8 +71,8 @@ function practical(limits) {
 }
 
 /** The opposite of `practical`: {kept, transmission, turn, ratio}. */
-function readPractical(limits, unit) {
-  const preset = limits.preset === "practical", read = { kept: { reach: preset } };
+function readPractical(limits, unit, free) {
+  const preset = (limits.preset ?? (free ? "practical" : "none")) === "practical", read = { kept: { reach: preset } };
   for (const [name, own, field, none] of REPLACED) {
     const given = limits[field] === undefined || limits[field] === null ? null : limits[field] * (name === "ratio" ? 1 : unit);
     const off = given === null ? !preset : given === none;
@@ -94,7 +97,9 @@ export function requestText(request) {
   return `{\n${rows.join(",\n")}\n}`;
 }
 
-const isNumbers = (list) => Array.isArray(list) && list.every(Number.isFinite);
+const isNumber = (value) => Number.isFinite(value) && Math.abs(value) <= 1e50;
+const isNumbers = (list) => Array.isArray(list) && list.every(isNumber);
+const isPlace = (value) => isNumbers(value) && value.length === 2;
 const isColumn = (list, good) => Array.isArray(list) && list.every((entry) => entry === null || good(entry));
 
 /** Puts the lists of `part` ({rotation, position}) into the poses as `names`; returns what is not a list. */
@@ -110,6 +115,17 @@ function spread(part, poses, names, unit, what) {
   return whole;
 }
 
+/** What a link and a draft hold of a motion: its request, and what else the page shows of it. */
+export const toPage = (request, { unit, outline }, card = null) => ({ request, page: { unit, ...(outline ? { outline } : {}), ...(card ? { card } : {}) } });
+
+/** {motion, card} of what `toPage` made, or of a request alone. Throws Error for anything else. */
+export function fromPage(content) {
+  const { request = content, page } = content ?? {}, motion = fromRequest(request), { unit, outline, card = null } = page ?? {};
+  if (UNITS.includes(unit)) motion.unit = unit;
+  if (Array.isArray(outline) && outline.every((line) => Array.isArray(line) && line.every(isPlace))) motion.outline = outline;
+  return { motion, card };
+}
+
 /** The motion of a request. Throws Error for anything that is not a request. */
 export function fromRequest(body) {
   const {
@@ -118,13 +134,13 @@ export function fromRequest(body) {
   } = body ?? {};
   const unit = angle_unit === "rad" ? 180 / Math.PI : 1, free = timing === "free";
   const count = (rotation ?? position)?.length;
-  if (!count || (rotation && !isColumn(rotation, Number.isFinite)) || (position && !isColumn(position, (p) => isNumbers(p) && p.length === 2)))
+  if (!count || (rotation && !isColumn(rotation, isNumber)) || (position && !isColumn(position, isPlace)))
     throw new Error("This is not a request: it has neither a rotation nor positions.");
   if (rotation && position && rotation.length !== position.length)
     throw new Error(`There are ${rotation.length} angles and ${position.length} positions.`);
   if (crank_angle && !(isNumbers(crank_angle) && crank_angle.length === count))
     throw new Error(`The request has ${count} poses but not ${count} crank angles.`);
-  if (!free && !crank_angle && !Number.isFinite(crank_span)) throw new Error("The request has no crank span, and its crank angles are not free.");
+  if (!free && !crank_angle && !isNumber(crank_span)) throw new Error("The request has no crank span, and its crank angles are not free.");
   const motion = emptyMotion(rotation && position ? "both" : rotation ? "rotation" : "position");
   motion.timing = free ? "free" : crank_angle ? "table" : "even";
   if (free) Object.assign(motion, { anyOrder: order === "any", closed: closed === true, spanMax: crank_span_max ? crank_span_max * unit : null });
@@ -145,7 +161,7 @@ export function fromRequest(body) {
   const { family, pivot_box, link_min, link_max, preset, transmission_angle_min, transmission_angle_min_turn, link_ratio_max, ...more } = limits;
   motion.limits = {
     family: family ?? "full_crank",
-    ...readPractical({ preset, transmission_angle_min, transmission_angle_min_turn, link_ratio_max }, unit),
+    ...readPractical({ preset, transmission_angle_min, transmission_angle_min_turn, link_ratio_max }, unit, free),
     box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, extra: more,
   };
   motion.diverse = diverse === true;
@@ -161,32 +177,9 @@ export function fromRequest(body) {
   delete extra.budget_ms;
   delete extra.refine_from; // a linkage, and no part of the motion
   motion.extra = extra;
+  const { min, max, transmission, turn, ratio, box } = motion.limits, { speed, force, torque } = motion.analysis;
+  const numbers = [min, max, transmission, turn, ratio, motion.spanMax, motion.round, motion.top, speed, torque, links, pivots, clearance, ...force];
+  if (!numbers.every((value) => value === null || isNumber(value)) || !(box === null || (isNumbers(box) && box.length === 4)))
+    throw new Error("The request has something else where a number is needed.");
   return motion;
-}
-
-const toBase64 = (bytes) => {
-  let text = "";
-  for (const byte of bytes) text += String.fromCharCode(byte);
-  return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
-};
-const fromBase64 = (text) => Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
-const through = async (bytes, stream) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
-
-/** A request as the fragment of a link, the part behind #. */
-export async function toFragment(request) {
-  const bytes = new TextEncoder().encode(JSON.stringify(request));
-  if (typeof CompressionStream === "undefined") return `j=${toBase64(bytes)}`;
-  return `z=${toBase64(await through(bytes, new CompressionStream("deflate-raw")))}`;
-}
-
-/** The request in the fragment of a link; null if there is none. Throws Error for a damaged one. */
-export async function fromFragment(fragment) {
-  const [, kind, text] = /^#?([zj])=(.+)$/.exec(fragment) ?? [];
-  if (!kind) return null;
-  try {
-    const bytes = fromBase64(text);
-    return JSON.parse(new TextDecoder().decode(kind === "z" ? await through(bytes, new DecompressionStream("deflate-raw")) : bytes));
-  } catch (error) {
-    throw new Error("The link is damaged: its motion cannot be read.", { cause: error });
-  }
 }

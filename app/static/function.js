@@ -1,10 +1,13 @@
 // The page of function generation: a function chosen, drawn or typed; the linkages whose rocker turns so; their error.
 
 import { redrawOn, titledChart } from "./charts.js";
+import { Draft } from "./draft.js";
 import { LinkageShape, View, make, put, text, thumbnail } from "./drawing.js";
 import { Linkage } from "./kinematics.js";
+import { fromFragment, toFragment } from "./link.js";
+import { functionTable } from "./rows.js";
 import { ask, download } from "./service.js";
-import { $, say, startScenes, startTheme } from "./shell.js";
+import { $, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { mark, reasons } from "./verdict.js";
 
 const RAD = Math.PI / 180;
@@ -19,10 +22,14 @@ const STATUS = {
 const LINKS = ["crank", "coupler", "rocker", "ground"];
 
 let drawn = []; // points [px, py] of the pad, from left to right
-let answer = null; // {request, reply}
+let answer = null; // {request, reply, solutions, from}: the reply in degrees, its solutions as they came, the crank angle given first
 let shown = null; // the selected solution
 let charts = []; // of its error
 let running = null; // AbortController of the search that runs
+let linked = null; // the question of a link as it came
+
+const untouched = JSON.stringify(asIs());
+const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
 
 // -- the question -----------------------------------------------------------------------------------------------------
 
@@ -43,38 +50,120 @@ function drawnTable() {
   return smooth(smooth(smooth(heights))).map((y, n) => [n / (DRAWN - 1), Number(y.toFixed(6))]);
 }
 
-function typedTable() {
-  return $("table").value.split("\n").filter((line) => line.trim()).map((line, k) => {
-    const cells = line.trim().split(/[\s,;]+/).map(Number);
-    if (cells.length !== 2 || !cells.every(Number.isFinite)) throw new Error(`Line ${k + 1} of the table: wanted two numbers, x and y.`);
-    return cells;
-  });
+const typed = () => functionTable($("table").value, $("name").value);
+
+/** What of a request says which function is wanted; given angles are asked for as they are, in their unit. */
+function wantedOf(name) {
+  const dials = { output_span: number("output-span") }, crank_span = number("crank-span");
+  if (name === "drawn") return { function: { ...dials, table: drawnTable() }, crank_span };
+  if (name === "table" || name === "pairs") {
+    const { x, y, input, output, radians } = typed();
+    if (x) return { function: { ...dials, table: x.map((value, k) => [value, y[k]]) }, crank_span };
+    const turned = input ? { input } : { crank_span: radians ? crank_span * RAD : crank_span };
+    return { output, ...turned, ...(radians ? { angle_unit: "rad" } : {}) };
+  }
+  return { function: { ...dials, name, x: [number("x0"), number("x1")], ...(name === "power" ? { exponent: number("exponent") } : {}) }, crank_span };
 }
 
 function toRequest() {
-  const name = $("name").value, wanted = { output_span: number("output-span") };
-  if (name === "drawn") wanted.table = drawnTable();
-  else if (name === "table") wanted.table = typedTable();
-  else {
-    Object.assign(wanted, { name, x: [number("x0"), number("x1")] });
-    if (name === "power") wanted.exponent = number("exponent");
-  }
+  const wanted = wantedOf($("name").value);
   const limits = { family: $("family").value };
   if ($("practical").checked) limits.preset = "practical";
-  if (number("transmission") !== null) limits.transmission_angle_min = number("transmission");
+  if (number("transmission") !== null) limits.transmission_angle_min = number("transmission") * (wanted.angle_unit === "rad" ? RAD : 1);
   if (number("ratio") !== null) limits.link_ratio_max = number("ratio");
   if (number("ground") !== null) limits.links = { ground: number("ground") };
-  const request = { function: wanted, crank_span: number("crank-span"), objective: $("objective").value, limits, top: number("top"), curves: true };
+  const request = { ...wanted, objective: $("objective").value, limits, top: number("top"), curves: true };
   if ($("one-way").checked) request.one_way = true;
   if (number("round") !== null) request.round_to = number("round");
   return request;
 }
 
+/** The fields that the function needs; columns that are named say what a table holds. */
 function showFields() {
-  const name = $("name").value, kinds = { name: !["drawn", "table"].includes(name), power: name === "power", drawn: name === "drawn", table: name === "table" };
-  for (const block of document.querySelectorAll("[data-for]")) block.hidden = !kinds[block.dataset.for];
-  for (const id of ["x0", "x1"]) $(id).disabled = !kinds.name;
+  let columns = {};
+  try { columns = typed(); } catch { /* it is said when it is asked for */ }
+  if (columns.x && $("name").value === "pairs") $("name").value = "table";
+  if (columns.output && $("name").value === "table") $("name").value = "pairs";
+  const name = $("name").value, pairs = name === "pairs";
+  const kinds = { name: !["drawn", "table", "pairs"].includes(name), crank: !pairs || !columns.input, rocker: !pairs, [name]: true };
+  for (const block of document.querySelectorAll("[data-for]")) block.hidden = !block.dataset.for.split(" ").some((kind) => kinds[kind]);
+  for (const [id, kind] of [["x0", "name"], ["x1", "name"], ["crank-span", "crank"], ["output-span", "rocker"]]) $(id).disabled = !kinds[kind];
+  changed();
+}
+
+/** After every change of the question: it is kept as a draft, and the answer that is shown may be that of another one. */
+function changed() {
   showRequest();
+  const content = asIs(), own = ![untouched, linked].includes(JSON.stringify(content));
+  draft.see(content, own);
+  if (own && /^#[zj]=/.test(location.hash)) history.replaceState(null, "", location.pathname);
+  if (!answer || running) return;
+  let request = null;
+  try { request = toRequest(); } catch { /* it cannot be asked as it is */ }
+  const earlier = JSON.stringify(request) !== JSON.stringify(answer.request);
+  markEarlier(earlier);
+  if (earlier) say("The question has changed since it was answered.");
+  else sayStatus();
+}
+
+// -- the question as a link and as a draft ----------------------------------------------------------------------------
+
+function fields() {
+  return [...$("form").elements].filter((one) => one.id && one.matches("input, select, textarea"));
+}
+
+/** The form as it is: the values of its fields by their ids, and the drawn curve. */
+function asIs() {
+  return { fields: Object.fromEntries(fields().map((one) => [one.id, one.type === "checkbox" ? one.checked : one.value])), drawn };
+}
+
+/** Fills the form as `asIs` has told it, perhaps from a link. Throws for what it has not. */
+function fill(content, ofLink = false) {
+  if (typeof content?.fields !== "object" || !content.fields || !Array.isArray(content.drawn)) throw new Error("The link is of another page or version.");
+  for (const one of fields()) {
+    const value = content.fields[one.id];
+    if (one.type === "checkbox") one.checked = value === true;
+    else if (typeof value === "string") one.value = value;
+    if (one.selectedIndex < 0) one.selectedIndex = 0;
+  }
+  drawn = content.drawn.filter((point) => Array.isArray(point) && point.length === 2 && point.every(Number.isFinite));
+  tracePad();
+  if (ofLink) linked = JSON.stringify(asIs());
+  showFields();
+}
+
+function clear() {
+  $("form").reset();
+  drawn = [];
+  tracePad();
+  showFields();
+}
+
+/** The question in the page's address, which is asked at once; false if there is none. */
+async function openLink() {
+  const { hash } = location, content = await fromFragment(hash);
+  if (!content || location.hash !== hash) return false;
+  fill(content, true);
+  solve();
+  return true;
+}
+
+/** After another address: the question in it; after a link that is as it came, what was there before. */
+async function addressChanged() {
+  try {
+    if (!(await openLink()) && !location.hash && linked === JSON.stringify(asIs()) && !draft.restore()) clear();
+  } catch (error) { say(error.message, true); }
+}
+
+async function copyLink() {
+  const link = new URL(location.href), content = asIs();
+  linked = JSON.stringify(content);
+  link.hash = await toFragment(content);
+  history.replaceState(null, "", link);
+  try {
+    await navigator.clipboard.writeText(link.href);
+    $("export-note").textContent = "The link is copied; it holds the question.";
+  } catch { $("export-note").textContent = link.href; }
 }
 
 function showRequest() {
@@ -84,11 +173,14 @@ function showRequest() {
 
 // -- the pad ----------------------------------------------------------------------------------------------------------
 
+function tracePad() {
+  put($("pad").querySelector(".pen"), { d: drawn.length > 1 ? `M${drawn.map((point) => point.map((v) => v.toFixed(1)).join(" ")).join("L")}` : "" });
+}
+
 function startPad() {
   const pad = $("pad"), { width, height, border } = PAD;
   make("rect", { class: "frame", x: 0.5, y: 0.5, width: width - 1, height: height - 1 }, pad);
-  const line = make("path", { class: "pen" }, pad);
-  const trace = () => put(line, { d: drawn.length > 1 ? `M${drawn.map((point) => point.map((v) => v.toFixed(1)).join(" ")).join("L")}` : "" });
+  make("path", { class: "pen" }, pad);
   const place = (event) => {
     const box = pad.getBoundingClientRect();
     const clip = (value, most) => Math.min(Math.max(value, border), most - border);
@@ -97,16 +189,16 @@ function startPad() {
   pad.addEventListener("pointerdown", (event) => {
     pad.setPointerCapture(event.pointerId);
     drawn = [place(event)];
-    trace();
+    tracePad();
   });
   pad.addEventListener("pointermove", (event) => {
     if (!pad.hasPointerCapture(event.pointerId)) return;
     const point = place(event);
     if (point[0] > drawn.at(-1)[0] + 0.5) drawn.push(point); // a function has one y for each x
-    trace();
+    tracePad();
   });
-  pad.addEventListener("pointerup", showRequest);
-  $("pad-clear").addEventListener("click", () => { drawn = []; trace(); showRequest(); });
+  pad.addEventListener("pointerup", changed);
+  $("pad-clear").addEventListener("click", () => { drawn = []; tracePad(); changed(); });
 }
 
 // -- the answer -------------------------------------------------------------------------------------------------------
@@ -137,7 +229,7 @@ function showNumbers() {
 }
 
 function showLinkage() {
-  const span = answer.request.crank_span * RAD, linkage = new Linkage({ ...shown, mount: null });
+  const span = answer.reply.input.at(-1) * RAD, linkage = new Linkage({ ...shown, mount: null });
   const view = new View(640, 360), used = linkage.over(0, span, 120).filter(Boolean);
   $("canvas").replaceChildren();
   if (!used.length) return;
@@ -151,8 +243,9 @@ function showLinkage() {
     shape.show(joints, view);
     const made = joints && (joints.rocker / RAD + shown.output_offset);
     const wrapped = made === null ? null : made - 360 * Math.round((made - wantedAt(share)) / 360);
-    $("where").textContent = joints ? `${text(share * answer.request.crank_span, 4)}°, rocker ${text(wrapped, 5)}°` : "does not close here";
-    for (const plot of charts) plot.mark(share * answer.request.crank_span);
+    const crank = answer.from + (share * span) / RAD;
+    $("where").textContent = joints ? `${text(crank, 4)}°, rocker ${text(wrapped, 5)}°` : "does not close here";
+    for (const plot of charts) plot.mark(crank);
   };
   $("slider").oninput = move;
   showCurves();
@@ -169,8 +262,9 @@ function wantedAt(share) {
 
 function showCurves() {
   if (!shown) return;
-  const { input, error } = shown.error_curve, { x, y, output } = answer.reply;
-  const turn = input.at(-1) < 0 ? (values) => values.slice().reverse() : (values) => values;
+  const { error } = shown.error_curve, { x, y, output } = answer.reply;
+  const [input, samples] = [shown.error_curve.input, answer.reply.input].map((angles) => angles.map((angle) => angle + answer.from));
+  const turn = answer.reply.input.at(-1) < 0 ? (values) => values.slice().reverse() : (values) => values;
   $("curves").replaceChildren();
   charts = [titledChart($("curves"), "Error in degrees of the rocker", { x: turn(input), degreesY: true, series: [{ values: turn(error), colour: "accent" }] })];
   const range = (values) => Math.max(...values) - Math.min(...values);
@@ -178,7 +272,7 @@ function showCurves() {
     const unit = range(y) / range(output);
     charts.push(titledChart($("curves"), "Error in units of y", { x: turn(input), series: [{ values: turn(error.map((value) => value * unit)), colour: "path" }] }));
   }
-  charts.push(titledChart($("curves"), "Wanted angle of the rocker", { x: turn(answer.reply.input), degreesY: true, series: [{ values: turn(output), colour: "ink" }] }));
+  charts.push(titledChart($("curves"), "Wanted angle of the rocker", { x: turn(samples), degreesY: true, series: [{ values: turn(output), colour: "ink" }] }));
   const ends = x ? `x from ${text(x[0])} to ${text(x.at(-1))} over this interval. ` : "";
   $("error-note").textContent = ends + answer.reply.report.notes.join(". ");
 }
@@ -192,7 +286,7 @@ function select(k) {
 
 function card(solution, k) {
   const button = Object.assign(document.createElement("button"), { type: "button" });
-  button.append(thumbnail(new Linkage({ ...solution, mount: null }), [0, answer.request.crank_span * RAD], []));
+  button.append(thumbnail(new Linkage({ ...solution, mount: null }), [0, answer.reply.input.at(-1) * RAD], []));
   button.append(Object.assign(document.createElement("span"), { className: "name", textContent: `${solution.rank}. ${text(solution.errors.max, 3)}°` }));
   const verdict = mark(solution.verdict);
   button.append(Object.assign(document.createElement("span"), { className: `verdict ${verdict.kind}`, textContent: `${verdict.sign} ${verdict.text}` }));
@@ -202,34 +296,58 @@ function card(solution, k) {
   return item;
 }
 
+/** A reply with its angles in degrees, each of which is `unit` of them. */
+function inDegrees(reply, unit) {
+  const all = (angles) => angles.map((angle) => angle * unit), some = (angle) => angle && angle * unit;
+  const errorsOf = (errors) => errors && { ...errors, rms: errors.rms * unit, max: errors.max * unit };
+  const solutions = reply.solutions.map((one) => ({
+    ...one, start_angle: one.start_angle * unit, output_offset: one.output_offset * unit, errors: errorsOf(one.errors),
+    transmission_angle_min: one.transmission_angle_min * unit, transmission_angle_min_turn: some(one.transmission_angle_min_turn),
+    rounded: one.rounded && { ...one.rounded, errors: errorsOf(one.rounded.errors) },
+    error_curve: { input: all(one.error_curve.input), error: all(one.error_curve.error) },
+  }));
+  return { ...reply, input: all(reply.input), output: all(reply.output), solutions };
+}
+
+function sayStatus() {
+  say(STATUS[answer.reply.status], !answer.reply.solutions.length);
+}
+
 function show(request, reply) {
-  answer = { request, reply };
+  const unit = request.angle_unit === "rad" ? 1 / RAD : 1;
+  answer = { request, reply: inDegrees(reply, unit), solutions: reply.solutions, from: unit * (request.input?.[0] ?? 0) };
   shown = null;
   const found = reply.solutions.length > 0;
   for (const id of ["picture-card", "error-card", "results", "numbers-card"]) $(id).hidden = !found;
-  say(STATUS[reply.status], !found);
-  $("solutions").replaceChildren(...reply.solutions.map(card));
+  $("export-note").textContent = "";
+  $("solutions").replaceChildren(...answer.reply.solutions.map(card));
   $("slider").value = "0";
   if (found) select(0);
+  changed();
 }
 
-async function solve(event) {
-  event.preventDefault();
+async function solve() {
   running?.abort();
-  running = new AbortController();
+  const control = new AbortController();
+  running = control;
+  markEarlier(Boolean(answer));
   try {
     const request = toRequest();
     say("Searching…");
-    show(request, await (await ask("/v1/function", request, running.signal)).json());
+    const reply = await (await ask("/v1/function", request, control.signal)).json();
+    running = null;
+    show(request, reply);
   } catch (error) {
     if (error.name !== "AbortError") say(error.message, true);
+  } finally {
+    if (running === control) running = null;
   }
 }
 
 async function save(format) {
   $("export-note").textContent = `Making ${format.toUpperCase()}…`;
   try {
-    const reply = await ask("/v1/function/export", { request: answer.request, solution: shown, format });
+    const reply = await ask("/v1/function/export", { request: answer.request, solution: answer.solutions[answer.reply.solutions.indexOf(shown)], format });
     const name = `function-${shown.rank}.${format === "mjcf" ? "xml" : format}`;
     download(await reply.blob(), name);
     $("export-note").textContent = `Saved ${name}.`;
@@ -239,11 +357,15 @@ async function save(format) {
 startTheme();
 startScenes();
 startPad();
-document.body.dataset.ready = "true";
 showFields();
-$("name").addEventListener("change", showFields);
-$("form").addEventListener("input", showRequest);
+for (const kind of ["input", "change"]) $("form").addEventListener(kind, showFields);
 $("request").addEventListener("toggle", showRequest);
-$("form").addEventListener("submit", solve);
+$("form").addEventListener("submit", (event) => { event.preventDefault(); solve(); });
+$("link").addEventListener("click", copyLink);
+addEventListener("hashchange", addressChanged);
+openLink().catch((error) => { say(error.message, true); return false; }).then((found) => {
+  if (!found) draft.restore();
+  document.body.dataset.ready = "true";
+});
 for (const button of $("exports").children) button.addEventListener("click", () => save(button.dataset.format));
 redrawOn($("curves"), () => answer && showCurves());

@@ -1,15 +1,16 @@
 // The four-bar page: sends the edited motion to the search, and shows the answers and the search's state.
 
+import { Draft } from "./draft.js";
 import { Editor } from "./editor.js";
 import { alike, fitOf, limitName, worstRows } from "./fit.js";
-import { fromRequest, requestText, toRequest } from "./formats.js";
+import { fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
 import { fault, wantsAngles } from "./motion.js";
 import { Results, copy } from "./results.js";
 import { STAGES, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
-import { $, say, startScenes, startTheme } from "./shell.js";
+import { $, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
 import { explainTerms, startTour } from "./tour.js";
@@ -20,11 +21,13 @@ const EXCLUDES = /^(\w+) excludes .* without it there are some$/;
 
 let answer = null; // the last answer: {request, reply, motion, stored}
 let running = null; // AbortController of the search that runs
+let passed = false; // a later search has not brought anything in the place of the last answer
 let linkedCard = null; // the card that a link chose, until the search for it has ended
 
-const editor = new Editor(motionChanged, pathDrawn, jointDragged);
-const results = new Results(editor.board);
+const editor = new Editor(motionChanged, pathDrawn, jointDragged, { get: asShown, put: putBack });
+const results = new Results(editor.board, (kind) => editor.keep(kind));
 const sources = new Sources(() => editor.motion, useMotion);
+const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), () => sources.useExample(sources.examples[0]?.name));
 const gallery = new Gallery((name) => sources.useExample(name));
 
 function pathDrawn(places, closed) {
@@ -33,6 +36,27 @@ function pathDrawn(places, closed) {
 
 function jointDragged(joint, place) {
   results.drag(joint, place);
+}
+
+/** The answer that is shown, and its linkage as it is by hand. */
+function asShown() {
+  return { answer, state: results.state };
+}
+
+/** Whether an answer is one to the motion as it is. */
+function fits(one) {
+  return Boolean(one) && JSON.stringify(toRequest(editor.motion)) === JSON.stringify(one.request);
+}
+
+/** Brings back, with an earlier motion, the answer that was shown with it, unless this one came for it later, and its linkage as it was by hand. */
+function putBack({ answer: shown, state }) {
+  if (shown !== answer) {
+    if (!fits(shown) && fits(answer)) return;
+    stopSearch();
+    [answer, passed] = [shown, false];
+    results.show(answer, true);
+  } else if (state?.hand === results.state?.hand) return;
+  if (state) results.restore(state);
 }
 
 /** What the best linkage found really does, in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
@@ -73,7 +97,7 @@ function suggest({ reply: { report, solutions }, request }) {
   $("suggestions").replaceChildren(...found.map(([words, limits]) => {
     const button = Object.assign(document.createElement("button"), { type: "button", textContent: words });
     button.addEventListener("click", () => {
-      editor.replace({ ...fromRequest({ ...request, limits }), unit: editor.motion.unit, outline: editor.motion.outline }, false);
+      editor.replace({ ...fromRequest({ ...request, limits }), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note }, false);
       startSearch();
     });
     return button;
@@ -82,12 +106,24 @@ function suggest({ reply: { report, solutions }, request }) {
 
 function sayAnswer() {
   const { reply: { solutions } } = answer;
+  if (editor.board.stale) {
+    say("The motion has changed since it was solved.");
+    return;
+  }
   say(sentenceOf(answer), !solutions.length || defects(solutions[0].verdict).length > 0);
   suggest(answer);
 }
 
 function updateStale() {
-  editor.board.stale = Boolean(answer) && JSON.stringify(toRequest(editor.motion)) !== JSON.stringify(answer.request);
+  editor.board.stale = Boolean(answer) && !fits(answer);
+  markEarlier(editor.board.stale || passed);
+}
+
+/** Keeps a motion of the user's own as the draft; the page's address no longer holds it, if it did. */
+function keepDraft() {
+  const { motion } = editor, own = sources.isOwn(motion);
+  draft.see(toPage(toRequest(motion), motion), own);
+  if (own && /^#(path$|[zj]=)/.test(location.hash)) history.replaceState(null, "", location.pathname);
 }
 
 function showRequest() {
@@ -96,7 +132,8 @@ function showRequest() {
 
 function motionChanged() {
   showRequest();
-  updateStale();
+  sources.say(editor.motion);
+  keepDraft();
   const angles = wantsAngles(editor.motion);
   $("new-motion").setAttribute("aria-pressed", String(angles));
   $("new-path").setAttribute("aria-pressed", String(!angles));
@@ -104,19 +141,21 @@ function motionChanged() {
     answer.motion.unit = editor.motion.unit;
     results.show(answer, true);
   }
+  updateStale();
+  $("suggestions").hidden ||= editor.board.stale;
   if (running) return;
-  if (editor.board.stale) say("The motion has changed since it was solved.");
-  else if (answer) sayAnswer();
+  if (answer && (editor.board.stale || !passed)) sayAnswer();
 }
 
 function useMotion(motion, { mode = null, fit = true, reply = null, card = null }) {
-  answer = null;
   linkedCard = card;
   stopSearch();
-  results.show(null);
   $("suggestions").hidden = true;
   if (mode) editor.setMode(mode);
-  editor.replace(motion, fit);
+  editor.replace(motion, fit, () => {
+    [answer, passed] = [null, false];
+    results.show(null);
+  });
   say("");
   if (!reply) return;
   answer = { request: toRequest(motion), reply, motion: structuredClone(motion), stored: true };
@@ -166,13 +205,13 @@ function soundMotion() {
 /** Runs what asks the service, `work(control, begin)`, with Stop and progress; what ran before ends. */
 async function run(work) {
   stopSearch();
-  const control = new AbortController(), begin = performance.now();
+  const control = new AbortController(), begin = performance.now(), before = answer;
   running = control;
   const endProgress = startProgress(begin);
   try {
     await work(control, begin);
   } catch (error) {
-    if (error.name !== "AbortError") say(error.message, true);
+    if (error.name !== "AbortError") say(answer === before ? error.message : `${error.message.replace(/\.$/, "")}. What is shown was found before that.`, true);
   } finally {
     endProgress();
     if (running === control) {
@@ -189,7 +228,9 @@ async function run(work) {
 async function startSearch(near = null) {
   const motion = soundMotion();
   if (!motion) return;
-  const request = toRequest(motion);
+  const request = toRequest(motion), made = {}; // one answer of all stages
+  passed ||= Boolean(answer) && !near;
+  updateStale();
   await run(async (control, begin) => {
     let further = false;
     await solve(near ? nearby(request, near) : request, (reply, last) => {
@@ -199,8 +240,11 @@ async function startSearch(near = null) {
         say(last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…", last);
         return;
       }
-      answer = { request, reply, motion, seconds: (performance.now() - begin) / 1000 };
-      editor.board.stale = false;
+      const { hand } = (further && results.state) || {};
+      if (hand) reply.solutions.push(hand);
+      answer = Object.assign(made, { request, reply, motion, seconds: (performance.now() - begin) / 1000 });
+      passed = false;
+      updateStale();
       results.show(answer, further);
       if (reply.solutions.length && !further) {
         results.player.run();
@@ -233,7 +277,8 @@ async function startRefinement() {
     const others = same ? answer.reply.solutions.filter((one) => one.source !== "hand") : [];
     reply.solutions = together(others, reply, others.length + 1, alike);
     answer = { request, reply, motion, seconds: (performance.now() - begin) / 1000, refined: true };
-    editor.board.stale = false;
+    passed = false;
+    updateStale();
     results.show(answer, true);
     results.choose(refined);
     const gained = !same || refined.errors.objective < before * (1 - 1e-6);
@@ -246,6 +291,7 @@ async function startRefinement() {
 function bindButtons() {
   $("form").addEventListener("submit", (event) => { event.preventDefault(); startSearch(); });
   document.addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); startSearch(); } });
+  addEventListener("hashchange", addressChanged);
   document.addEventListener("refinehere", startRefinement);
   document.addEventListener("searchnear", () => { const { solution } = results; startSearch(solution); });
   $("stop").addEventListener("click", () => { stopSearch(); $("solve").focus(); say(answer?.reply.solutions.length ? "Stopped; these are the best found so far." : "Stopped."); });
@@ -266,6 +312,19 @@ function bindButtons() {
   $("print").addEventListener("click", () => { fillSheet(answer, results.solution); print(); });
 }
 
+/** Searches for the motion of the page's address; without one, after a link that is as it came, there is again what was there before. */
+async function addressChanged() {
+  try {
+    if (await sources.openLink()) startSearch();
+    else if (!location.hash && sources.linked) showFirst();
+  } catch (error) { say(error.message, true); }
+}
+
+/** What the page shows without a link: the draft, or an example. */
+function showFirst() {
+  if (!draft.restore()) sources.useExample(sources.examples[0]?.name);
+}
+
 async function start() {
   startTheme();
   startScenes();
@@ -278,7 +337,7 @@ async function start() {
   gallery.show(sources.examples);
   let linked = false, damage = null;
   try { linked = await sources.openLink(); } catch (error) { damage = error.message; }
-  if (!linked && location.hash !== "#path" && !editor.motion.poses.length) sources.useExample(sources.examples[0]?.name);
+  if (!linked && location.hash !== "#path" && !editor.motion.poses.length) showFirst();
   editor.forgetPast();
   if (!answer) editor.board.fit();
   if (damage) say(damage, true);

@@ -2,6 +2,9 @@
 
 export const clone = (value) => JSON.parse(JSON.stringify(value));
 
+/** Units of length. */
+export const UNITS = ["mm", "cm", "m", "in"];
+
 /** The practical limits of the service's preset by their names here; `reach` alone has no field of its own in a request. */
 export const PRESET = { use: 35, turn: 15, ratio: 10, reach: 10 };
 
@@ -16,13 +19,13 @@ const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is aske
 /**
  * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each pose).
  * A pose is {t, x, y, angle}; x and y, or angle, are null where they are missing. Its weights and tolerances, wr, wp, er, ep
- * (rotation and position), are undefined where those of the whole motion hold. `unit` of lengths and `outline` of the body,
- * polylines from the body point at angle 0, are for the page alone.
+ * (rotation and position), are undefined where those of the whole motion hold. `unit` of lengths, `outline` of the body,
+ * polylines from the body point at angle 0, and a `note` on where the motion comes from are for the page alone.
  */
 export const emptyMotion = (wanted = "both") => ({
   poses: [], wanted, timing: "free", span: 90, direction: 1, anyOrder: false, closed: false, spanMax: null,
   limits: clone(LIMITS), tolerance: { rotation: null, position: null }, round: null, stock: null,
-  analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, diverse: true, unit: "mm", outline: null, extra: {},
+  analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, diverse: true, unit: "mm", outline: null, note: "", extra: {},
 });
 
 /** Whether the motion asks for places, for angles. */
@@ -92,24 +95,33 @@ export function nextPose(motion, at = null) {
   return { t: last.t + (go.t > 0 ? go.t : 10), x: at?.[0] ?? x + go.x, y: at?.[1] ?? y + go.y, angle: at ? angle(last) : angle(last) + go.angle };
 }
 
-/** A value with undo and redo. Consecutive changes of the same `kind` (one drag, typing in one cell) are one step. */
+/**
+ * A value with undo and redo. Consecutive changes of the same `kind` (one drag, typing in one cell) are one step. What else a step
+ * brings back is kept `beside` the value: `get()` returns it as it is, `put(kept)` restores it.
+ */
 export class History {
-  constructor(value, onChange) {
+  constructor(value, onChange, beside) {
     this.value = value;
+    this.beside = beside;
     this.past = [];
     this.future = [];
     this.kind = null;
     this.onChange = onChange;
   }
 
-  /** Applies `edit(value)`, which changes the value in place or returns another one. */
-  change(edit, kind = null) {
+  /** Keeps what there is, so that undo comes back to it. */
+  keep(kind = null) {
     if (!kind || kind !== this.kind) {
-      this.past.push(clone(this.value));
+      this.past.push([clone(this.value), this.beside.get()]);
       if (this.past.length > 200) this.past.shift();
     }
     this.kind = kind;
     this.future = [];
+  }
+
+  /** Applies `edit(value)`, which changes the value in place or returns another one. */
+  change(edit, kind = null) {
+    this.keep(kind);
     const made = edit(this.value);
     if (made) this.value = made;
     this.onChange(this.value);
@@ -120,9 +132,10 @@ export class History {
 
   #step(from, to) {
     if (!from.length) return;
-    to.push(this.value);
-    this.value = from.pop();
-    this.kind = null;
+    to.push([this.value, this.beside.get()]);
+    const [value, kept] = from.pop();
+    Object.assign(this, { value, kind: null });
+    this.beside.put(kept);
     this.onChange(this.value);
   }
 

@@ -57,7 +57,7 @@ function verdictBlock(verdict, motion) {
   block.append(element("h3", "", "Verdict"));
   const list = document.createElement("dl");
   for (const [name, good, words] of judged(verdict, motion)) {
-    const poor = name === "Buildable" || name === "Tolerance" ? "poor" : "bad";
+    const poor = name === "Practical limits" || name === "Tolerance" ? "poor" : "bad";
     list.append(element("dt", "", name), signed("dd", good ? "good" : poor, good ? "✓" : poor === "bad" ? "✕" : "!", words));
   }
   block.append(list);
@@ -108,10 +108,13 @@ export async function copy(content, done) {
   } catch { note(content); }
 }
 
+const isHand = (solution) => solution.source === "hand";
+
 export class Results {
-  constructor(board) {
-    Object.assign(this, { answer: null, solution: null, board, player: new Player(board), picked: false });
-    this.fields = new JointFields(board, (name, place) => this.drag(name, place), () => this.player.stop());
+  /** `keep(kind)` makes what there is before a joint is moved a step of undo. */
+  constructor(board, keep) {
+    Object.assign(this, { keep, answer: null, solution: null, board, player: new Player(board), picked: false });
+    this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
     $("sort").addEventListener("change", () => this.#list());
@@ -123,6 +126,8 @@ export class Results {
   /** Shows an answer {request, reply, motion}, or with null none; a further answer to the same request keeps the card that was picked. */
   show(answer, further = false) {
     if (!further) this.picked = false;
+    // the view stays for further answers, and where the user has moved it to look at the linkages of this request
+    const stays = further || (this.board.moved && this.answer && JSON.stringify(this.answer.request) === JSON.stringify(answer?.request));
     const before = this.picked ? this.solution : null;
     this.answer = answer;
     const solutions = answer?.reply.solutions ?? [];
@@ -140,7 +145,7 @@ export class Results {
     $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
-    this.#select(this.solution, !further, false);
+    this.#select(this.solution, stays ? "holds" : "all", false);
     // the linkage first: charts take as long to draw as all the rest
     clearTimeout(this.charts);
     this.charts = setTimeout(() => { this.player.drawCurves(); this.#drawTrace(); });
@@ -155,19 +160,36 @@ export class Results {
       reply.solutions.push(found);
     }
     this.picked = true;
-    this.#select(found);
+    this.#select(found, "holds");
     this.#list();
   }
 
-  /** A joint of the selected linkage is dragged, or typed, to a place: its errors are computed anew. Returns what hinders it, or null. */
-  drag(name, place) {
+  /** What undo brings back: the linkage changed by hand, the one selected, and where its crank stands; null where there is none. */
+  get state() {
+    return this.solution && { hand: this.answer.reply.solutions.find(isHand), solution: this.solution, travel: this.player.travel };
+  }
+
+  restore({ hand, solution, travel }) {
+    const { reply } = this.answer, others = reply.solutions.filter((one) => !isHand(one)), all = hand ? [...others, hand] : others;
+    reply.solutions = all;
+    this.#select(all.find((one) => one === solution) ?? all.find((one) => alike(one, solution)) ?? all[0]);
+    this.player.goto(travel);
+    this.#list();
+  }
+
+  /**
+   * A joint of the selected linkage is dragged, or typed, to a place: its errors are computed anew. Drags of one `kind` are one step
+   * of undo. Returns what hinders it, or null.
+   */
+  drag(name, place, kind = `joint ${name}`) {
     const { motion, reply } = this.answer ?? {};
     if (!this.solution?.mount || !this.board.joints) return "there is no linkage in the plane.";
     this.player.stop();
     const joints = { ...this.board.joints, [name]: place }, made = fromJoints(joints, this.player.travel, this.solution);
     if (!made) return "two joints would coincide there.";
+    this.keep(kind);
     const { solution, shift, closes } = assessed(made, motion), travel = this.player.travel - shift;
-    const old = reply.solutions.findIndex((one) => one.source === "hand");
+    const old = reply.solutions.findIndex(isHand);
     if (old >= 0) reply.solutions[old] = solution;
     else reply.solutions.push(solution);
     Object.assign(this, { solution, picked: true });
@@ -202,14 +224,18 @@ export class Results {
     [...$("solutions").children].forEach((item, k) => item.firstChild.setAttribute("aria-pressed", String(this.cards[k] === this.solution)));
   }
 
-  #select(solution, first = false, curves = true) {
+  /** `fit` the view: "all", so that it holds all solutions, or "holds", where parts of this one lie outside and the user has not moved it. */
+  #select(solution, fit = null, curves = true) {
     const { motion, reply } = this.answer;
     this.solution = solution;
     this.fields.forget();
     this.#press();
-    this.player.show(solution, motion, first, curves);
-    if (first) this.#fitAll(reply.solutions);
-    else if (!this.board.holds(this.player.shown.used.filter(Boolean).flatMap((j) => [j.a, j.b, j.d, j.c]))) this.board.tell("Parts lie outside the view: Fit shows all");
+    this.player.show(solution, motion, fit === "all", curves);
+    if (fit === "all") this.#fitAll(reply.solutions);
+    else if (!this.board.holds(this.player.shown.used.filter(Boolean).flatMap((j) => [j.a, j.b, j.d, j.c]))) {
+      if (fit && !this.board.moved) this.board.fit();
+      else this.board.tell("Parts lie outside the view: Fit shows all");
+    }
     this.#showNumbers();
     this.#showOthers();
   }

@@ -3,7 +3,7 @@
 import { everything } from "./answer.js";
 import { chain } from "./chain.js";
 import { buildForm } from "./form.js";
-import { fromFragment, toFragment } from "./formats.js";
+import { fromFragment, toFragment } from "./link.js";
 import { knotter } from "./knotter.js";
 import { lift } from "./lift.js";
 import { ask, download } from "./service.js";

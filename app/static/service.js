@@ -29,25 +29,30 @@ export async function ask(path, body, signal) {
 
 const faulty = ({ verdict }) => ["order", "branch", "circuit"].some((name) => verdict?.[name] === false);
 const outside = ({ verdict }) => verdict?.within_tolerance === false;
+const objective = ({ errors }) => (errors.objective < 1e-10 ? 0 : errors.objective);
+/** Above 0 where the first solution is worse than the second. */
+const worse = (a, b) => faulty(a) - faulty(b) || outside(a) - outside(b) || objective(a) - objective(b);
 
 /**
  * The solutions of a reply, and those of an earlier one to the same request that it does not have again (`same` tells), best first and
- * at most `top`: a further stage of a search never takes away what was found.
+ * at most `top`.
  */
 export function together(earlier, reply, top, same) {
   const kept = earlier.filter((one) => !reply.solutions.some((other) => same(one, other)));
-  const key = (one) => [faulty(one), outside(one), one.errors.objective < 1e-10 ? 0 : one.errors.objective];
-  const all = [...reply.solutions, ...kept].map((one) => [key(one), one]).toSorted(([a], [b]) => a[0] - b[0] || a[1] - b[1] || a[2] - b[2]);
-  return all.slice(0, top).map(([, one], k) => ({ ...one, rank: k + 1 }));
+  return [...reply.solutions, ...kept].toSorted(worse).slice(0, top).map((one, k) => ({ ...one, rank: k + 1 }));
 }
 
-/** Repeats the search with the next budget as long as the budget ended it; `show(reply, last)` gets each answer. */
+/**
+ * Repeats the search with the next budget as long as the budget ended it; `show(reply, last)` gets each answer, which takes the place of
+ * the one before: of that only what is better than all of the new one stays.
+ */
 export async function solve(request, show, signal, same) {
   let found = [];
   const budgets = [...STAGES, LONGER];
   for (const [k, budget] of budgets.entries()) {
     const reply = await (await ask("/v1/synthesize", { ...request, budget_ms: budget }, signal)).json();
-    if (k) reply.solutions = together(found, reply, request.top ?? 10, same);
+    const [best] = reply.solutions.toSorted(worse);
+    if (k) reply.solutions = together(best ? found.filter((one) => worse(one, best) < 0) : found, reply, request.top ?? 10, same);
     // a search within limits that has run into its budget may say that it converged: it is asked again
     const { stopped_by, elapsed_ms } = reply.report, ended = stopped_by === "tolerance" || (stopped_by === "converged" && elapsed_ms.total < budget);
     const last = ended || k === budgets.length - 1 || (k === STAGES.length - 1 && reply.solutions.length > 0);
@@ -55,7 +60,7 @@ export async function solve(request, show, signal, same) {
     if (reply.status === "infeasible" && elapsed_ms.total >= budget) reply.status = "unknown";
     // what an earlier stage found is no longer not found
     if (reply.solutions.length && !["reached", "closest"].includes(reply.status)) reply.status = "closest";
-    found = reply.solutions;
+    found = [...reply.solutions];
     show(reply, last);
     if (last) return;
   }

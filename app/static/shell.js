@@ -11,6 +11,12 @@ export function say(sentence, bad = false) {
   $("status").classList.toggle("bad", bad);
 }
 
+/** Marks what is shown of an answer as that of an earlier request, or takes the marks away. */
+export function markEarlier(earlier) {
+  document.body.classList.toggle("earlier", earlier);
+  for (const mark of document.querySelectorAll("[data-earlier]")) mark.hidden = !earlier;
+}
+
 function stored() {
   try { return localStorage.getItem(KEY); } catch { return null; }
 }

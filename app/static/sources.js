@@ -1,12 +1,16 @@
 // Where a motion comes from: an example, pasted rows, a file or a link; and the links to a request.
 
 import { fromCsv, toCsv } from "./csv.js";
-import { fromFragment, fromRequest, toFragment, toRequest } from "./formats.js";
+import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
+import { fromFragment, toFragment } from "./link.js";
 import { emptyMotion, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, say } from "./shell.js";
 
 const MAX_FILE_BYTES = 2e6;
+
+/** All of a motion that a link holds, to be compared. */
+const contentOf = (motion) => JSON.stringify(toPage(toRequest(motion), motion));
 
 export class Sources {
   /**
@@ -14,18 +18,18 @@ export class Sources {
    * the canvas, fitted into the view or not, with the stored reply of an example or the chosen card of a link.
    */
   constructor(current, use) {
-    Object.assign(this, { current, use, examples: [], shown: null, ownFragment: null });
+    Object.assign(this, { current, use, examples: [], shown: null, asCame: new Set(), linked: false });
     $("new-motion").addEventListener("click", () => this.begin("both"));
     $("new-path").addEventListener("click", () => this.begin("position"));
     $("save").addEventListener("click", () => download(new Blob([toCsv(this.current())], { type: "text/csv" }), "motion.csv"));
     this.#bindPaste();
     this.#bindFiles();
-    addEventListener("hashchange", () => { this.openLink().catch((error) => say(error.message, true)); });
   }
 
   async loadExamples() {
     try {
       this.examples = await (await fetch("/static/examples.json")).json();
+      for (const { request } of this.examples) this.asCame.add(contentOf(fromRequest(request)));
     } catch { say("The machines to begin with cannot be loaded.", true); }
   }
 
@@ -53,32 +57,46 @@ export class Sources {
 
   /** Takes the motion from the page's address; false if there is none. Throws for a damaged one. */
   async openLink() {
-    if (location.hash === this.ownFragment) return false;
-    if (location.hash === "#path") { this.begin("position"); return false; }
-    const linked = await fromFragment(location.hash);
-    if (!linked) return false;
-    const { request = linked, page = {} } = linked, motion = fromRequest(request);
-    if (page.unit) motion.unit = page.unit;
-    if (Array.isArray(page.outline)) motion.outline = page.outline;
-    this.#take(motion, { note: "From a link", card: page.card });
+    const { hash } = location;
+    if (hash === "#path") { this.begin("position"); return false; }
+    const content = await fromFragment(hash);
+    if (!content || location.hash !== hash) return false;
+    const { motion, card } = fromPage(content);
+    this.asCame.add(contentOf(motion));
+    this.#take(motion, { note: "From a link", card });
+    this.linked = true;
     return true;
   }
 
+  /** Takes the motion of a draft. Throws for anything else. */
+  openDraft(content) {
+    this.#take(fromPage(content).motion, { note: "From your draft.", mode: "move" });
+  }
+
+  /** Whether a motion is work of the user's own: it has poses, and is no example or link as it came. */
+  isOwn(motion) {
+    return motion.poses.length > 0 && !this.asCame.has(contentOf(motion));
+  }
+
   /** The page's address with the request and what else the page shows in it, which the address bar shows from now on. */
-  async linkTo(request, { unit, outline }, card) {
+  async linkTo(request, motion, card) {
     const url = new URL(location.href);
-    url.hash = await toFragment({ request, page: { unit, ...(outline ? { outline } : {}), ...(card ? { card } : {}) } });
-    this.ownFragment = url.hash;
+    url.hash = await toFragment(toPage(request, motion, card));
     history.replaceState(null, "", url);
     return url.href;
   }
 
   #take(motion, { note = "", ...how }) {
-    this.shown = null;
-    const twice = note && repeated(motion);
-    $("example-note").textContent = twice ? `${note} Poses ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.` : note;
+    Object.assign(this, { shown: null, linked: false });
     this.#offerUnwrapped(motion);
-    this.use(motion, how);
+    this.use({ ...motion, note }, how);
+  }
+
+  /** Says where a motion comes from, as long as it is there. */
+  say(motion) {
+    const twice = motion.note && repeated(motion);
+    $("example-note").textContent = twice ? `${motion.note} Poses ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.` : motion.note;
+    $("unwrap").hidden ||= !jump(motion);
   }
 
   /** The motion whose limits hold for new rows too, the present one, but not an example that is as it came. */
@@ -112,6 +130,7 @@ export class Sources {
   #bindPaste() {
     const box = $("paste-box");
     $("paste").addEventListener("click", () => { box.hidden = !box.hidden; if (!box.hidden) $("paste-text").focus(); });
+    $("paste-text").addEventListener("input", () => { $("paste-error").textContent = ""; });
     $("paste-cancel").addEventListener("click", () => { box.hidden = true; });
     $("paste-use").addEventListener("click", () => {
       try {

@@ -11,15 +11,18 @@ const sentence = (reason) => {
 /** The names of what keeps a linkage from making its motion as a machine: "order", "branch", "circuit". */
 export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);
 
+/** Whether a linkage keeps the practical limits, judged against the user's own where there are some. */
+const practical = ({ practical: kept, buildable }) => kept ?? buildable;
+
 /** {kind, sign, text}: what the list says of a solution; null without a verdict. */
 export function mark(verdict) {
   if (!verdict) return null;
   const { reasons = [] } = verdict, wrong = defects(verdict);
   if (wrong.length) return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
-  if (!reasons.length && verdict.buildable && verdict.within_tolerance !== false) return { kind: "good", sign: "✓", text: verdict.within_tolerance ? "buildable, within tolerance" : "buildable" };
+  if (!reasons.length && practical(verdict) && verdict.within_tolerance !== false) return { kind: "good", sign: "✓", text: verdict.within_tolerance ? "within practical limits and tolerance" : "within practical limits" };
   const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
-  const first = reasons.length ? sentence(reasons[0]).replace(/\.$/, "") : verdict.buildable ? "outside the tolerance" : "not buildable";
-  return { kind: verdict.buildable ? "poor" : "bad", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
+  const first = reasons.length ? sentence(reasons[0]).replace(/\.$/, "") : practical(verdict) ? "outside the tolerance" : "outside practical limits";
+  return { kind: practical(verdict) ? "poor" : "bad", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
 }
 
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
@@ -32,7 +35,7 @@ export function judged(verdict, motion) {
     ["Circuit", verdict.circuit, verdict.circuit ? "all samples, and all between, lie on one circuit" : "samples lie on different circuits: it would have to be taken apart"],
   ];
   if (verdict.within_tolerance !== null) rows.push(["Tolerance", verdict.within_tolerance, verdict.within_tolerance ? "every sample keeps it" : "not every sample keeps it"]);
-  rows.push(["Buildable", verdict.buildable, verdict.buildable ? "no practical limit is broken" : "a practical limit is broken"]);
+  rows.push(["Practical limits", practical(verdict), practical(verdict) ? "all are kept" : "one or more are broken"]);
   return rows;
 }
 

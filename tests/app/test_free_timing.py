@@ -15,12 +15,26 @@ from tests.oracles.free_classes import free_case, recompute_free
 def request_body():
     case = free_case(1, 7)
     position = [[point.real, point.imag] for point in case.position.tolist()]
-    return {"timing": "free", "rotation": case.rotation.tolist(), "angle_unit": "rad", "position": position, "top": 4}
+    return {
+        "timing": "free",
+        "limits": {"preset": "none"},
+        "rotation": case.rotation.tolist(),
+        "angle_unit": "rad",
+        "position": position,
+        "top": 4,
+    }
 
 
 def test_replies_are_the_front_doors(client, request_body) -> None:
     reply = client.post("/v1/synthesize", json=request_body).json()
-    own = la.synthesize(request_body["rotation"], request_body["position"], timing="free", degrees=False, top=4)
+    own = la.synthesize(
+        request_body["rotation"],
+        request_body["position"],
+        timing="free",
+        limits={"preset": "none"},
+        degrees=False,
+        top=4,
+    )
     assert reply["status"] == own.status == "reached"
     assert reply["solutions"] == own.to_dict()["solutions"]
     case = free_case(1, 7)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import socket
+import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 import uvicorn
@@ -44,6 +48,25 @@ def address():
         yield f"http://127.0.0.1:{listener.getsockname()[1]}"
         server.should_exit = True
         thread.join(10)
+
+
+@pytest.fixture(scope="session")
+def served(tmp_path_factory):
+    """The service as `serve` runs it: in processes, each request with the memory that it is given by default."""
+    log = tmp_path_factory.mktemp("served") / "log"
+    command = [sys.executable, "-m", "app.start", "serve", "--no-atlas", "--port", "0"]
+    with log.open("w") as out:
+        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, cwd=Path(__file__).parents[2])
+    try:
+        for _ in range(1200):
+            if found := re.search(r"running on (http://127.0.0.1:\d+)", log.read_text()):
+                break
+            assert process.poll() is None, log.read_text()
+            time.sleep(0.05)
+        yield found[1]
+    finally:
+        process.terminate()
+        process.wait(20)
 
 
 @pytest.fixture(scope="session")

@@ -42,10 +42,12 @@ CLOSED: dict[str, Callable[[Any], Points]] = {
     "oval": lambda s: 100 * _turn(s).real + 45j * _turn(s).imag,
     "circle": lambda s: 80 * _turn(s),
     "tilted oval": lambda s: (100 * _turn(s).real + 30j * _turn(s).imag) * np.exp(0.6j),
-    "D": lambda s: np.where(
-        np.asarray(s) < 0.45, -90 + np.asarray(s) / 0.45 * 180, 90 * np.cos((np.asarray(s) - 0.45) / 0.55 * np.pi)
-    )
-    + 1j * np.where(np.asarray(s) < 0.45, 0.0, 60 * np.sin((np.asarray(s) - 0.45) / 0.55 * np.pi)),
+    "D": lambda s: (
+        np.where(
+            np.asarray(s) < 0.45, -90 + np.asarray(s) / 0.45 * 180, 90 * np.cos((np.asarray(s) - 0.45) / 0.55 * np.pi)
+        )
+        + 1j * np.where(np.asarray(s) < 0.45, 0.0, 60 * np.sin((np.asarray(s) - 0.45) / 0.55 * np.pi))
+    ),
     "rectangle": _polyline(0, 180, 180 + 80j, 80j, 0),
     "square": _polyline(0, 100, 100 + 100j, 100j, 0),
     "triangle": _polyline(0, 160, 60 + 120j, 0),
@@ -192,7 +194,8 @@ TIMED = {
     "casement in step with a motor": timed(POSES["casement"], 70),
     "bucket in step": timed(POSES["bucket"], 120),
     "stirrer, one turn": timed(POINTS["stirrer"], 315),
-    "wave in step": {name: part for name, part in drawn("wave", 24).items() if name != "timing"} | {"crank_span": 180},
+    "wave in step": {name: part for name, part in drawn("wave", 24).items() if name != "timing"}
+    | {"crank_span": 180},
     "rotation alone": {"rotation": [0, 6, 15, 27, 40, 52, 60], "crank_span": 90},
 }
 

@@ -19,7 +19,7 @@ def motion():
 
 
 def test_the_linkage_and_its_crank_angles_are_found(motion) -> None:
-    best = la.synthesize(*motion, timing="free").best
+    best = la.synthesize(*motion, timing="free", limits={"preset": "none"}).best
     assert best.linkage.links == pytest.approx([19, 72, 144, 165], rel=1e-9)
     assert best.crank_angle == pytest.approx(CRANK, abs=1e-8)
     assert best.linkage.start_angle == pytest.approx(30, abs=1e-7)
@@ -29,7 +29,9 @@ def test_the_linkage_and_its_crank_angles_are_found(motion) -> None:
 
 
 def test_radians_in_radians_out(motion) -> None:
-    best = la.synthesize(np.deg2rad(motion[0]), motion[1], timing="free", degrees=False).best
+    best = la.synthesize(
+        np.deg2rad(motion[0]), motion[1], timing="free", limits={"preset": "none"}, degrees=False
+    ).best
     assert best.crank_angle == pytest.approx(np.deg2rad(CRANK), abs=1e-9)
 
 
@@ -61,7 +63,7 @@ def test_what_is_wrong_is_named(motion, arguments, field, words) -> None:
 
 def test_rotations_alone_fix_nothing(motion) -> None:
     with pytest.raises(la.FieldError, match="any rotation within the coupler's swing") as caught:
-        la.synthesize(motion[0], timing="free")
+        la.synthesize(motion[0], timing="free", limits={"preset": "none"})
     assert caught.value.field == "/position"
 
 
@@ -75,9 +77,9 @@ def test_none_is_missing_and_nan_is_an_error(motion) -> None:
         [19, 72, 144, 165], rel=1e-6
     )
     with pytest.raises(la.FieldError, match="finite"):
-        la.synthesize([np.nan, *turns[1:]], motion[1], timing="free")
+        la.synthesize([np.nan, *turns[1:]], motion[1], timing="free", limits={"preset": "none"})
     with pytest.raises(la.FieldError, match="at least one entry"):
-        la.synthesize([None] * 6, motion[1], timing="free")
+        la.synthesize([None] * 6, motion[1], timing="free", limits={"preset": "none"})
 
 
 def test_a_sample_of_weight_0_counts_for_nothing(motion) -> None:
@@ -85,7 +87,7 @@ def test_a_sample_of_weight_0_counts_for_nothing(motion) -> None:
     turns[2] += 40
     points[2] += 30
     weights = {"rotation": [1, 1, 0, 1, 1, 1], "position": [1, 1, 0, 1, 1, 1]}
-    found = la.synthesize(turns, points, timing="free", weights=weights)
+    found = la.synthesize(turns, points, timing="free", limits={"preset": "none"}, weights=weights)
     assert found.best.errors.objective < 1e-9
     near = min(np.abs(one.linkage.links - [19, 72, 144, 165]).max() for one in found.solutions)
     assert near < 1e-4, "five poses are left, and this linkage is one of those that pass them"
@@ -94,38 +96,46 @@ def test_a_sample_of_weight_0_counts_for_nothing(motion) -> None:
 def test_tolerances_decide_the_status_and_name_the_worst_sample(motion) -> None:
     random = np.random.default_rng(3)
     turns, points = motion[0] + 0.05 * random.standard_normal(6), motion[1] + 0.02 * random.standard_normal((6, 2))
-    wide = la.synthesize(turns, points, timing="free", tolerances={"rotation": 1.0, "position": 0.5})
+    wide = la.synthesize(
+        turns, points, timing="free", limits={"preset": "none"}, tolerances={"rotation": 1.0, "position": 0.5}
+    )
     assert wide.status == "reached" and wide.best.verdict.within_tolerance
     errors = wide.best.errors
     narrow = la.synthesize(
-        turns, points, timing="free", tolerances={"rotation": 1.0, "position": 0.5 * errors.position_max}
+        turns,
+        points,
+        timing="free",
+        limits={"preset": "none"},
+        tolerances={"rotation": 1.0, "position": 0.5 * errors.position_max},
     )
     assert narrow.status == "closest" and not any(one.verdict.within_tolerance for one in narrow.solutions)
     told = next(reason for reason in narrow.best.verdict.reasons if "off by" in reason)
     off = np.linalg.norm(narrow.best.linkage.joints(narrow.best.crank_angle).body_point - points, axis=1)
     assert f"sample {np.argmax(off) + 1} is off by" in told
-    assert la.synthesize(turns, points, timing="free").best.verdict.within_tolerance is None
+    assert (
+        la.synthesize(turns, points, timing="free", limits={"preset": "none"}).best.verdict.within_tolerance is None
+    )
 
 
 def test_solutions_that_keep_the_tolerances_come_first(motion) -> None:
     each = [0.5] * 6
-    found = la.synthesize(*motion, timing="free", tolerances={"position": each}, top=10)
+    found = la.synthesize(*motion, timing="free", limits={"preset": "none"}, tolerances={"position": each}, top=10)
     inside = [one.verdict.within_tolerance for one in found.solutions]
     assert inside == sorted(inside, reverse=True)
     assert [one.rank for one in found.solutions] == list(range(1, len(inside) + 1))
 
 
 def test_what_one_would_not_build_is_said(motion) -> None:
-    best = la.synthesize(*motion, timing="free").best
+    best = la.synthesize(*motion, timing="free", limits={"preset": "none"}).best
     assert not best.verdict.buildable and best.verdict.works
     assert any("extent" in reason for reason in best.verdict.reasons)
     whole = la.FourBar(30, 70, 60, 80, coupler_point=(40, 20)).joints(np.linspace(0, 300, 12))
-    good = la.synthesize(whole.rotation, whole.body_point, timing="free").best
+    good = la.synthesize(whole.rotation, whole.body_point, timing="free", limits={"preset": "none"}).best
     assert good.verdict.buildable and good.verdict.reasons == ()
 
 
 def test_a_solution_with_free_angles_becomes_a_file(motion, tmp_path) -> None:
-    best = la.synthesize(*motion, timing="free", round_to=0.5).best
+    best = la.synthesize(*motion, timing="free", limits={"preset": "none"}, round_to=0.5).best
     for ending in ("csv", "svg", "dxf", "xml"):
         best.linkage.save(tmp_path / f"linkage.{ending}")
     rows = (tmp_path / "linkage.csv").read_text().splitlines()
@@ -138,10 +148,14 @@ def test_a_closed_way_may_end_where_it_began() -> None:
     linkage = la.FourBar(19, 72, 64, 80, start_angle=30, coupler_point=(50, 30))
     crank = [0, 40, 80, 130, 200, 260, 300, 330, 360]
     joints = linkage.joints(crank)
-    best = la.synthesize(joints.rotation, joints.body_point, timing="free", closed=True).best
+    best = la.synthesize(
+        joints.rotation, joints.body_point, timing="free", limits={"preset": "none"}, closed=True
+    ).best
     assert best.crank_angle == pytest.approx(crank, abs=1e-7) and best.errors.objective < 1e-9
     assert best.verdict.works and best.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8)
-    less = la.synthesize(joints.rotation[:-1], joints.body_point[:-1], timing="free", closed=True).best
+    less = la.synthesize(
+        joints.rotation[:-1], joints.body_point[:-1], timing="free", limits={"preset": "none"}, closed=True
+    ).best
     assert less.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8) and less.crank_angle.size == 8
 
 
@@ -178,13 +192,15 @@ def test_limits_are_kept_and_cost_little(limits) -> None:
 def test_paths_are_found_with_their_cognates() -> None:
     linkage = la.FourBar(19, 72, 64, 80, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point=(50, 30))
     points = linkage.joints(np.linspace(0, 300, 12)).body_point
-    found = la.synthesize(position=points, timing="free", top=4)
+    found = la.synthesize(position=points, timing="free", limits={"preset": "none"}, top=4)
     exact = [one for one in found.solutions if one.errors.objective < 1e-9]
     assert any(one.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-5) for one in exact)
-    closed = la.synthesize(position=[*points.tolist(), points[0].tolist()], timing="free", closed=True, top=1).best
+    closed = la.synthesize(
+        position=[*points.tolist(), points[0].tolist()], timing="free", limits={"preset": "none"}, closed=True, top=1
+    ).best
     assert closed.crank_angle[-1] == pytest.approx(360) and closed.errors.objective < 1e-9
     with pytest.raises(la.FieldError, match="a path has an order") as caught:
-        la.synthesize(position=points, timing="free", order="any")
+        la.synthesize(position=points, timing="free", limits={"preset": "none"}, order="any")
     assert caught.value.field == "/order"
 
 
@@ -202,7 +218,7 @@ def test_paths_are_found_with_their_cognates() -> None:
     ],
 )
 def test_translations_lines_and_corners_have_a_closest_linkage(rotation, position) -> None:
-    found = la.synthesize(rotation, position, timing="free", top=2)
+    found = la.synthesize(rotation, position, timing="free", limits={"preset": "none"}, top=2)
     assert found.solutions and found.status in ("reached", "closest")
     assert found.best.errors.objective < 0.05
 
@@ -210,7 +226,7 @@ def test_translations_lines_and_corners_have_a_closest_linkage(rotation, positio
 def test_time_is_kept(motion) -> None:
     random = np.random.default_rng(1)
     turns, points = 40 * random.standard_normal(12), 30 * random.standard_normal((12, 2))
-    found = la.synthesize(turns, points, timing="free", budget=0.05)
+    found = la.synthesize(turns, points, timing="free", limits={"preset": "none"}, budget=0.05)
     assert found.report.elapsed_ms["total"] < 1000
     assert found.report.stopped_by == "budget"
 

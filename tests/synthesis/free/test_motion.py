@@ -84,7 +84,7 @@ def test_half_of_the_rotations_may_be_missing(samples) -> None:
         rotation = case.rotation.copy()
         rotation[np.random.default_rng(seed).permutation(samples)[: samples // 2]] = np.nan
         asked_for = [None if np.isnan(turn) else float(np.rad2deg(turn)) for turn in rotation]
-        found = la.synthesize(asked_for, case.position, timing="free", top=3)
+        found = la.synthesize(asked_for, case.position, timing="free", limits={"preset": "none"}, top=3)
         assert checked(case, found, rotation).min() < EXACT, seed
 
 
@@ -92,7 +92,9 @@ def test_dyads_of_which_no_pair_will_do_are_no_error() -> None:
     case = free_case(0, 8)
     rotation = [float(np.rad2deg(turn)) if k in (0, 3, 7) else None for k, turn in enumerate(case.rotation)]
     for limit in (0.2, 5.0):
-        found = la.synthesize(rotation, case.position, timing="free", crank_span_max=limit, budget=1.0)
+        found = la.synthesize(
+            rotation, case.position, timing="free", limits={"preset": "none"}, crank_span_max=limit, budget=1.0
+        )
         assert all(abs(one.crank_angle[-1]) <= limit * (1 + 1e-9) for one in found.solutions)
 
 
@@ -108,14 +110,16 @@ def same_linkages(one: la.Result, other: la.Result, scale: float = 1.0) -> None:
 def test_moved_scaled_mirrored_and_reversed_requests_give_the_same_linkages(seed) -> None:
     case = free_case(seed, 7)
     turns, points = np.rad2deg(case.rotation), case.position
-    found = la.synthesize(turns, points, timing="free")
+    found = la.synthesize(turns, points, timing="free", limits={"preset": "none"})
     turned = np.exp(1j * np.deg2rad(33.0))
-    same_linkages(found, la.synthesize(turns + 33, points * turned + (70 - 20j), timing="free"))
-    same_linkages(found, la.synthesize(turns, 1e-3 * points, timing="free"), 1e-3)
-    mirrored = la.synthesize(-turns, points.conj(), timing="free")
+    same_linkages(
+        found, la.synthesize(turns + 33, points * turned + (70 - 20j), timing="free", limits={"preset": "none"})
+    )
+    same_linkages(found, la.synthesize(turns, 1e-3 * points, timing="free", limits={"preset": "none"}), 1e-3)
+    mirrored = la.synthesize(-turns, points.conj(), timing="free", limits={"preset": "none"})
     same_linkages(found, mirrored)
     assert {s.linkage.branch for s in mirrored.solutions[:1]} == {-found.best.linkage.branch}
-    backward = la.synthesize(turns[::-1], points[::-1], timing="free")
+    backward = la.synthesize(turns[::-1], points[::-1], timing="free", limits={"preset": "none"})
     same_linkages(found, backward)
     assert np.sign(backward.best.crank_angle[-1]) == -np.sign(found.best.crank_angle[-1])
 
@@ -124,7 +128,13 @@ def test_in_any_order_a_shuffled_request_gives_the_same_linkage() -> None:
     for seed in range(6):
         case = free_case(seed, 9)
         shuffle = np.random.default_rng(seed).permutation(9)
-        found = la.synthesize(np.rad2deg(case.rotation[shuffle]), case.position[shuffle], timing="free", order="any")
+        found = la.synthesize(
+            np.rad2deg(case.rotation[shuffle]),
+            case.position[shuffle],
+            timing="free",
+            limits={"preset": "none"},
+            order="any",
+        )
         own = asked(case)
         best = found.best.to_dict()
         again = recompute_free(case.position[shuffle], case.rotation[shuffle], best)
@@ -138,7 +148,9 @@ def test_in_any_order_a_shuffled_request_gives_the_same_linkage() -> None:
 def test_whole_turns_of_a_rotation_do_not_count() -> None:
     case = free_case(3, 8)
     more = case.rotation + 2 * np.pi * np.random.default_rng(0).integers(-3, 4, 8)
-    same_linkages(asked(case), la.synthesize(np.rad2deg(more), case.position, timing="free"))
+    same_linkages(
+        asked(case), la.synthesize(np.rad2deg(more), case.position, timing="free", limits={"preset": "none"})
+    )
 
 
 def test_a_sixth_pose_on_a_solution_gives_that_solution() -> None:
@@ -151,7 +163,7 @@ def test_a_sixth_pose_on_a_solution_gives_that_solution() -> None:
         joints = one.linkage.joints([between])
         turns = np.insert(np.rad2deg(case.rotation), 2, joints.rotation[0])
         points = np.insert(case.position, 2, complex(*joints.body_point[0]))
-        again = la.synthesize(turns, points, timing="free")
+        again = la.synthesize(turns, points, timing="free", limits={"preset": "none"})
         assert min(np.abs(s.linkage.links - one.linkage.links).max() for s in again.solutions) < 1e-5 * max(
             one.linkage.links
         )
@@ -193,7 +205,12 @@ def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
         offset = np.angle(np.exp(1j * (case.rotation - body.angle)).mean(axis=1))
         polished_truth = refine(problem, truth._replace(offset=offset), 200)
         found = la.synthesize(
-            noisy.rotation, noisy.position, timing="free", degrees=False, length_scale=poses.length_scale
+            noisy.rotation,
+            noisy.position,
+            timing="free",
+            limits={"preset": "none"},
+            degrees=False,
+            length_scale=poses.length_scale,
         )
         assert found.best.errors.objective <= 1.01 * np.sqrt(polished_truth.cost[0]), seed
 
@@ -203,6 +220,6 @@ def test_poses_far_from_any_linkage_are_searched_on_all_samples() -> None:
     random = np.random.default_rng([55, 20, 1])
     rotation = random.uniform(-1, 1, 20)
     position = random.standard_normal(20) + 1j * random.standard_normal(20)
-    found = la.synthesize(np.rad2deg(rotation), position, timing="free", top=1)
+    found = la.synthesize(np.rad2deg(rotation), position, timing="free", limits={"preset": "none"}, top=1)
     told = recompute_free(position, rotation, found.best.to_dict())
     assert told.one_way and told.objective < 1.01 * 0.60101

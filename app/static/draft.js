@@ -1,0 +1,64 @@
+// A draft: work of one's own, kept in the browser's own store from visit to visit, named on the page and discarded there.
+
+import { $ } from "./shell.js";
+
+const when = (at) => new Date(at).toLocaleString("en-GB", { day: "numeric", month: "long", hour: "2-digit", minute: "2-digit" });
+
+export class Draft {
+  /** A page has one under its own `name`; `open(content)` shows it and throws for what it cannot read, `leave()` shows something else. */
+  constructor(name, open, leave) {
+    Object.assign(this, { name, open, leave, kept: null, text: null, shown: false });
+    try {
+      const { at, content } = JSON.parse(localStorage.getItem(name));
+      if (Number.isFinite(new Date(at).getTime())) this.#take(at, content);
+    } catch { /* none, none that can be read, or the store is blocked */ }
+    $("draft-open").addEventListener("click", () => { this.restore(); $("solve").focus(); });
+    $("draft-discard").addEventListener("click", () => {
+      const { shown } = this;
+      this.#drop();
+      if (shown) leave();
+      $("solve").focus();
+    });
+  }
+
+  #take(at, content) { Object.assign(this, { kept: { at, content }, text: JSON.stringify(content) }); }
+
+  #drop() {
+    Object.assign(this, { kept: null, text: null, shown: false });
+    try { localStorage.removeItem(this.name); } catch { /* the store is blocked */ }
+    this.#say();
+  }
+
+  /** Shows the draft; false if there is none that can be read. */
+  restore() {
+    if (!this.kept) return false;
+    try {
+      this.open(this.kept.content);
+      return true;
+    } catch {
+      this.#drop();
+      return false;
+    }
+  }
+
+  /** The page shows `content` now, which is kept if it is the user's `own`. */
+  see(content, own) {
+    const text = JSON.stringify(content);
+    if (own && text !== this.text) {
+      const at = Date.now();
+      try {
+        localStorage.setItem(this.name, JSON.stringify({ at, content }));
+        this.#take(at, JSON.parse(text));
+      } catch { /* the store is blocked or full: what was kept before stays */ }
+    }
+    this.shown = text === this.text;
+    this.#say();
+  }
+
+  #say() {
+    $("draft").hidden = !this.kept;
+    if (!this.kept) return;
+    $("draft-open").hidden = this.shown;
+    $("draft-text").textContent = this.shown ? `Draft, kept in this browser (${when(this.kept.at)}).` : `A draft of ${when(this.kept.at)} is kept in this browser; it is replaced once you change what is shown here.`;
+  }
+}

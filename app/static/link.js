@@ -1,0 +1,28 @@
+// The part of a link behind #: what a page holds, compressed, in letters that an address takes.
+
+const toBase64 = (bytes) => {
+  let text = "";
+  for (const byte of bytes) text += String.fromCharCode(byte);
+  return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+};
+const fromBase64 = (text) => Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
+const through = async (bytes, stream) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
+
+/** What a page holds, as plain values, as the fragment of a link, the part behind #. */
+export async function toFragment(content) {
+  const bytes = new TextEncoder().encode(JSON.stringify(content));
+  if (typeof CompressionStream === "undefined") return `j=${toBase64(bytes)}`;
+  return `z=${toBase64(await through(bytes, new CompressionStream("deflate-raw")))}`;
+}
+
+/** What the fragment of a link holds; null if there is none. Throws Error for a damaged one. */
+export async function fromFragment(fragment) {
+  const [, kind, text] = /^#?([zj])=(.+)$/.exec(fragment) ?? [];
+  if (!kind) return null;
+  try {
+    const bytes = fromBase64(text);
+    return JSON.parse(new TextDecoder().decode(kind === "z" ? await through(bytes, new DecompressionStream("deflate-raw")) : bytes));
+  } catch (error) {
+    throw new Error("The link is damaged: what it holds cannot be read.", { cause: error });
+  }
+}
