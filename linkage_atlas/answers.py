@@ -86,8 +86,8 @@ class Verdict:
         All samples, and all between, lie on one circuit: nothing must be taken apart.
     within_tolerance : bool or None
         Every sample keeps the tolerances; None where there are none.
-    buildable : bool
-        No practical limit is broken.
+    practical : bool
+        No practical limit is broken, or what the request sets in its place.
     reasons : tuple of str
         A sentence for everything that is amiss; samples count from 1.
     """
@@ -96,8 +96,17 @@ class Verdict:
     branch: bool
     circuit: bool
     within_tolerance: bool | None
-    buildable: bool
+    practical: bool
     reasons: tuple[str, ...]
+
+    @property
+    def buildable(self) -> bool:
+        """The same as ``practical``: whether links collide is not checked."""
+        return self.practical
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract."""
+        return asdict(self) | {"buildable": self.buildable, "reasons": list(self.reasons)}
 
     @property
     def works(self) -> bool:
@@ -137,6 +146,9 @@ class Solution:
         Crank angles at the samples from the first one, where they were free.
     excursion : float or None
         With free crank angles: the largest way of the body point between two neighbouring samples over their distance.
+    size : float or None
+        Largest of the links, the coupler point's radius and the distances of the fixed pivots from the motion's middle, over
+        the motion's extent; None without positions.
     analysis : Analysis or None
         Velocities, accelerations and forces, if asked for.
     tolerance_study : ToleranceStudy or None
@@ -157,6 +169,7 @@ class Solution:
     verdict: Verdict
     crank_angle: Floats | None = None
     excursion: float | None = None
+    size: float | None = None
     analysis: Analysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
 
@@ -184,8 +197,9 @@ class Solution:
             **self.linkage.to_dict(),
             "crank_angle": listed(self.crank_angle),
             "errors": asdict(self.errors),
-            "verdict": asdict(self.verdict) | {"reasons": list(self.verdict.reasons)},
+            "verdict": self.verdict.to_dict(),
             "excursion": self.excursion,
+            "size": self.size,
             "family": self.family,
             "transmission_angle_min": self.transmission_angle_min,
             "transmission_angle_min_turn": self.transmission_angle_min_turn,

@@ -22,7 +22,7 @@ from synthesis.fourbar.excursion import excursions
 from synthesis.fourbar.held import determinations_within
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.practical import practical_faults
+from synthesis.fourbar.practical import practical_faults, size_of
 from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
 from synthesis.fourbar.verdict import Verdict as Passing
 from synthesis.fourbar.verdict import verdicts
@@ -188,8 +188,22 @@ def finished(
             for k, (one, raw) in enumerate(zip(done, part))
         ]
     # a linkage that does not work as a machine never comes before one that does
-    solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
+    solutions.sort(
+        key=lambda one: (
+            not one.verdict.works,
+            one.verdict.within_tolerance is False,
+            *_worth(one, motion, tolerance),
+        )
+    )
     return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+
+
+def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]:
+    """The place of an exact answer for given crank angles by what one would build, not by its rounding; others keep theirs."""
+    if motion.free or one.errors.objective >= tolerance:
+        return 1.0, 0.0, 0.0
+    step = 5 if motion.degrees else np.deg2rad(5)
+    return 0.0, -(one.transmission_angle_min // step), one.size or 0.0
 
 
 def _finished(
@@ -220,6 +234,7 @@ def _finished(
             passed[k],
             excursions[k],
             allowed,
+            wishes.limits,
             atlas,
         )
         for k, one in enumerate(found)
@@ -249,6 +264,7 @@ def _solution(
     passing: Passing,
     excursion: float | None,
     allowed: Tolerances | None,
+    limits: Limits,
     atlas: Atlas | None,
 ) -> Solution:
     radian, turn = motion.radian, one.transmission_angle_min_turn
@@ -269,9 +285,10 @@ def _solution(
         type=None if one.row is None or atlas is None else atlas.type_of(one.row),
         sensitivity=change,
         rounded=None,
-        verdict=_verdict(one, own.target, passing, excursion, allowed),
+        verdict=_verdict(one, own.target, passing, excursion, allowed, limits),
         crank_angle=crank,
         excursion=excursion,
+        size=size_of(one.linkage, motion.samples),
     )
 
 
@@ -297,7 +314,12 @@ def _with_wishes(
 
 
 def _verdict(
-    one: answers.Solution, target: Target, passing: Passing, excursion: float | None, allowed: Tolerances | None
+    one: answers.Solution,
+    target: Target,
+    passing: Passing,
+    excursion: float | None,
+    allowed: Tolerances | None,
+    limits: Limits,
 ) -> Verdict:
     reasons, within = list(passing.reasons), None
     if allowed is not None:
@@ -305,7 +327,7 @@ def _verdict(
         within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
         if not within:
             reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
-    faults = practical_faults(one, target, excursion)
+    faults = practical_faults(one, target, limits, excursion)
     return Verdict(passing.order, passing.branch, passing.circuit, within, not faults, (*reasons, *faults))
 
 

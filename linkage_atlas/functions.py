@@ -154,7 +154,7 @@ def function(
         found, went = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
     searched = watch.elapsed
     asked = Asked(wanted, dials, degrees, largest, tolerance)
-    solutions = described(asked, found, sensitivity, curves)
+    solutions = described(asked, found, kept, sensitivity, curves)
     if round_to is not None:
         solutions = [
             replace(one, rounded=rounded(asked, generator, round_to, watch), asked_to_round=True)

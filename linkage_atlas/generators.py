@@ -17,6 +17,7 @@ from synthesis.fourbar.determination import Determination, determinations, sensi
 from synthesis.fourbar.practical import practical_faults
 from synthesis.fourbar.verdict import verdicts
 from synthesis.function.answers import Generator, exchanged, rocker_angles, turns_back
+from synthesis.function.bounds import FunctionLimits
 from synthesis.function.search import refit
 from synthesis.function.sheet import to_csv
 from synthesis.function.wanted import Wanted
@@ -119,7 +120,7 @@ class FunctionSolution:
             "rank": self.rank,
             **_described(self.linkage, self.output_offset),
             "errors": vars(self.errors),
-            "verdict": vars(self.verdict) | {"reasons": list(self.verdict.reasons)},
+            "verdict": self.verdict.to_dict(),
             "family": self.family,
             "transmission_angle_min": self.transmission_angle_min,
             "transmission_angle_min_turn": self.transmission_angle_min_turn,
@@ -235,7 +236,9 @@ class Asked:
         )
 
 
-def described(asked: Asked, found: list[Generator], sensitivity: bool, curves: bool) -> list[FunctionSolution]:
+def described(
+    asked: Asked, found: list[Generator], limits: FunctionLimits, sensitivity: bool, curves: bool
+) -> list[FunctionSolution]:
     """Generators as a user reads them, best first."""
     if not found:
         return []
@@ -252,7 +255,7 @@ def described(asked: Asked, found: list[Generator], sensitivity: bool, curves: b
     drawn = _error_curves(asked, found) if curves else [None] * len(found)
     solutions = []
     for k, one in enumerate(found):
-        faults = practical_faults(one, wanted.target)
+        faults = practical_faults(one, wanted.target, limits)
         reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
         determined, turn = fixed[k], one.transmission_angle_min_turn
         solutions.append(

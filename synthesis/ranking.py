@@ -55,6 +55,10 @@ class Answer(Protocol):
     def identity(self) -> Floats:
         """Numbers of order one that tell it from others."""
 
+    @property
+    def looks(self) -> Floats:
+        """Numbers of which two answers that look alike in a picture differ by less than one."""
+
     def mirrored(self) -> Any:
         """The answer to the mirrored request."""
 
@@ -134,10 +138,11 @@ def distinct(
     """The best ``top`` that differ from one another by more than ``apart``, by objective; ties keep their order.
 
     Where objectives are not ``exact``, an answer about as good as a better one and alike it lies in that one's valley, on its
-    way to the same optimum, and is left out.
+    way to the same optimum, and is left out. So is one that looks like a better one, unless the rows of a table are wanted as
+    they are (``apart`` is `SAME`).
     """
     kept: list[A] = []
-    identities, objectives = np.empty((0, 0)), np.empty(0)
+    identities, objectives, looks = np.empty((0, 0)), np.empty(0), np.empty((0, 0))
     for answer in sorted(answers, key=order):
         if len(kept) == top:
             break
@@ -145,9 +150,11 @@ def distinct(
         if kept:
             gap = np.max(np.abs(identities - mine) / np.maximum(1.0, np.abs(mine)), axis=1)
             same_valley = (objective >= exact) & (objective <= (1 + _AS_GOOD) * objectives) & (gap <= _ALIKE)
-            if np.any((gap <= apart) | same_valley):
+            alike = (apart > SAME) & (np.max(np.abs(looks - answer.looks), axis=1) < 1)
+            if np.any((gap <= apart) | same_valley | alike):
                 continue
         kept.append(answer)
+        looks = np.vstack([looks, answer.looks]) if looks.size else answer.looks[None, :]
         identities = np.vstack([identities, mine]) if identities.size else mine[None, :]
         objectives = np.append(objectives, objective)
     return kept

@@ -299,7 +299,10 @@ class VerdictReply(ReplyModel):
     branch: bool = Field(description="All samples lie on one branch.")
     circuit: bool = Field(description="All samples, and all between, lie on one circuit.")
     within_tolerance: bool | None = Field(description="Every sample keeps the tolerances; null without any.")
-    buildable: bool = Field(description="No practical limit is broken, whatever was asked for.")
+    practical: bool = Field(
+        description="No practical limit is broken; what the request limits itself is judged by its own limit."
+    )
+    buildable: bool = Field(description="The same as `practical`: whether links collide is not checked.")
     reasons: list[str] = Field(description="A sentence for everything that is amiss; samples count from 1.")
 
 
@@ -325,6 +328,11 @@ class SolutionReply(ReplyModel):
         None,
         description="With free timing: the largest way of the body point between two neighbouring samples over their "
         "distance, which counts as at least 5 % of the motion's extent.",
+    )
+    size: float | None = Field(
+        None,
+        description="Largest of the links, the coupler point's radius and the distances of the fixed pivots from the motion's "
+        "middle, over the motion's extent.",
     )
     family: str
     transmission_angle_min: float = Field(description="Over the used interval.")

@@ -21,6 +21,10 @@ REACH = 10.0
 """No link, and no distance of a pivot from the motion's middle, is longer than this many extents of the motion."""
 
 
+_ROUNDED = 1e-9
+"""Part by which a limit may seem broken that is kept to rounding."""
+
+
 def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
     """The practical limits as arguments of `limits.Limits`; one that is given replaces them where it says the same.
 
@@ -50,6 +54,11 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
     return asked | given
 
 
+def placed_by(limits: object, pivot: str) -> bool:
+    """Whether limits themselves say where a fixed pivot, ``pivot_a`` or ``pivot_b``, lies."""
+    return any(getattr(limits, name, None) is not None for name in (pivot, f"{pivot}_box", "pivot_box", "envelope"))
+
+
 class Built(Protocol):
     """What practical limits look at."""
 
@@ -66,40 +75,78 @@ class Built(Protocol):
         """Over the whole turn; None where the crank does not turn fully."""
 
 
-def practical_faults(solution: Built, samples: Samples, excursion: float | None = None) -> list[str]:
-    """A sentence for each practical limit that a solution breaks.
+class Asked(Protocol):
+    """The limits of a request that may take the place of practical ones; 0 or None where it gives none."""
+
+    @property
+    def transmission_angle_min(self) -> float:
+        """Over the used interval."""
+
+    @property
+    def transmission_angle_min_turn(self) -> float:
+        """Over the whole turn."""
+
+    @property
+    def link_ratio_max(self) -> float | None:
+        """Longest link over the shortest."""
+
+    @property
+    def link_max(self) -> float | None:
+        """Longest link."""
+
+
+def practical_faults(solution: Built, samples: Samples, limits: Asked, excursion: float | None = None) -> list[str]:
+    """A sentence for each practical limit that a solution breaks; what a request limits itself is judged by its own limit.
 
     Parameters
     ----------
     solution : Solution, or whatever is built like one
     samples : Samples
         The motion; without positions lengths are ratios, and only those are judged.
+    limits : Limits
+        Of the request.
     excursion : float, optional
         Of the body point between samples, see `excursion.excursions`.
     """
     linkage, faults = solution.linkage, []
 
     def angle(found: float, wanted: float, where: str) -> None:
-        if found < wanted:
+        if found < wanted - _ROUNDED:
             degrees = np.rad2deg([found, wanted])
             faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
 
-    angle(solution.transmission_angle_min, TRANSMISSION_ANGLE, "over the used interval")
+    angle(
+        solution.transmission_angle_min, limits.transmission_angle_min or TRANSMISSION_ANGLE, "over the used interval"
+    )
     if solution.transmission_angle_min_turn is not None:
-        angle(solution.transmission_angle_min_turn, TRANSMISSION_ANGLE_TURN, "over the whole turn")
-    ratio = max(linkage.links) / min(linkage.links)
-    if ratio > LINK_RATIO:
-        faults.append(f"longest link {ratio:.3g} times the shortest, above {LINK_RATIO:g}")
+        least = limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN
+        angle(solution.transmission_angle_min_turn, least, "over the whole turn")
+    ratio, most = max(linkage.links) / min(linkage.links), limits.link_ratio_max or LINK_RATIO
+    if ratio > most * (1 + _ROUNDED):
+        faults.append(f"longest link {ratio:.3g} times the shortest, above {most:g}")
     if samples.position is not None:
         extent, middle = samples.extent, complex(samples.position_mean(samples.position))
-        longest = max(linkage.links) / extent
-        if longest > REACH:
-            faults.append(f"longest link {longest:.3g} times the motion's extent, above {REACH:g}")
-        far = max(abs(linkage.pivot_a - middle), abs(linkage.pivot_b - middle)) / extent
-        if far > REACH:
-            faults.append(f"a fixed pivot {far:.3g} extents from the motion's middle, above {REACH:g}")
+        longest = max(linkage.links)
+        if limits.link_max is None and longest > REACH * extent:
+            faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {REACH:g}")
+        pivots = {"pivot_a": linkage.pivot_a, "pivot_b": linkage.pivot_b}
+        far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
+        if far and max(far) > REACH * (1 + _ROUNDED):
+            faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {REACH:g}")
     if excursion is not None and excursion > LEAVES_SAMPLES:
         faults.append(
             f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"
         )
     return faults
+
+
+def size_of(linkage: Linkage, samples: Samples) -> float | None:
+    """Largest of the links, the coupler point's radius and the pivots' distances from the motion's middle, over its extent.
+
+    None without positions.
+    """
+    if samples.position is None or linkage.coupler_point is None:
+        return None
+    middle = complex(samples.position_mean(samples.position))
+    reach = (abs(linkage.pivot_a - middle), abs(linkage.pivot_b - middle))
+    return float(max(*linkage.links, linkage.coupler_point[0], *reach)) / samples.extent

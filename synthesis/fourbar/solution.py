@@ -24,6 +24,9 @@ from synthesis.target import TURN, Interval, Target
 
 Floats = NDArray[np.float64]
 
+ALIKE = 0.02
+"""Part by which lengths of linkages that look alike in a picture differ at most."""
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -67,9 +70,22 @@ class Solution:
             numbers += [np.log(size), ground.real, ground.imag, coupler.real, coupler.imag, place.real, place.imag]
         return np.array(numbers)
 
+    @property
+    def looks(self) -> Floats:
+        """Numbers of which two linkages that look alike in a picture differ by less than one; see `looks_of`."""
+        return looks_of(self.linkage, self.family)
+
     def mirrored(self) -> Solution:
         """The linkage in a mirror, for the mirrored target; its errors are the same."""
         return replace(self, linkage=self.linkage.mirrored(), crank=None if self.crank is None else -self.crank)
+
+
+def looks_of(linkage: Linkage, family: Family) -> Floats:
+    """Logarithms of the lengths over that of 1 + `ALIKE`, the branch and the family, (6,).
+
+    Law: they differ by less than one exactly where branch and family are the same and all lengths agree to within `ALIKE`.
+    """
+    return np.array([*(np.log(linkage.links) / np.log1p(ALIKE)), linkage.branch, list(Family).index(family)])
 
 
 def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayLike) -> list[Linkage]:

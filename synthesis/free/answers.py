@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.fourbar.excursion import LEAVES_SAMPLES, excursions
 from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
@@ -21,9 +22,10 @@ from synthesis.target import TURN, Target
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+Flags = NDArray[np.bool_]
 
-_TRANSMISSION_STEP = np.deg2rad(5.0)
-"""Exact answers whose transmission angles differ by less are ranked by how compact they are."""
+_SWING_STEP, _TRANSMISSION_STEP = np.deg2rad(90.0), np.deg2rad(5.0)
+"""Exact answers whose cranks turn alike far are ranked by transmission angle, and then by how compact they are."""
 
 
 class _Mounted(NamedTuple):
@@ -86,7 +88,10 @@ class _Mounted(NamedTuple):
         return self.poses.timed(self.crank, rotation)
 
     def order(self, tolerance: float) -> NDArray[np.intp]:
-        """Places, best first: by J; of exact ones by transmission angle, and then the most compact first."""
+        """Places, best first: by J, and exact ones by what one would build.
+
+        That is how far the crank turns, then the transmission angle, each in steps, and then how compact the linkage is.
+        """
         objective = np.sqrt(self.cost)
         rest = np.where(objective < tolerance, 0.0, objective)
         used = self.poses.used(self.crank).interval.after(self.start)
@@ -94,7 +99,17 @@ class _Mounted(NamedTuple):
         middle, scale = self.poses.middle, self.poses.length_scale
         far = np.max(np.abs(np.array(self.pivots) - middle), axis=0) / scale
         size = np.maximum(self.links.max(axis=1) / self.links.min(axis=1), far)
-        return np.lexsort((size, -np.floor(transmission / _TRANSMISSION_STEP), rest))
+        swing = np.abs(used.last - used.first)
+        return np.lexsort((size, -np.floor(transmission / _TRANSMISSION_STEP), np.floor(swing / _SWING_STEP), rest))
+
+    def leaves(self) -> Flags:
+        """Whether the body point goes far away between neighbouring samples, (n,)."""
+        linkages = [one.linkage for one in self.solutions()]
+        crank = self.start[:, None] + self.crank
+        side = np.broadcast_to(self.branch[:, None], crank.shape)
+        poses = self.poses
+        way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
+        return np.array([one is not None and one > LEAVES_SAMPLES for one in way], dtype=bool)
 
     def solutions(self) -> list[Solution]:
         """Them with errors, recomputed from their own numbers."""
@@ -142,6 +157,9 @@ def solutions_of(
         kept &= used <= poses.span_max * (1 + 1e-9)
     every = every.take(np.flatnonzero(kept))
     ranked = every.take(every.order(tolerance)[: 8 * top + 20])
+    exact = np.sqrt(ranked.cost) < tolerance
+    if np.any(exact):  # of those that meet all samples the ones last that go elsewhere in between
+        ranked = ranked.take(np.argsort(2 * ~exact + ranked.leaves(), kind="stable"))
     found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
     place = {id(one): rank for rank, one in enumerate(found)}
     return distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)

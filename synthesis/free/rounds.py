@@ -282,8 +282,10 @@ class Rounds:
     # -- hops -------------------------------------------------------------------------------------------------------
 
     def hops(self, origins: int, copies: int, width: float = 1.0) -> Timed:
-        """Perturbed copies of the best valleys that were perturbed least often: half of them moved in all unknowns alike, which
-        reaches other valleys, half where the cost is flat, which reaches other minima of a long one.
+        """Perturbed copies of the best valleys that were perturbed least often.
+
+        Half of them are moved in all unknowns alike, which reaches other valleys, half where the cost is flat, which reaches
+        other minima of a long one.
         """
         assert self.pool is not None
         cost = self.pool.cost

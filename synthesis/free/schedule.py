@@ -1,4 +1,4 @@
-"""The schedule of the search for exact paths as a table: where each round takes its seeds, how long they descend, and why it is there.
+"""The schedule of the search for exact paths as a table: whence each round takes its seeds, how long they descend, and why.
 
 A round runs only where those before it did not reach the tolerance. All seeds of a round descend to their end: on random
 crank-rockers and double-cranks over parts of a turn, picking the best after 10 or 20 steps saved no time and lost requests,

@@ -140,8 +140,8 @@ class PathScreen:
         if missing is not None:
             span = guesses[:, -1, None, None]
             lengths = self.lengths[:, None]
-            short = np.float32(_MISSED) * missing(lengths, self.start, self.start + span).astype(np.float32) ** 2
-            error += short[:, :, None]
+            short: Floats = missing(lengths, self.start, self.start + span)
+            error += (_MISSED * short**2).astype(np.float32)[:, :, None]
         best = error.argmin(axis=3)
         least = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
         each = min(_EACH, least.shape[1] - 1)

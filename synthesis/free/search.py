@@ -276,7 +276,7 @@ class _Search:
         """Windows at guessed crank angles, in poses within the limits; the best are looked at as answers."""
         if family == "any":
             for one in guessed_windows(self.poses, self.limits, self.windows(family)):
-                run.keep(Pool(one, np.zeros(one.branch.size)), rounds=4)
+                run.keep(Pool(one, run.plain.plain_cost(one)), rounds=4)
                 yield run.thinned(one)
             return
         limits = self.limits
@@ -297,9 +297,7 @@ class _Search:
             look = np.concatenate([inside[:_LOOKED_AT], np.arange(_LOOKED_AT)])
         else:
             seeds, look = problem.posed(seeds, problem.turned(seeds, derivatives=False)), np.arange(_LOOKED_AT)
-        look = run.spread(seeds.take(look[look < seeds.branch.size]))
-        run.keep(
-            Pool.measured(run.plain, look) if not run.holds else Pool(look, np.zeros(look.branch.size)), rounds=4
-        )
+        few = run.spread(seeds.take(look[look < seeds.branch.size]))
+        run.keep(Pool(few, run.plain.plain_cost(few)) if run.holds else Pool.measured(run.plain, few), rounds=4)
         for k in range(0, seeds.branch.size, _SEEDS):
             yield seeds.take(slice(k, k + _SEEDS))

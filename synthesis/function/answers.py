@@ -13,7 +13,7 @@ from synthesis.fourbar.kinematics import Family, close_loop, principal
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FourBar
-from synthesis.fourbar.solution import how_they_turn
+from synthesis.fourbar.solution import how_they_turn, looks_of
 from synthesis.function.wanted import Wanted
 from synthesis.pose import rotation_residual, whole_turns
 from synthesis.target import Target
@@ -81,6 +81,11 @@ class Generator:
     def identity(self) -> Floats:
         """Numbers that tell linkages apart."""
         return np.array([*(np.array(self.linkage.links) / max(self.linkage.links)), self.linkage.branch])
+
+    @property
+    def looks(self) -> Floats:
+        """Numbers of which two linkages that look alike in a picture differ by less than one."""
+        return looks_of(self.linkage, self.family)
 
     def mirrored(self) -> Generator:
         """The linkage in a mirror, for the mirrored function."""

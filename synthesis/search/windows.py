@@ -195,7 +195,7 @@ class Fits(NamedTuple):
 
     @classmethod
     def of_candidates(cls, mean: Mean, place: Complexes, crank: Complexes, body: Complexes) -> Fits:
-        """Of candidates with crank angles of their own: positions over l (N,), e^{i crank angle} and e^{i theta2}, (n, N) each."""
+        """Of candidates with their own crank angles: positions over l (N,), e^{i crank angle} and e^{i theta2}, (n, N) each."""
         back = np.conj(body)
         share = np.stack([mean(back), mean(back * crank), mean(back * place)], axis=1)
         rotation, square = np.zeros(len(crank)), mean(np.abs(place) ** 2)

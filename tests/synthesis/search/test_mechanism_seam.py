@@ -65,6 +65,10 @@ class SliderCrank:
     def identity(self) -> np.ndarray:
         return self.lengths / self.lengths[0]
 
+    @property
+    def looks(self) -> np.ndarray:
+        return 50 * self.identity
+
 
 class Mechanism:
     branches = (1,)
