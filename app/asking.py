@@ -14,13 +14,14 @@ from typing import Any, get_args
 
 import pydantic_core
 import shtab
+from pydantic import ValidationError
 
 from app.arguments import add_atlas, whole_number
 from app.cache import find_atlas
 from app.exits import EPILOG, Exit, exit_of
 from app.fourbar.export import LengthUnit
 from app.progress import waiting
-from app.query import Query, RequestModel
+from app.query import Query, RequestModel, invalid
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.tables import Units
@@ -85,7 +86,10 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
         )
     if query.file_of is not None:
         parser.add_argument(
-            "--rank", type=whole_number(1, 100), default=1, help="which solution to write or draw (%(default)s)"
+            "--rank",
+            type=whole_number(1, 100),
+            default=1,
+            help="which solution to write or draw, if need be of more than `top` (%(default)s)",
         )
     if query.shows_units:
         parser.add_argument(
@@ -129,8 +133,10 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     code = exit_of(request, reply)
     wanted = dict(zip(getattr(options, "export", ()), names))
     plot = getattr(options, "plot", False)
-    if (wanted or plot) and len(getattr(reply, "solutions", [None] * rank)) < rank:
-        print(f"nothing written: there are {len(reply.solutions)} solutions", file=sys.stderr)
+    found = len(getattr(reply, "solutions", [None] * rank))
+    if found < rank and (wanted or plot or rank > 1):
+        there = "there is 1 solution" if found == 1 else f"there are {found} solutions"
+        print(f"no solution of rank {rank}: {there}", file=sys.stderr)
         code = code or Exit.USAGE
     elif wanted or plot:
         unit = getattr(options, "length_unit", None) or "mm"
@@ -191,12 +197,15 @@ def read_request(
     request: RequestModel
     if unwrap and is_json:
         raise FieldError("", "--unwrap is for a table of samples, and this is JSON")
-    if query.from_csv is not None and not is_json:
-        request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also), unwrap))
-    elif also:
-        request = query.request.model_validate(_with(_parsed(text), also))
-    else:
-        request = query.request.model_validate_json(text)
+    try:
+        if query.from_csv is not None and not is_json:
+            request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also), unwrap))
+        elif also:
+            request = query.request.model_validate(_with(_parsed(text), also))
+        else:
+            request = query.request.model_validate_json(text)
+    except ValidationError as error:
+        raise invalid(error, query.request) from None
     return query.practical(request) if query.practical is not None and practical else request
 
 

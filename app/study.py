@@ -16,7 +16,6 @@ from functools import cache, partial
 from pathlib import Path
 
 import shtab
-from pydantic import ValidationError
 from tqdm import tqdm
 
 from app.arguments import whole_number
@@ -151,11 +150,8 @@ def answer_line(command: str, practical: bool, atlas: str | None, question: Ques
         if len(question.text) > resources.settings.max_body_bytes:
             raise FieldError("", f"longer than {resources.settings.max_body_bytes:,} bytes")
         reply = query.answer(read_request(query, question.text, practical), resources)
-    except ValidationError as error:
-        row = error.errors(include_input=False, include_url=False)[0]
-        return answer_of(question, error=f"{'.'.join(map(str, row['loc'])) or 'request'}: {row['msg']}")
     except FieldError as error:
-        return answer_of(question, error=str(error))
+        return answer_of(question, error=str(error).partition("\n")[0])
     except AtlasError:
         raise  # of all requests, not of this one
     except Exception as error:  # one request must not end the study of all others

@@ -231,7 +231,8 @@ def read_wanted(
     try:
         target = make_target(rotation=values, crank_span=span, crank_angle=angles, rotation_weights=given)
     except FieldError as error:
-        named = {"/rotation": "/output", "/crank_angle": "/input", "/weights/rotation": "/weights"}
+        named = {"/rotation": "/output", "/crank_angle": "/input", "/crank_span": "/crank_span"}
+        named["/weights/rotation"] = "/weights"
         at = next((old for old in named if error.field.startswith(old)), None)
         if at is None:
             raise
@@ -251,7 +252,7 @@ def read_function_limits(limits: Mapping[str, Any] | None, degrees: bool) -> Fun
     given = {name: value for name, value in (limits or {}).items() if value is not None}
     for name in given:
         if name not in FUNCTION_LIMITS:
-            raise FieldError(f"/limits/{name}", f"there is no such limit; there are {', '.join(FUNCTION_LIMITS)}")
+            raise FieldError.no_such("/limits", name, FUNCTION_LIMITS, "limit")
     radian = radians_in(degrees)
     numbers: dict[str, Any] = {}
     if "preset" in given:
@@ -265,7 +266,7 @@ def read_function_limits(limits: Mapping[str, Any] | None, degrees: bool) -> Fun
     links = {name: value for name, value in dict(given.get("links") or {}).items() if value is not None}
     for name, value in links.items():
         if name not in LINKS:
-            raise FieldError(f"/limits/links/{name}", f"there is no such link; there are {', '.join(LINKS)}")
+            raise FieldError.no_such("/limits/links", name, LINKS, "link")
         if not number(f"limits/links/{name}", value) > 0:
             raise FieldError(f"/limits/links/{name}", "wanted a length above 0")
     if links and "ground" not in links:

@@ -18,6 +18,7 @@ from synthesis.atlas.haar import resample
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import principal
 from synthesis.fourbar.solution import four
+from synthesis.target import HOW_TURNED
 from synthesis.work import Work
 
 
@@ -66,6 +67,8 @@ def match(
     check_above_zero(budget=budget)
     if curve not in ("coupler", "rocker"):
         raise FieldError("/curve", f"wanted 'coupler' or 'rocker', found {curve!r}")
+    if crank_span is None and crank_angle is None:
+        raise FieldError("/crank_span", HOW_TURNED)
     scan = atlas.scan if curve == "coupler" else atlas.rocker_scan
     watch = work(budget)
     motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)

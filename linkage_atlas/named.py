@@ -59,7 +59,7 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
     given = {name: value for name, value in function.items() if value is not None}
     for name in given:
         if name not in FIELDS:
-            raise FieldError(f"/function/{name}", f"there is no such field; there are {', '.join(FIELDS)}")
+            raise FieldError.no_such("/function", name, FIELDS)
     if crank_span is None:
         raise FieldError("/crank_span", "needed for a `function`")
     if "output_span" not in given:

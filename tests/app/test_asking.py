@@ -73,7 +73,55 @@ def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> No
     request = {"output": [0, 10, 30], "crank_span": 60, "limits": {"links": links, "preset": None}}
     code, out, err = run("function", "--export", file, "--plot", stdin=json.dumps(request))
     assert code == Exit.INFEASIBLE and not file.exists()
-    assert out.startswith("infeasible") and err == "nothing written: there are 0 solutions\n"
+    assert out.startswith("infeasible") and err == "no solution of rank 1: there are 0 solutions\n"
+
+
+@pytest.mark.parametrize("more", [(), ("--json",), ("--export", "one.svg")])
+def test_a_rank_beyond_the_solutions_found_is_an_error_that_says_how_many_there_are(
+    more, run, monkeypatch, tmp_path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    request = json.dumps(
+        {"timing": "free", "position": [[0, 0], [40, 8], [75, 30]], "rotation": [0, 15, 40], "budget_ms": 100}
+    )
+    code, out, err = run("synthesize", "--rank", 100, *more, stdin=request)
+    assert code == Exit.USAGE and "no solution of rank 100: there are " in err and out
+    assert not (tmp_path / "one.svg").exists()
+    assert run("synthesize", "--rank", 101, *more, stdin=request)[:2] == (Exit.USAGE, "")
+
+
+@pytest.mark.parametrize(
+    ("field", "words"),
+    [
+        ({"positon": [[0, 0]]}, "positon: there is no field 'positon'; near: position"),
+        ({"limits": {"pivot_bx": 1}}, "limits.pivot_bx: there is no field 'pivot_bx'; near: pivot_box, pivot_b"),
+        ({"limits": {"links": {"grund": 1}}}, "limits.links.grund: there is no field 'grund'; near: ground"),
+        ({"weights": {"zzz": 1}}, "weights.zzz: there is no field 'zzz'; there are rotation, position"),
+        ({"z" * 999: 1}, "there is no field '" + 40 * "z" + "'; there are crank_span, "),
+    ],
+)
+def test_a_field_that_is_not_known_is_told_with_those_near_it(field, words, run, tmp_path) -> None:
+    code, out, err = run("synthesize", stdin=json.dumps(RIGHT_ANGLE | field))
+    assert (code, out) == (Exit.USAGE, "") and words in err
+    path, value = next(iter(field.items()))
+    while isinstance(value, dict):
+        path, value = f"{path}.{next(iter(value))}", next(iter(value.values()))
+    code, _, err = run("synthesize", "--set", f"{path}=1", stdin=json.dumps(RIGHT_ANGLE))
+    assert code == Exit.USAGE and words in err
+    lines, replies = tmp_path / "lines", tmp_path / "replies"
+    lines.write_text(json.dumps(RIGHT_ANGLE | field))
+    assert run("study", lines, "--out", replies, "--jobs", 1)[0] == Exit.FAILED
+    assert words in json.loads(replies.read_text())["error"]
+
+
+def test_a_request_that_does_not_say_how_the_crank_turns_is_told_all_ways_to_say_it(run) -> None:
+    code, _, err = run("synthesize", stdin='{"rotation": [0, 8, 19, 31]}')
+    assert code == Exit.USAGE and all(word in err for word in ("`crank_span`", "`crank_angle`", "`timing` 'free'"))
+    with pytest.raises(la.FieldError) as error:
+        la.synthesize([0, 8, 19, 31])
+    assert str(error.value) == err.strip() and error.value.field == "/crank_span"
+    code, _, err = run("function", stdin='{"output": [0, 8, 19, 31]}')
+    assert code == Exit.USAGE and "`crank_span`" in err and "`input`" in err and "timing" not in err
 
 
 def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, monkeypatch) -> None:
