@@ -25,6 +25,7 @@ Computed = SkipValidation
 """Long lists that the service has computed itself: checking each number again would hold up everyone."""
 Column = SkipValidation[list[float]]
 AngleUnit = Literal["deg", "rad"]
+LengthUnit = Literal["mm", "cm", "m", "in"]
 
 
 @dataclass(frozen=True)

@@ -144,7 +144,6 @@ BAD = [
     ),
     ({"rotation": [1, 2, 4], "crank_span": 9, "budget": -1}, "/budget", "above 0"),
     ({"rotation": [1, 2, 4], "crank_span": 9, "effort": "hard"}, "/effort", "hard"),
-    ({"rotation": [1, 2, 4], "crank_span": 9, "effort": "atlas"}, "/atlas", "load_atlas"),
     ({"rotation": [1, 2, 4], "crank_span": 9, "round_to": 1}, "/round_to", "position"),
     ({"rotation": [1, 2, 4], "crank_span": 9, "length_scale": 1}, "/length_scale", "positions"),
     ({"rotation": [1, 2, 4], "crank_span": 9, "limits": {"weight": 3}}, "/limits/weight", "pivot_box"),
