@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy  # noqa: F401  # whose BLAS is limited below: it must be there by then
 from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
