@@ -17,9 +17,7 @@ from app.arguments import FILE, add_atlas, whole_number
 from app.bundled import examples_of
 from app.exits import EPILOG, Exit, exit_of
 from app.progress import waiting
-from app.query import LengthUnit, Query, RequestModel, invalid
-from app.resources import ServiceResources
-from app.settings import atlas_of, settings_of
+from app.query import LengthUnit, Query, RequestModel, Resources, invalid
 from app.tables import Units
 from linkage_atlas import FieldError
 
@@ -116,6 +114,9 @@ def _setting(text: str) -> tuple[list[str], Any]:
 
 
 def _run(options: argparse.Namespace, query: Query) -> int:
+    from app.resources import ServiceResources
+    from app.settings import atlas_of, settings_of
+
     names = [_format_of(query, path) for path in getattr(options, "export", ())]
     practical = not (options.example or getattr(options, "no_preset", False))
     also = options.set
@@ -252,7 +253,7 @@ def _format_of(query: Query, path: Path) -> str:
 
 
 def _file(
-    query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str, resources: ServiceResources
+    query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str, resources: Resources
 ) -> bytes:
     if query.file_of is not None:
         return query.file_of(request, reply, rank, name, length_unit)

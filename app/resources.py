@@ -10,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy  # noqa: F401  # whose BLAS is limited below: it must be there by then
 from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
@@ -43,6 +42,8 @@ class ServiceResources:
         self.complete = False
         """Whether this process answers one request at a time, with what is there: what is missing raises `Unprepared`."""
         # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
+        import numpy  # noqa: F401  # for only a library that is loaded is limited
+
         self._blas = threadpool_limits(1, "blas")
 
     @cached_property
