@@ -60,8 +60,8 @@ ROCKERS = Kind(
 )
 
 
-_THOUSANDS = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})*(?!\d|\1)")
-"""The whole part of a number in groups of three digits."""
+_ONE_GROUP = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}[.,]\d{3}(?!\d|[.,])")
+"""A number of which nothing shows whether its mark is that of decimals or of thousands."""
 
 
 class _Row(NamedTuple):
@@ -79,9 +79,9 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: b
     Without crank angles in either they are free.
 
     Cells are separated by tabs, semicolons, commas or spaces. A comma in a number is its decimal point where cells are not
-    separated by commas, or where it is quoted; a table that writes some numbers so and others with a point is refused, unless a
-    number has both, as 1.000,5 does: then the first of them groups thousands in all numbers. With ``unwrap`` each angle is
-    moved by whole turns to within half a turn of the one before.
+    separated by commas, or where it is quoted; a table that writes some numbers so and others with a point is refused. Before
+    three digits the other mark groups thousands, as in 1.000,5. With ``unwrap`` each angle is moved by whole turns to within
+    half a turn of the one before.
 
     Raises
     ------
@@ -243,8 +243,9 @@ def _numbers(
 ) -> dict[str, list[float | None]]:
     """The columns that are read; a mark for decimals is one mark in the whole table."""
     columns: dict[str, list[float | None]] = {name: [] for name in names if name is not None}
-    mark, whole = "", ((cell, _THOUSANDS.match(cell)) for _, cells in rows for cell in cells)
-    group = next((found[1] for cell, found in whole if found and cell[found.end() :][:1] in (".", ",")), "")
+    read = [cell for _, cells in rows for name, cell in zip(names, cells) if name is not None]
+    mark = next(filter(None, map(_decimal_mark, read)), "," if any("," in cell for cell in read) else ".")
+    thousands = re.compile(rf"(?<=\d)[{'.,'.replace(mark, '')}](?=\d{{3}}(?!\d))")
     for line, cells in rows:
         cells = _trimmed(cells, len(names))
         if len(cells) != len(names):
@@ -253,18 +254,24 @@ def _numbers(
             if name is None:
                 continue
             place = f"line {line}, column {k + 1}{f' ({heads[k][:20]})' if heads else ''}: "
-            if group and (thousands := _THOUSANDS.match(cell)):
-                cell = thousands[0].replace(group, "") + cell[thousands.end() :]
-            found = "".join(sorted(set(cell) & set(".,")))
-            if (found and mark and found != mark) or len(found) > 1:
+            plain = thousands.sub("", cell)
+            if _decimal_mark(cell) not in ("", mark) or len(set(plain) & set(".,")) > 1:
                 wanted = "wanted one decimal mark in the whole table, found comma and point"
                 raise FieldError("", f"{place}'{cell[:20]}': {wanted}")
-            mark = mark or found
-            value = _number(cell, place)
+            value = _number(plain, place)
             if value is None and not gaps:
                 raise FieldError("", f"{place}wanted a number, found an empty cell")
             columns[name].append(value)
     return columns
+
+
+def _decimal_mark(cell: str) -> str:
+    """The decimal mark of a number, where it shows one: the last of two, or the one that does not stand twice."""
+    marks = re.findall("[.,]", cell)
+    if not marks or _ONE_GROUP.match(cell):
+        return ""
+    several = len(marks) > 1 and len(set(marks)) == 1
+    return ".,".replace(marks[0], "") if several else marks[-1]
 
 
 def _number(cell: str, place: str) -> float | None:

@@ -73,7 +73,7 @@ def test_tables_of_any_country(text, wanted) -> None:
         ("x,y\n1,1_0\n", "line 2, column 2 (y): '1_0' is not a number"),
         ("x;y\n1.00,5;2\n", "line 2, column 1 (x): '1.00,5': wanted one decimal mark"),
         ("x;y\n1.000,5;2\n0.125;3\n", "line 3, column 1 (x): '0.125': wanted one decimal mark"),
-        ("x;y\n1,5;2\n2.250;3\n", "line 3, column 1 (x): '2.250': wanted one decimal mark"),
+        ("x;y\n1,5;2\n2.25;3\n", "line 3, column 1 (x): '2.25': wanted one decimal mark"),
         ("x,rotation\n1,2\n", "wanted both x and y"),
         ("x,y,rotation\n1,,2\n", "line 2: wanted both x and y"),
         ('x;y\n1;"2\n3;4\n5;x\n', "line 4, column 2 (y): 'x' is not a number"),
@@ -181,11 +181,14 @@ def test_the_command_unwraps_and_answers_tables_of_every_question(tmp_path, caps
             [[1000.5, 2.5, 3.0], [-1234567.5, 12000.0, 0.125]],
         ),
         ('"1,000.5",2.5,3.0\n', [[1000.5, 2.5, 3.0]]),
-        ("1,500;2.5;3\n", None),
+        ("1,500;2.5;3\n", [[1500.0, 2.5, 3.0]]),
+        ("1.234.567;2;3\n0;1.250;0\n", [[1234567.0, 2.0, 3.0], [0.0, 1250.0, 0.0]]),
+        ("1.250;2;3\n", [[1.25, 2.0, 3.0]]),
+        ("1,250;2;3\n", [[1.25, 2.0, 3.0]]),
         ("1,000.5;2,5;3.0\n", None),
     ],
 )
-def test_one_mark_groups_thousands_where_a_number_has_both(text, wanted) -> None:
+def test_the_mark_that_is_not_that_of_decimals_groups_thousands(text, wanted) -> None:
     if wanted is None:
         with pytest.raises(FieldError, match="wanted one decimal mark"):
             request_from_csv(text)
