@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import shtab
+FILE: dict[str, str] = {}
+"""What completes the name of a file in each shell: shtab's, once it is asked for a completion."""
 
 
 def add_atlas(parser: Any, what: str = "the atlas") -> None:
@@ -17,7 +18,7 @@ def add_atlas(parser: Any, what: str = "the atlas") -> None:
         type=Path,
         metavar="FILE",
         help=f"{what} (default: atlas.h5 here, or else the default one, built once in the cache folder)",
-    ).complete = shtab.FILE
+    ).complete = FILE
 
 
 def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:

@@ -6,23 +6,18 @@ import argparse
 import json
 import os
 import sys
-import tempfile
-import webbrowser
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 import pydantic_core
-import shtab
+from pydantic import ValidationError
 
-from app.arguments import add_atlas, whole_number
-from app.cache import find_atlas
+from app.arguments import FILE, add_atlas, whole_number
+from app.bundled import examples_of
 from app.exits import EPILOG, Exit, exit_of
-from app.fourbar.export import LengthUnit
 from app.progress import waiting
-from app.query import Query, RequestModel
-from app.resources import ServiceResources
-from app.settings import Settings
+from app.query import LengthUnit, Query, RequestModel, Resources, invalid
 from app.tables import Units
 from linkage_atlas import FieldError
 
@@ -34,10 +29,18 @@ _FILE_HELP = (
 
 def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     """The arguments of a question's command."""
+    parser.description = query.summary
     parser.epilog, parser.formatter_class = EPILOG, argparse.RawDescriptionHelpFormatter
     file = parser.add_argument("file", nargs="?", default="-", help=_FILE_HELP[query.from_csv is not None])
-    file.complete = shtab.FILE  # type: ignore[attr-defined]
-    parser.add_argument("--example", choices=sorted(query.examples), help="answer a bundled example instead")
+    file.complete = FILE  # type: ignore[attr-defined]
+    examples = {name: example.request for name, example in examples_of(query).items()}
+    prefix = query.command.replace(" ", "-") + "-"
+    parser.add_argument(
+        "--example",
+        choices=sorted(examples),
+        metavar="NAME",
+        help=f"answer a bundled example instead: {', '.join(name for name in examples if not name.startswith(prefix))}",
+    )
     if query.practical is not None:
         parser.add_argument(
             "--no-preset",
@@ -59,7 +62,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             metavar="FILE",
             help="search nowhere, but refine this linkage from just there: a solution as JSON, as --export FILE.json or --json "
             "writes it (of a reply its first)",
-        ).complete = shtab.FILE  # type: ignore[attr-defined]
+        ).complete = FILE  # type: ignore[attr-defined]
     if query.from_csv is not None:
         parser.add_argument(
             "--unwrap",
@@ -78,14 +81,17 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             action="append",
             default=[],
             help=f"also write a file; its ending says which: {formats}; may be given several times",
-        ).complete = shtab.FILE  # type: ignore[attr-defined]
+        ).complete = FILE  # type: ignore[attr-defined]
     if "svg" in query.exports:
         parser.add_argument(
             "--plot", action="store_true", help="also draw it, and open the picture where there is a screen"
         )
     if query.file_of is not None:
         parser.add_argument(
-            "--rank", type=whole_number(1, 100), default=1, help="which solution to write or draw (%(default)s)"
+            "--rank",
+            type=whole_number(1, 100),
+            default=1,
+            help="which solution to write or draw, if need be of more than `top` (%(default)s)",
         )
     if query.shows_units:
         parser.add_argument(
@@ -93,7 +99,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             choices=get_args(LengthUnit),
             help="the unit of the request's lengths, for heads of tables and for DXF and MJCF files (mm)",
         )
-    parser.set_defaults(run=lambda options: _run(options, query))
+    parser.set_defaults(run=lambda options: _run(options, query), examples=examples)
 
 
 def _setting(text: str) -> tuple[list[str], Any]:
@@ -107,13 +113,10 @@ def _setting(text: str) -> tuple[list[str], Any]:
         return path.split("."), value
 
 
-def settings_of(options: argparse.Namespace) -> Settings:
-    """The settings, with the atlas that the command line names."""
-    atlas = getattr(options, "atlas", None)
-    return Settings(atlas=atlas) if atlas else Settings()
-
-
 def _run(options: argparse.Namespace, query: Query) -> int:
+    from app.resources import ServiceResources
+    from app.settings import atlas_of, settings_of
+
     names = [_format_of(query, path) for path in getattr(options, "export", ())]
     practical = not (options.example or getattr(options, "no_preset", False))
     also = options.set
@@ -123,14 +126,16 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     rank = getattr(options, "rank", 1)
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
-    resources = ServiceResources(settings_of(options), find_atlas)
+    resources = ServiceResources(settings_of(options), atlas_of)
     with waiting("searching" if query.file_of else "computing", resources.max_budget_ms / 1000):
         reply = query.answer(request, resources)
     code = exit_of(request, reply)
     wanted = dict(zip(getattr(options, "export", ()), names))
     plot = getattr(options, "plot", False)
-    if (wanted or plot) and len(getattr(reply, "solutions", [None] * rank)) < rank:
-        print(f"nothing written: there are {len(reply.solutions)} solutions", file=sys.stderr)
+    found = len(getattr(reply, "solutions", [None] * rank))
+    if found < rank and (wanted or plot or rank > 1):
+        there = "there is 1 solution" if found == 1 else f"there are {found} solutions"
+        print(f"no solution of rank {rank}: {there}", file=sys.stderr)
         code = code or Exit.USAGE
     elif wanted or plot:
         unit = getattr(options, "length_unit", None) or "mm"
@@ -158,7 +163,7 @@ def _text(options: argparse.Namespace, query: Query) -> bytes:
     if options.example and options.file != "-":
         raise FieldError("", "give a file or --example, not both")
     if options.example:
-        return json.dumps(query.examples[options.example]).encode()
+        return json.dumps(options.examples[options.example]).encode()
     if options.file == "-":
         if sys.stdin.isatty():
             print("reading the request from this terminal; Ctrl-D ends it", file=sys.stderr)
@@ -191,12 +196,15 @@ def read_request(
     request: RequestModel
     if unwrap and is_json:
         raise FieldError("", "--unwrap is for a table of samples, and this is JSON")
-    if query.from_csv is not None and not is_json:
-        request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also), unwrap))
-    elif also:
-        request = query.request.model_validate(_with(_parsed(text), also))
-    else:
-        request = query.request.model_validate_json(text)
+    try:
+        if query.from_csv is not None and not is_json:
+            request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also), unwrap))
+        elif also:
+            request = query.request.model_validate(_with(_parsed(text), also))
+        else:
+            request = query.request.model_validate_json(text)
+    except ValidationError as error:
+        raise invalid(error, query.request) from None
     return query.practical(request) if query.practical is not None and practical else request
 
 
@@ -245,7 +253,7 @@ def _format_of(query: Query, path: Path) -> str:
 
 
 def _file(
-    query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str, resources: ServiceResources
+    query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str, resources: Resources
 ) -> bytes:
     if query.file_of is not None:
         return query.file_of(request, reply, rank, name, length_unit)
@@ -256,6 +264,9 @@ def _file(
 
 def _show(picture: bytes) -> None:
     """Keep a picture in a file of its own and open it; where nothing opens it, its place is said."""
+    import tempfile
+    import webbrowser
+
     with tempfile.NamedTemporaryFile(prefix="linkage-", suffix=".svg", delete=False) as file:
         file.write(picture)
     screen = sys.platform == "darwin" or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())

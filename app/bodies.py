@@ -16,7 +16,7 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from app import problems
-from app.query import RequestModel
+from app.query import Invalid, RequestModel, invalid
 
 MAX_KEYS = 2_000
 """Keys of a body: the largest request has a few hundred."""
@@ -38,7 +38,7 @@ def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
     ------
     problems.Malformed
         No JSON, or an object with a key twice.
-    problems.Invalid
+    Invalid
         JSON that is no such request.
     """
     check_counts(content)
@@ -49,13 +49,13 @@ def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise problems.Invalid(error.errors(include_url=False, include_input=False)) from None
+        raise invalid(error, model) from None
 
 
 def check_counts(content: bytes) -> None:
     """Refuse a body that is none or holds too much, before it is parsed; raises as `read_request` does."""
     if not content:
-        raise problems.Invalid([{"loc": (), "msg": "Field required"}])
+        raise Invalid([{"loc": (), "msg": "Field required"}])
     counts = {
         "keys": (content.count(b":"), MAX_KEYS),
         "objects and arrays": (content.count(b"{") + content.count(b"["), MAX_CONTAINERS),

@@ -8,6 +8,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, NamedTuple
 
+from app.query import Query
 from app.registry import all_queries
 from app.tables import left_table
 
@@ -22,20 +23,34 @@ class Example(NamedTuple):
 
 @cache
 def all_examples() -> dict[str, Example]:
-    """Every example by a name of its own: that of a machine of the page, or command and name as in ``match-rocker``."""
-    found = {
-        entry["name"]: Example("synthesize", entry["request"], entry["title"])
-        for entry in json.loads(files("app").joinpath("static/examples.json").read_text())
+    """Every example by the names that ``linkage-atlas example`` takes: of all questions but one, only those that tell which."""
+    return {
+        name: example
+        for query in sorted(all_queries(), key=lambda query: query.command != "synthesize")
+        for name, example in examples_of(query).items()
+        if query.command == "synthesize" or name not in query.examples
     }
-    for query in all_queries():
-        for name, request in query.examples.items():
-            found[f"{query.command.replace(' ', '-')}-{name}"] = Example(query.command, request, query.summary)
+
+
+def examples_of(query: Query) -> dict[str, Example]:
+    """A question's examples: machines of the page, its own by their names, and by command and name as in ``match-rocker``."""
+    found = {}
+    if query.command == "synthesize":
+        machines = json.loads(files("app").joinpath("static/examples.json").read_text())
+        found = {one["name"]: Example(query.command, one["request"], one["title"]) for one in machines}
+    for name, request in query.examples.items():
+        for called in (name, f"{query.command.replace(' ', '-')}-{name}"):
+            found[called] = Example(query.command, request, query.summary)
     return found
 
 
 def listed() -> str:
     """The names of all examples, as a table."""
-    rows = [(name, example.command, example.about) for name, example in all_examples().items()]
+    rows = [
+        (name, example.command, example.about)
+        for name, example in all_examples().items()
+        if not name.startswith("synthesize-")
+    ]
     return left_table(("name", "answered by", "what it is"), rows)
 
 

@@ -7,17 +7,11 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 
-import shtab
-from pydantic import ValidationError
-
-from app import bundled
-from app.arguments import add_atlas, whole_number
-from app.asking import add_query, settings_of
-from app.cache import find_atlas, open_atlas
+from app.arguments import FILE, add_atlas, whole_number
 from app.exits import EPILOG, Exit
-from app.registry import all_queries
-from app.resources import ServiceResources
-from app.study import add_study
+from app.fourbar import SUMMARIES
+from app.registry import queries_named
+from app.scenes import SCENES
 from linkage_atlas import (
     BATCH_COMMANDS,
     AtlasError,
@@ -39,16 +33,23 @@ DESCRIPTION = """Finds planar linkages for a required motion.
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code, as `app.exits` lists them."""
-    argv = sys.argv[1:] if argv is None else argv
+    return run(parsed(sys.argv[1:] if argv is None else argv))
+
+
+def parsed(argv: Sequence[str]) -> argparse.Namespace:
+    """The arguments of a command, and as ``run`` what it does with them; imports what the command needs."""
     if argv and argv[0] in BATCH_COMMANDS:
-        return run_batch(argv)
-    parser = make_parser(named=argv[0] if argv else None)
+        return argparse.Namespace(run=lambda _: run_batch(argv))
+    parser = make_parser(named=next((word for word in argv if not word.startswith("-")), None))
     if not argv:
-        parser.print_help(sys.stderr)
-        return Exit.USAGE
-    options = parser.parse_args(list(argv))
+        return argparse.Namespace(run=lambda _: parser.print_help(sys.stderr) or Exit.USAGE)
+    return parser.parse_args(list(argv))
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run a command with its arguments; returns its exit code."""
     try:
-        code = options.run(options)
+        code: int = options.run(options)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -57,10 +58,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader, say `head`, has enough; at exit nothing more may be flushed into the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Exit.OK
-    except ValidationError as error:
-        for row in error.errors(include_input=False, include_url=False):
-            print(f"{'.'.join(map(str, row['loc'])) or 'request'}: {row['msg']}", file=sys.stderr)
-        return Exit.USAGE
     except (FieldError, OSError) as error:
         print(error, file=sys.stderr)
         return Exit.USAGE
@@ -73,60 +70,68 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def make_parser(whole: bool = False, named: str | None = None) -> argparse.ArgumentParser:
-    """The parser of all commands; of one alone, where that is ``named`` and is no query: the others take a while to load.
-
-    The batch's options are in it only where it is to be ``whole``.
-    """
+    """The parser of a command that is ``named``, or the ``whole`` one; the arguments of the others are not loaded."""
     plain = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
         prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    if named in _ALONE:
-        help_text, add = _ALONE[named]
-        add(commands.add_parser(named, help=help_text))
-        return parser
-    groups: dict[str, argparse._SubParsersAction] = {}
-    for query in sorted(all_queries(), key=lambda query: query.reads_atlas and query.file_of is None):
-        *group, verb = query.command.split()
-        at = commands
-        if group:
-            if group[0] not in groups:
-                scene = commands.add_parser(group[0], help=f"the {group[0]} scene")
-                groups[group[0]] = scene.add_subparsers(metavar="COMMAND", required=True)
-            at = groups[group[0]]
-        add_query(at.add_parser(verb, help=query.summary, description=query.summary), query)
-    add_study(commands.add_parser("study", help="answer many requests, a line each"))
-    _add_example(commands.add_parser("example", help="print a request to edit, or the list of examples"))
-    for name, (text, add) in _ALONE.items():
-        add(commands.add_parser(name, help=text))
+    for name, (text, add) in _COMMANDS.items():
+        command = commands.add_parser(name, help=text)
+        if whole or name == named:
+            add(command, name)
     if whole:
         add_batch_commands(commands)
     else:
         for name, text in BATCH_COMMANDS.items():
             commands.add_parser(name, help=text)
-    completion = commands.add_parser("completion", help="print what completes this command in a shell")
-    completion.description = (
-        "Prints a script that completes commands and options; what to do with it stands at its top."
-    )
-    completion.add_argument("shell", choices=("bash", "zsh", "fish"))
-    completion.set_defaults(run=_completion)
     return parser
 
 
+def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
+    """The arguments of a question, or the questions of a scene."""
+    from app.asking import add_query
+
+    queries = queries_named(name)
+    if queries[0].command == name:
+        return add_query(parser, queries[0])
+    verbs = parser.add_subparsers(metavar="COMMAND", required=True)
+    for query in queries:
+        add_query(verbs.add_parser(query.command.split()[1], help=query.summary), query)
+
+
+def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
+    from app.study import add_study
+
+    add_study(parser)
+
+
+def _add_completion(parser: argparse.ArgumentParser, name: str) -> None:
+    parser.description = "Prints a script that completes commands and options; what to do with it stands at its top."
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"))
+    parser.set_defaults(run=_completion)
+
+
 def _completion(options: argparse.Namespace) -> int:
+    import shtab
+
+    FILE.update(shtab.FILE)
     print(shtab.complete(make_parser(whole=True), options.shell))
     return Exit.OK
 
 
-def _add_example(parser: argparse.ArgumentParser) -> None:
+def _add_example(parser: argparse.ArgumentParser, name: str) -> None:
+    from app import bundled
+
     parser.description = "Prints a bundled request as JSON, to be edited and answered; without a name, all names."
     parser.add_argument("name", nargs="?", choices=tuple(bundled.all_examples()), metavar="NAME")
     parser.set_defaults(run=_example)
 
 
 def _example(options: argparse.Namespace) -> int:
+    from app import bundled
+
     if options.name is None:
         print(bundled.listed())
         return Exit.OK
@@ -136,7 +141,7 @@ def _example(options: argparse.Namespace) -> int:
     return Exit.OK
 
 
-def _add_index(parser: argparse.ArgumentParser) -> None:
+def _add_index(parser: argparse.ArgumentParser, name: str) -> None:
     parser.description = (
         "Prepares an atlas for scanning, in files beside it (or in the cache folder), which later starts and other "
         "processes map. Starting without them makes them, too."
@@ -146,15 +151,18 @@ def _add_index(parser: argparse.ArgumentParser) -> None:
 
 
 def _index(options: argparse.Namespace) -> int:
+    from app.resources import opened
+    from app.settings import atlas_of, settings_of
+
     settings = settings_of(options).model_copy(update={"index": True})
-    atlas = open_atlas(find_atlas(settings), settings)
+    atlas = opened(atlas_of(settings), settings)
     atlas.prepare(positions=settings.prepare_positions)
     for path in atlas.index_files:
         print(f"{path}: {path.stat().st_size:,} bytes")
     return Exit.OK if atlas.index_files else Exit.FAILED
 
 
-def _add_serve(parser: argparse.ArgumentParser) -> None:
+def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
     parser.description = "Serves the queries over HTTP, and the page."
     group = parser.add_mutually_exclusive_group()
     add_atlas(group)
@@ -174,21 +182,30 @@ def _add_serve(parser: argparse.ArgumentParser) -> None:
 
 
 def _serve(options: argparse.Namespace) -> int:
+    from app.resources import ServiceResources
     from app.server import serve
+    from app.settings import atlas_of, settings_of
 
     settings = settings_of(options)
     if options.no_atlas:
         settings = settings.model_copy(update={"with_atlas": False})
     if options.no_index:
         settings = settings.model_copy(update={"index": False})
-    resources = ServiceResources(settings, find_atlas)
+    resources = ServiceResources(settings, atlas_of)
     if settings.with_atlas:
         _ = resources.atlas  # fail here, with an exit code
     return serve(resources, options.host, options.port, options.workers)
 
 
-_ALONE: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
+_COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
+    "synthesize": (SUMMARIES["synthesize"], _add_questions),
+    "function": (SUMMARIES["function"], _add_questions),
+    **{scene: (f"the {scene} scene", _add_questions) for scene in SCENES},
+    "match": (SUMMARIES["match"], _add_questions),
+    "study": ("answer many requests, a line each", _add_study),
+    "example": ("print a request to edit, or the list of examples", _add_example),
     "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),
     "index": ("prepare an atlas for scanning, so that later starts take no time", _add_index),
+    "completion": ("print what completes this command in a shell", _add_completion),
 }
-"""Commands that need none of the questions, by name: their help and what adds their arguments."""
+"""Commands by name, but the batch's: their help, and what adds their arguments once they are called."""

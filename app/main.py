@@ -23,7 +23,7 @@ from app.bodies import Reply
 from app.description import Description
 from app.doors import Doors
 from app.fourbar import export
-from app.query import Export, Query, ReplyModel
+from app.query import Export, Invalid, Query, ReplyModel
 from app.registry import function_queries, motion_queries, worked_example
 from app.resources import ServiceResources
 from app.scenes import SCENES, queries_of
@@ -130,7 +130,7 @@ def _add_atlas_routes(app: Starlette, resources: ServiceResources) -> None:
         try:
             row = _type_number().validate_python(number)
         except ValidationError as error:
-            raise problems.Invalid([{**entry, "loc": ("number",)} for entry in error.errors()]) from None
+            raise Invalid([{**entry, "loc": ("number",)} for entry in error.errors()]) from None
         try:
             return AtlasTypeReply(**resources.atlas.details_of(row))
         except la.FieldError as error:

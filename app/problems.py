@@ -20,10 +20,9 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
+from app.query import MAX_ERRORS, Invalid
 from linkage_atlas import AtlasError, AtlasFault, Cancelled, FieldError, OutOfTime
 
-MAX_ERRORS = 20
-"""Errors listed in one reply; a request of a thousand wrong numbers needs no thousand lines."""
 MAX_POINTER = 200
 """Longest part of a pointer in characters: a field's name is the client's and may be of any length."""
 
@@ -61,14 +60,6 @@ class Malformed(Exception):
     def __init__(self, detail: str, at_place: str | None = None) -> None:
         super().__init__(detail)
         self.detail, self.at_place = detail, at_place or detail
-
-
-class Invalid(Exception):
-    """A request whose values are not what its route takes: pydantic's list of errors."""
-
-    def __init__(self, errors: Sequence[Any]) -> None:
-        super().__init__(errors)
-        self.errors = errors
 
 
 class NotJson(Exception):

@@ -7,8 +7,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tqdm import tqdm
-
 DELAY = 1.0
 """Seconds before a line appears: most answers are there sooner."""
 STEP = 0.2
@@ -30,6 +28,8 @@ def waiting(words: str, most: float | None = None) -> Iterator[None]:
     def draw() -> None:
         if done.wait(DELAY):
             return
+        from tqdm import tqdm
+
         with tqdm(
             file=sys.stderr, leave=False, bar_format=f"{words}: {{postfix[0]:.0f}} s{limit}", postfix=[DELAY]
         ) as bar:

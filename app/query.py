@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, get_args
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, SkipValidation, Strict
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, SkipValidation, Strict, ValidationError
+
+from linkage_atlas import FieldError
 
 if TYPE_CHECKING:
     from linkage_atlas import Atlas, Work
 
+MAX_ERRORS = 20
+"""Errors that are told of one request; a request of a thousand wrong numbers needs no thousand lines."""
 Number = Annotated[float, Strict(), AllowInfNan(False)]
 """A finite JSON number; no strings, no booleans, no NaN or infinity."""
 PositiveNumber = Annotated[Number, Field(gt=0)]
@@ -21,6 +25,7 @@ Computed = SkipValidation
 """Long lists that the service has computed itself: checking each number again would hold up everyone."""
 Column = SkipValidation[list[float]]
 AngleUnit = Literal["deg", "rad"]
+LengthUnit = Literal["mm", "cm", "m", "in"]
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,44 @@ class RequestModel(BaseModel):
     """Base of all requests: an unknown field is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+
+class Invalid(FieldError):
+    """A request that is not what its question takes: pydantic's list of errors."""
+
+    def __init__(self, errors: Sequence[Any]) -> None:
+        super().__init__("".join(f"/{part}" for part in errors[0]["loc"]), errors[0]["msg"])
+        self.errors = errors
+
+    def __str__(self) -> str:
+        return "\n".join(str(FieldError("/".join(map(str, row["loc"])), row["msg"])) for row in self.errors)
+
+
+def invalid(error: ValidationError, model: type[BaseModel]) -> Invalid:
+    """The first errors of a request, without what it holds; of an unknown field, which ones are near it."""
+    rows = error.errors(include_input=False, include_url=False)[:MAX_ERRORS]
+    for row in rows:
+        if row["type"] == "extra_forbidden":
+            *path, name = row["loc"]
+            row["msg"] = FieldError.no_such("", str(name), _fields_at(model, path)).message
+    return Invalid(rows)
+
+
+def _fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
+    """Names of the fields of the object at some place of a request."""
+    models = [model]
+    for part in path:  # a number is a place in a list: of models, or of none
+        if isinstance(part, str):
+            models = [
+                m for one in models if part in one.model_fields for m in _models(one.model_fields[part].annotation)
+            ]
+    return [name for one in models for name in one.model_fields]
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _models(part)]
 
 
 class ReplyModel(BaseModel):

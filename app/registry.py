@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 from importlib import import_module
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from app.fourbar.answers import answer_match, answer_synthesize, is_long, practical_request
-from app.fourbar.csv_request import match_from_csv, request_from_csv
-from app.fourbar.export import SYNTHESIZE_EXPORTS, synthesize_file
-from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
-from app.fourbar.tables import matches_table, synthesize_table
-from app.query import Query
-from app.scenes import scene_queries
+from app.fourbar import SUMMARIES
+from app.scenes import SCENES, queries_of, scene_queries
+
+if TYPE_CHECKING:
+    from app.query import Query
 
 
 def worked_example() -> dict[str, Any]:
@@ -23,13 +21,20 @@ def worked_example() -> dict[str, Any]:
 
 def motion_queries() -> tuple[Query, ...]:
     """The queries for a motion."""
+    from app.fourbar.answers import answer_match, answer_synthesize, is_long, practical_request
+    from app.fourbar.csv_request import match_from_csv, request_from_csv
+    from app.fourbar.export import SYNTHESIZE_EXPORTS, synthesize_file
+    from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
+    from app.fourbar.tables import matches_table, synthesize_table
+    from app.query import Query
+
     example = worked_example()
     rotation_only = {"rotation": example["rotation"], "crank_span": example["crank_span"]}
     return (
         Query(
             "/v1/match",
             "match",
-            "Rotation only: which atlas rows, at which start?",
+            SUMMARIES["match"],
             MatchRequest,
             MatchesReply,
             answer_match,
@@ -46,7 +51,7 @@ def motion_queries() -> tuple[Query, ...]:
         Query(
             "/v1/synthesize",
             "synthesize",
-            "Rotation, positions or both: actual dimensions and mounting pose.",
+            SUMMARIES["synthesize"],
             SynthesizeRequest,
             SynthesizeReply,
             answer_synthesize,
@@ -84,6 +89,15 @@ def function_queries() -> tuple[Query, ...]:
     """The query for a function; its module comes with it, and the searches that the module needs."""
     queries: tuple[Query, ...] = import_module("app.fourbar.function_export").QUERIES
     return queries
+
+
+def queries_named(word: str) -> tuple[Query, ...]:
+    """The queries whose commands begin with a word: one, or all of a scene."""
+    if word in SCENES:
+        return queries_of(word)
+    return tuple(
+        query for query in (function_queries if word == "function" else motion_queries)() if query.command == word
+    )
 
 
 def all_queries() -> tuple[Query, ...]:

@@ -13,9 +13,15 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
-from app.cache import open_atlas
 from app.query import build_models
 from app.settings import Settings
+from linkage_atlas.cache import open_atlas
+
+
+def opened(place: Path, settings: Settings) -> la.Atlas:
+    """The atlas of a file, as far as the settings allow, with its index if that is set."""
+    limits = {"max_bytes": settings.atlas_max_bytes, "max_types": settings.atlas_max_types}
+    return open_atlas(place, settings.index, **limits)
 
 
 class Unprepared(Exception):
@@ -36,6 +42,8 @@ class ServiceResources:
         self.complete = False
         """Whether this process answers one request at a time, with what is there: what is missing raises `Unprepared`."""
         # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
+        import numpy  # noqa: F401  # for only a library that is loaded is limited
+
         self._blas = threadpool_limits(1, "blas")
 
     @cached_property
@@ -47,7 +55,7 @@ class ServiceResources:
             raise la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
         place = self._find_atlas(self.settings)
         begin = time.perf_counter()
-        atlas = open_atlas(place, self.settings)
+        atlas = opened(place, self.settings)
         # Prepared by all cores; a scan is of one request among several, and its budget is one of processor time too.
         atlas.prepare(positions=False, threads=1, short_spans=False)
         self.load_seconds = time.perf_counter() - begin

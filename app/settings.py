@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from app.query import invalid
+from linkage_atlas.cache import find_atlas
 
 
 class Settings(BaseSettings):
@@ -89,3 +93,20 @@ class Settings(BaseSettings):
         "",
         description="Addresses of proxies, separated by commas, whose `X-Forwarded-For` and `X-Forwarded-Proto` are believed.",
     )
+
+
+def atlas_of(settings: Settings) -> Path:
+    """The atlas that is set, or that of this folder, or else the default one, which is built first if it must be.
+
+    One that is set or named is not built: a wrong name is told, not filled.
+    """
+    return settings.atlas if "atlas" in settings.model_fields_set else find_atlas(settings.atlas)
+
+
+def settings_of(options: Any) -> Settings:
+    """The settings, with the atlas that the command line names."""
+    atlas = getattr(options, "atlas", None)
+    try:
+        return Settings(atlas=atlas) if atlas else Settings()
+    except ValidationError as error:
+        raise invalid(error, Settings) from None

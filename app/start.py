@@ -1,9 +1,10 @@
-"""Entry of the command ``linkage-atlas``: until everything is imported an interrupt ends the process without a word."""
+"""Entry of the command ``linkage-atlas``: until what it needs is imported an interrupt ends the process without a word."""
 
 from __future__ import annotations
 
 import gc
 import signal
+import sys
 
 
 def main() -> int:
@@ -12,13 +13,14 @@ def main() -> int:
     if interrupt is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     gc.disable()  # what is imported stays: to look through it again and again takes a tenth of the start
-    from app.cli import main as run
+    from app import cli
 
+    options = cli.parsed(sys.argv[1:])
     gc.freeze()
     gc.enable()
     if interrupt is signal.default_int_handler:
         signal.signal(signal.SIGINT, interrupt)
-    return run()
+    return cli.run(options)
 
 
 if __name__ == "__main__":

@@ -15,18 +15,15 @@ from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
-import shtab
-from pydantic import ValidationError
 from tqdm import tqdm
 
-from app.arguments import whole_number
+from app.arguments import FILE, whole_number
 from app.asking import read_request
-from app.cache import find_atlas
 from app.exits import EPILOG, Exit
 from app.query import Query
 from app.registry import all_queries
 from app.resources import ServiceResources
-from app.settings import Settings
+from app.settings import atlas_of, settings_of
 from linkage_atlas import AtlasError, FieldError
 from linkage_atlas.many_requests import (
     TIMES,
@@ -54,11 +51,11 @@ def add_study(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "requests", type=Path, help="requests, a line of JSON each; empty lines do not count"
     ).complete = (  # type: ignore[attr-defined]
-        shtab.FILE
+        FILE
     )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help="the results; a study that was cut off goes on here"
-    ).complete = shtab.FILE  # type: ignore[attr-defined]
+    ).complete = FILE  # type: ignore[attr-defined]
     parser.add_argument(
         "--command",
         choices=[query.command for query in all_queries()],
@@ -140,8 +137,8 @@ def _query(command: str) -> Query:
 @cache
 def _resources(atlas: str | None) -> ServiceResources:
     """What all answers of this process share. No time limits them: a reply must not depend on the machine's speed."""
-    settings = Settings() if atlas is None else Settings(atlas=Path(atlas))
-    return ServiceResources(settings.model_copy(update={"max_budget_ms": math.inf}), find_atlas)
+    settings = settings_of(argparse.Namespace(atlas=atlas))
+    return ServiceResources(settings.model_copy(update={"max_budget_ms": math.inf}), atlas_of)
 
 
 def answer_line(command: str, practical: bool, atlas: str | None, question: Question) -> bytes:
@@ -151,11 +148,8 @@ def answer_line(command: str, practical: bool, atlas: str | None, question: Ques
         if len(question.text) > resources.settings.max_body_bytes:
             raise FieldError("", f"longer than {resources.settings.max_body_bytes:,} bytes")
         reply = query.answer(read_request(query, question.text, practical), resources)
-    except ValidationError as error:
-        row = error.errors(include_input=False, include_url=False)[0]
-        return answer_of(question, error=f"{'.'.join(map(str, row['loc'])) or 'request'}: {row['msg']}")
     except FieldError as error:
-        return answer_of(question, error=str(error))
+        return answer_of(question, error=str(error).partition("\n")[0])
     except AtlasError:
         raise  # of all requests, not of this one
     except Exception as error:  # one request must not end the study of all others

@@ -22,13 +22,13 @@ from typing import Annotated, Any
 import numpy as np
 from tqdm import tqdm
 
-from app.cache import index_of
 from benchmarks import report
 from benchmarks.figures import curve, figure
 from benchmarks.index import ANY_SIZE, NO_LIMIT, make
 from benchmarks.product import MAX_PERIMETER, Settings, TypeRule, count_types, la
 from benchmarks.report import Times, duration, significant, size
 from benchmarks.service import build, environment, match_bodies, quantile, running, serve_command, uvicorn_command
+from linkage_atlas.cache import index_of
 from tests.oracles.rotations import reachable
 
 PERIMETERS = (100, 200, 400, 800, 1600)

@@ -5,8 +5,9 @@ Names of attributes are those of the HTTP contract, and ``to_dict`` gives what g
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from synthesis.fourbar.determination import Determination, Sensitivity
 from synthesis.ranking import Errors
 
 Floats = NDArray[np.float64]
+One = TypeVar("One")
 
 FINISHING = 0.1
 """Part of its budget that an answer may take beyond it, to finish what the search has found."""
@@ -257,9 +259,31 @@ class Report:
     notes: list[str]
 
 
+class Ranked(Sequence[One]):
+    """What can be indexed, counted and iterated as the list of its answers, best first; false where there are none."""
+
+    @property
+    def _answers(self) -> list[One]:
+        raise NotImplementedError
+
+    @overload
+    def __getitem__(self, place: int) -> One: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> list[One]: ...
+
+    def __getitem__(self, place: int | slice) -> One | list[One]:
+        return self._answers[place]
+
+    def __len__(self) -> int:
+        return len(self._answers)
+
+
 @dataclass(frozen=True)
-class Result:
+class Result(Ranked[Solution]):
     """The answer to `linkage_atlas.synthesize`: solutions, best first, and a report.
+
+    ``result[0]``, ``len(result)`` and ``for solution in result`` are those of ``solutions``; a result without any is false.
 
     ``status`` is "reached" (the best objective is below the tolerance), "closest" or "infeasible" (none within the limits).
     """
@@ -267,6 +291,10 @@ class Result:
     status: str
     solutions: list[Solution]
     report: Report
+
+    @property
+    def _answers(self) -> list[Solution]:
+        return self.solutions
 
     @property
     def best(self) -> Solution:
@@ -343,11 +371,15 @@ class MatchReport:
 
 
 @dataclass(frozen=True)
-class Matches:
-    """The answer to `linkage_atlas.match`: the best rows of the atlas, best first."""
+class Matches(Ranked[Match]):
+    """The answer to `linkage_atlas.match`: the best rows of the atlas, best first, indexed and iterated as ``matches``."""
 
     matches: list[Match]
     report: MatchReport
+
+    @property
+    def _answers(self) -> list[Match]:
+        return self.matches
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values under the names of the HTTP contract."""

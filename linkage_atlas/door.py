@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Report, Result
 from linkage_atlas.atlases import Atlas
+from linkage_atlas.cache import default_atlas
 from linkage_atlas.finish import Wishes, cognate_notes, finished, read_lengths, read_tolerances, status_of
 from linkage_atlas.motions import Motion, check_above_zero, check_top, number, read_limits
 from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, check_against, read_beginning, refined
@@ -143,7 +144,7 @@ def synthesize(
         ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`: also give what tolerances of
         manufacture do.
     atlas : Atlas, optional
-        For effort "atlas".
+        For effort "atlas"; default: as for `match`.
     work : callable
         Makes what watches over time and cancellation from a budget in seconds.
 
@@ -170,7 +171,7 @@ def synthesize(
     if effort == "atlas" and timing is not None:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     if effort == "atlas" and atlas is None:
-        raise FieldError("/atlas", "effort 'atlas' needs one: linkage_atlas.load_atlas(path)")
+        atlas = default_atlas()
     check_top(top)
     check_above_zero(budget=budget, round_to=round_to)
     tolerance = number("tolerance", tolerance, 0.0)

@@ -66,5 +66,5 @@ def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
     """Sizes of plates, those that are given."""
     for name in plates:
         if name not in ("hole", "width"):
-            raise FieldError(f"/plates/{name}", "there is no such size; there are hole, width")
+            raise FieldError.no_such("/plates", name, ("hole", "width"), "size")
     return {name: number(f"plates/{name}", value) for name, value in plates.items() if value is not None}

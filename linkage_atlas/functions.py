@@ -31,15 +31,25 @@ LINKS = ("crank", "coupler", "rocker", "ground")
 _NUMBERS = (*ANGLES, "link_ratio_max", "link_min", "link_max")
 FUNCTION_LIMITS = ("family", *_NUMBERS, "links", "preset")
 """Names of the limits of a function generator, as over HTTP."""
+_CALLED = {
+    "/function": "/output",
+    "/function/x": "/interval",
+    "/function/output_span": "/output_span",
+    "/function/samples": "/samples",
+}
+"""Where the arguments of a callable are told of."""
 _STEEP = 8.0
 """A step of the output this many times as steep as any other is called a jump."""
 
 
 def function(
-    output: ArrayLike | None = None,
+    output: ArrayLike | Callable[[Any], Any] | None = None,
     crank_span: float | None = None,
     *,
     input: ArrayLike | None = None,
+    interval: ArrayLike | None = None,
+    output_span: float | None = None,
+    samples: int | None = None,
     function: Mapping[str, Any] | None = None,
     objective: Literal["rms", "max"] = "rms",
     input_zero: float | None = None,
@@ -61,17 +71,24 @@ def function(
 
     Parameters
     ----------
-    output : array_like, shape (N,), optional
+    output : array_like, shape (N,), or callable, optional
         Rocker angles at the samples, continuous, up to a constant; falling ones turn against a rising input. 3 to 1,024.
+        Or y = f(x) on two linear dials: a callable of arrays or of numbers.
     crank_span : float, optional
         Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
     input : array_like, shape (N,), optional
         Crank angles in place of ``crank_span``; what counts is the increment from the first.
+    interval : array_like, shape (2,), optional
+        Of a callable: first and last x, which ``crank_span`` is for.
+    output_span : float, optional
+        Of a callable: how far the rocker turns from the least y to the largest, negative: clockwise from the first sample to
+        the last.
+    samples : int, optional
+        Of a callable: how many, 3 to 1,024 (101).
     function : mapping, optional
-        In place of ``output``: y = f(x) on two linear dials. ``name`` is one of log10, ln, exp, power (with ``exponent``),
-        sin, cos, tan (x in the unit of angle), reciprocal; ``x`` is [first, last]. Or ``table``: [[x, y], ...].
-        ``output_span``: how far the rocker turns from the least y to the largest, negative: clockwise from the first sample
-        to the last. ``samples``: how many (101).
+        In place of ``output``: a function by ``name``, one of log10, ln, exp, power (with ``exponent``), sin, cos, tan (x in
+        the unit of angle), reciprocal; ``x`` is [first, last]. Or ``table``: [[x, y], ...]. ``output_span`` and ``samples`` as
+        of a callable.
     objective : {"rms", "max"}
         Make least the root of the mean square at the samples, or the largest error over the whole interval.
     input_zero, output_zero : float, optional
@@ -121,6 +138,8 @@ def function(
     >>> found = la.function(function=asked, crank_span=60, objective="max", limits={"transmission_angle_min": 30}, top=1)
     >>> round(found.best.errors.max, 4)
     0.0469
+    >>> la.function(lambda x: x**1.5, 90, interval=(1, 4), output_span=90, top=1).status
+    'closest'
     """
     if objective not in ("rms", "max"):
         raise FieldError("/objective", f"wanted 'rms' or 'max', found {objective!r}")
@@ -130,6 +149,14 @@ def function(
     begin = None if refine_from is None else read_beginning(refine_from, degrees)
     tables = begin or seed_tables()
     watch = work(budget)
+    called = {"x": interval, "output_span": output_span, "samples": samples}
+    if callable(output):
+        if function is not None:
+            raise FieldError("/output", "give either `output` or `function`")
+        output, function = None, {"of": output, **called}
+    elif given := [name for name, value in called.items() if value is not None]:
+        name = "interval" if given[0] == "x" else given[0]
+        raise FieldError(f"/{name}", "belongs to an `output` that is a callable")
     wanted, dials = read_wanted(
         output,
         crank_span,
@@ -222,7 +249,12 @@ def read_wanted(
     if function is not None:
         if angles is not None:
             raise FieldError("/input", "the input dial of a `function` is linear: give `crank_span`")
-        dials = read_dials(function, span, degrees)
+        try:
+            dials = read_dials(function, span, degrees)
+        except FieldError as error:
+            if "of" not in function:
+                raise
+            raise FieldError(_CALLED.get(error.field, error.field), error.message) from error
         values, angles, span, exact = dials.output, dials.input, None, dials.exact
     else:
         assert output is not None
@@ -231,11 +263,13 @@ def read_wanted(
     try:
         target = make_target(rotation=values, crank_span=span, crank_angle=angles, rotation_weights=given)
     except FieldError as error:
-        named = {"/rotation": "/output", "/crank_angle": "/input", "/weights/rotation": "/weights"}
+        named = {"/rotation": "/output", "/crank_angle": "/input", "/crank_span": "/crank_span"}
+        named["/weights/rotation"] = "/weights"
         at = next((old for old in named if error.field.startswith(old)), None)
         if at is None:
             raise
-        place = named[at] if dials is None or at == "/weights/rotation" else "/function"
+        whole = "/function" if function is not None and "of" not in function else named[at]
+        place = named[at] if at == "/weights/rotation" else whole
         message = error.message.replace("rotation", "output").replace("crank_angle", "input")
         raise FieldError(place + error.field[len(at) :], message, **error.details) from error
     assert target.rotation is not None
@@ -251,7 +285,7 @@ def read_function_limits(limits: Mapping[str, Any] | None, degrees: bool) -> Fun
     given = {name: value for name, value in (limits or {}).items() if value is not None}
     for name in given:
         if name not in FUNCTION_LIMITS:
-            raise FieldError(f"/limits/{name}", f"there is no such limit; there are {', '.join(FUNCTION_LIMITS)}")
+            raise FieldError.no_such("/limits", name, FUNCTION_LIMITS, "limit")
     radian = radians_in(degrees)
     numbers: dict[str, Any] = {}
     if "preset" in given:
@@ -265,7 +299,7 @@ def read_function_limits(limits: Mapping[str, Any] | None, degrees: bool) -> Fun
     links = {name: value for name, value in dict(given.get("links") or {}).items() if value is not None}
     for name, value in links.items():
         if name not in LINKS:
-            raise FieldError(f"/limits/links/{name}", f"there is no such link; there are {', '.join(LINKS)}")
+            raise FieldError.no_such("/limits/links", name, LINKS, "link")
         if not number(f"limits/links/{name}", value) > 0:
             raise FieldError(f"/limits/links/{name}", "wanted a length above 0")
     if links and "ground" not in links:

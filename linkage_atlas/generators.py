@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from linkage_atlas.answers import Report, Verdict, listed
+from linkage_atlas.answers import Ranked, Report, Verdict, listed
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, radians_in
 from linkage_atlas.named import Dials
@@ -144,8 +144,8 @@ def _described(linkage: FourBar, offset: float) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class FunctionResult:
-    """The answer to `linkage_atlas.function`: linkages, best first, and a report.
+class FunctionResult(Ranked[FunctionSolution]):
+    """The answer to `linkage_atlas.function`: linkages, best first, and a report; indexed and iterated as ``solutions``.
 
     ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits),
     or "unknown" (none was found before the time was up). ``input`` and ``output`` are the samples that were asked for,
@@ -161,6 +161,10 @@ class FunctionResult:
     y: Floats | None
     wanted: Wanted = field(repr=False)
     degrees: bool = True
+
+    @property
+    def _answers(self) -> list[FunctionSolution]:
+        return self.solutions
 
     @property
     def best(self) -> FunctionSolution:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
 from linkage_atlas.atlases import Atlas
+from linkage_atlas.cache import default_atlas
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, check_above_zero, check_top
 from synthesis.atlas.haar import features as haar_features
@@ -18,6 +19,7 @@ from synthesis.atlas.haar import resample
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import principal
 from synthesis.fourbar.solution import four
+from synthesis.target import HOW_TURNED
 from synthesis.work import Work
 
 
@@ -25,7 +27,7 @@ def match(
     rotation: ArrayLike,
     crank_span: float | None = None,
     *,
-    atlas: Atlas,
+    atlas: Atlas | None = None,
     crank_angle: ArrayLike | None = None,
     curve: Literal["coupler", "rocker"] = "coupler",
     degrees: bool = True,
@@ -41,7 +43,9 @@ def match(
     rotation : array_like, shape (N,)
     crank_span, crank_angle, degrees
         As for `synthesize`.
-    atlas : Atlas
+    atlas : Atlas, optional
+        Default: that of ``atlas.h5`` in this folder, or else the default one in the user's cache folder, which is built there
+        when it is first needed (some seconds).
     curve : {"coupler", "rocker"}
         Which link is to turn like this. The first match of rockers prepares the atlas for them, some seconds.
     top : int
@@ -66,6 +70,10 @@ def match(
     check_above_zero(budget=budget)
     if curve not in ("coupler", "rocker"):
         raise FieldError("/curve", f"wanted 'coupler' or 'rocker', found {curve!r}")
+    if crank_span is None and crank_angle is None:
+        raise FieldError("/crank_span", HOW_TURNED)
+    if atlas is None:
+        atlas = default_atlas()
     scan = atlas.scan if curve == "coupler" else atlas.rocker_scan
     watch = work(budget)
     motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)

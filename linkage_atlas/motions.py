@@ -16,7 +16,17 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.practical import practical_limits
 from synthesis.free.pairs import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
-from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_SAMPLES, TURN, Samples, Target, make_target
+from synthesis.target import (
+    HOW_TURNED,
+    MAX_LENGTH,
+    MAX_SAMPLES,
+    MIN_LENGTH,
+    MIN_SAMPLES,
+    TURN,
+    Samples,
+    Target,
+    make_target,
+)
 
 __all__ = [
     "LIMITS",
@@ -36,6 +46,7 @@ __all__ = [
 
 MOST_STOCK = 1000
 """Lengths of a stock at most."""
+OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"
 LIMITS = (
     "transmission_angle_min",
     "transmission_angle_min_turn",
@@ -119,6 +130,8 @@ class Motion:
             angles = None if crank_angle is None else column("crank_angle", crank_angle) * radian
             if timing is None:
                 _check_timed(order, closed, crank_span_max)
+                if span is None and angles is None and not (turns is None and points is None):
+                    raise FieldError("/crank_span", HOW_TURNED + OR_FREE)
                 return cls(make_target(**part, crank_span=span, crank_angle=angles), degrees)
             if timing != "free":
                 raise FieldError("/timing", f"wanted 'free' or nothing, found {timing!r}")
@@ -278,7 +291,7 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
     given = {name: value for name, value in (limits or {}).items() if value is not None}
     for name in given:
         if name not in LIMITS:
-            raise FieldError(f"/limits/{name}", f"there is no such limit; there are {', '.join(LIMITS)}")
+            raise FieldError.no_such("/limits", name, LIMITS, "limit")
     preset = given.pop("preset", PRESETS[0] if motion.free else PRESETS[1])
     if preset not in PRESETS:
         raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {preset!r}")
@@ -322,7 +335,7 @@ def _lengths(given: Any) -> tuple[float | None, ...]:
         raise FieldError("/limits/links", f"wanted some of {', '.join(LINKS)} with their lengths")
     for name in given:
         if name not in LINKS:
-            raise FieldError(f"/limits/links/{name}", f"there is no such link; there are {', '.join(LINKS)}")
+            raise FieldError.no_such("/limits/links", name, LINKS, "link")
     values = [given.get(name) for name in LINKS]
     return tuple(
         None if value is None else number(f"limits/links/{name}", value) for name, value in zip(LINKS, values)

@@ -1,4 +1,4 @@
-"""Functions by name on two linear dials: y = f(x) as rocker angles over crank angles."""
+"""Functions by name, or of Python, on two linear dials: y = f(x) as rocker angles over crank angles."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from synthesis.target import MAX_SAMPLES, MIN_SAMPLES
 Floats = NDArray[np.float64]
 
 SAMPLES = 101
+LARGEST = 1e100
 _RANGE = 8193
 _OF_ANGLES: dict[str, Callable[[Floats], Floats]] = {"sin": np.sin, "cos": np.cos, "tan": np.tan}
 _PLAIN: dict[str, Callable[[Floats], Floats]] = {
@@ -55,11 +56,14 @@ class Dials:
 
 
 def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: bool) -> Dials:
-    """The checked dials of a function by name or table; ``crank_span`` in radians. See `linkage_atlas.function`."""
+    """The checked dials of a function by name or table; ``crank_span`` in radians. See `linkage_atlas.function`.
+
+    In place of a name ``of`` may be a callable.
+    """
     given = {name: value for name, value in function.items() if value is not None}
     for name in given:
-        if name not in FIELDS:
-            raise FieldError(f"/function/{name}", f"there is no such field; there are {', '.join(FIELDS)}")
+        if name not in (*FIELDS, "of"):
+            raise FieldError.no_such("/function", name, FIELDS)
     if crank_span is None:
         raise FieldError("/crank_span", "needed for a `function`")
     if "output_span" not in given:
@@ -67,7 +71,7 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
     span = number("function/output_span", given["output_span"]) * radians_in(degrees)
     if not 0 < abs(span) <= 20 * np.pi:
         raise FieldError("/function/output_span", "wanted an angle other than 0, of at most ten turns")
-    if ("name" in given) == ("table" in given):
+    if ("name" in given) + ("table" in given) + ("of" in given) != 1:
         raise FieldError("/function/name", "give either `name` or `table`")
     if "table" in given:
         for name in ("x", "exponent", "samples"):
@@ -76,7 +80,7 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
         x, y = _table(given["table"])
         of = None
     else:
-        x, y, of = _named(given, degrees)
+        x, y, of = _sampled(given, degrees)
     # of a named function the dial is as long as the function is high, however it is sampled
     every = y if of is None else of(np.linspace(x[0], x[-1], _RANGE))
     low, high = float(every.min()), float(every.max())
@@ -118,10 +122,9 @@ def _table(table: Any) -> tuple[Floats, Floats]:
     return x.copy(), y.copy()
 
 
-def _named(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
-    name = given["name"]
-    if name not in NAMES:
-        raise FieldError("/function/name", f"wanted one of {', '.join(NAMES)}, found {name!r}")
+def _sampled(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
+    if given.get("name", NAMES[0]) not in NAMES:
+        raise FieldError("/function/name", f"wanted one of {', '.join(NAMES)}, found {given['name']!r}")
     if "x" not in given:
         raise FieldError("/function/x", "needed: [first, last]")
     ends = column("function/x", given["x"])
@@ -130,6 +133,39 @@ def _named(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, Cal
     samples = given.get("samples", SAMPLES)
     if not isinstance(samples, (int, np.integer)) or not MIN_SAMPLES <= samples <= MAX_SAMPLES:
         raise FieldError("/function/samples", f"wanted a whole number from {MIN_SAMPLES} to {MAX_SAMPLES}")
+    of = partial(_called, given["of"]) if "of" in given else _named(given, ends, degrees)
+    x = np.linspace(ends[0], ends[1], samples)
+    with np.errstate(all="ignore"):
+        y = of(x)
+    if not np.all(np.isfinite(y)) or np.abs(y).max() > LARGEST:
+        raise FieldError("/function/x", "the function is too large here")
+    return x, y, of
+
+
+def _called(of: Callable[[Any], Any], x: Floats) -> Floats:
+    """A callable at many places, whether it takes arrays or only numbers; FieldError where it gives no finite ones."""
+    with np.errstate(all="ignore"):
+        try:
+            y = np.asarray(of(x))
+        except Exception:  # told of the number at which it fails, if it does there too
+            y = np.empty(0)
+        if y.shape != x.shape or y.dtype.kind not in "iuf":
+            y = np.array([_value(of, one) for one in x.ravel().tolist()]).reshape(x.shape)
+    if np.any(bad := ~(np.abs(y) <= LARGEST)):
+        found, at = y[bad].flat[0], x[bad].flat[0]
+        raise FieldError("/output", f"wanted finite numbers of at most {LARGEST:g}, found {found:g} at x = {at:g}")
+    return y.astype(float)
+
+
+def _value(of: Callable[[Any], Any], x: float) -> float:
+    try:
+        return float(of(x))
+    except Exception as error:
+        raise FieldError("/output", f"the function fails at x = {x:g}: {error}") from error
+
+
+def _named(given: Mapping[str, Any], ends: Floats, degrees: bool) -> Callable[[Floats], Floats]:
+    name = given["name"]
     if (name == "power") != ("exponent" in given):
         raise FieldError("/function/exponent", "belongs to the function 'power', which needs it")
     of: Callable[[Floats], Floats]
@@ -152,9 +188,4 @@ def _named(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, Cal
         raise FieldError("/function/x", "the function has a pole at 0, between these ends")
     if low < 0 and name == "power" and exponent != np.round(exponent):
         raise FieldError("/function/x", "a power that is no whole number needs x of at least 0")
-    x = np.linspace(ends[0], ends[1], samples)
-    with np.errstate(all="ignore"):
-        y = of(x)
-    if not np.all(np.isfinite(y)) or np.abs(y).max() > 1e100:
-        raise FieldError("/function/x", "the function is too large here")
-    return x, y, of
+    return of

@@ -336,7 +336,7 @@ def _known(field: str, values: Mapping[str, Any], names: tuple[str, ...]) -> Non
         raise FieldError(f"/{field}", f"wanted a mapping of {', '.join(names)}")
     for name in values:
         if name not in names:
-            raise FieldError(f"/{field}/{name}", f"there is no such field; there are {', '.join(names)}")
+            raise FieldError.no_such(f"/{field}", name, names)
 
 
 def _bounded(field: str, value: Any) -> float:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Any
+
+_LONGEST_NAME = 40
 
 
 class FieldError(ValueError):
@@ -24,6 +27,16 @@ class FieldError(ValueError):
         self.field = field
         self.message = message
         self.details = details
+
+    @classmethod
+    def no_such(cls, where: str, name: str, known: Sequence[str], what: str = "field") -> FieldError:
+        """Of a name that is none of those ``known`` at a place: which of them are near it, or else all."""
+        from difflib import get_close_matches  # where nothing is wrong it is not needed
+
+        short = str(name)[:_LONGEST_NAME]
+        near = get_close_matches(short, known)
+        rest = f"near: {', '.join(near)}" if near else f"there are {', '.join(known)}"
+        return cls(f"{where}/{name}", f"there is no {what} {short!r}; {rest}")
 
 
 class AtlasFault(StrEnum):

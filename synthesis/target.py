@@ -340,9 +340,18 @@ def _weights(name: str, given: dict[str, Any], weights: Floats | None) -> Floats
     return None if np.all(values == values[0]) else values
 
 
+HOW_TURNED = (
+    "say how the crank turns: `crank_span` (by so much from the first sample to the last, evenly), "
+    "or `crank_angle` (its angle at each sample)"
+)
+"""What is said where neither is given."""
+
+
 def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -> Floats:
-    if (crank_span is None) == (crank_angle is None):
-        raise FieldError("/crank_span", "give either `crank_span` or `crank_angle`")
+    if crank_span is None and crank_angle is None:
+        raise FieldError("/crank_span", HOW_TURNED)
+    if crank_span is not None and crank_angle is not None:
+        raise FieldError("/crank_span", "give either `crank_span` or `crank_angle`, not both")
     if crank_angle is None:
         assert crank_span is not None
         if not np.isfinite(crank_span):

@@ -234,7 +234,7 @@ def test_the_dockerfile_is_slim_in_two_stages_and_not_root() -> None:
 
 
 def test_what_the_dockerfile_runs_is_a_command_with_these_options() -> None:
-    parser = make_parser()
+    parser = make_parser(named="serve")
     run = re.findall(r'"([^"]*)"', dict(stages()[1])["CMD"])
     assert run[0] == "linkage-atlas"
     options = parser.parse_args(run[1:])

@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 
 from linkage_atlas import FieldError
 
-CRANK = ("crank", "crank_angle", "theta1", "t")
+CRANK = ("crank", "crank_angle", "theta1")
+TIME = ("t", "time")
+"""Names of columns that are no crank angles, though the crank may turn evenly with them."""
 TURN = ("angle", "rotation", "gamma", "phi", "theta", "\u03b3", "\u03c6", "\u03b8")
 NUMBER = dict.fromkeys(("no", "nr", "n", "pose", "point", "sample", "index"), None)
 """Names of columns that number the rows, and are not read."""
@@ -34,14 +36,14 @@ class Kind:
 
 POSES = Kind(
     {**dict.fromkeys(CRANK, "crank_angle"), "x": "x", "y": "y", **dict.fromkeys(TURN, "rotation"), **NUMBER},
-    "x, y; rotation, angle, phi, theta, gamma; crank_angle, crank, theta1, t",
+    "x, y; rotation, angle, phi, theta, gamma; crank_angle, crank, theta1",
     {1: ("rotation",), 2: ("x", "y"), 3: ("x", "y", "rotation"), 4: ("crank_angle", "x", "y", "rotation")},
     ("crank_angle", "rotation"),
     gaps=True,
 )
 TURNS = Kind(
     {**dict.fromkeys(CRANK, "crank_angle"), **dict.fromkeys(TURN, "rotation"), **NUMBER},
-    "rotation, angle, phi, theta, gamma; crank_angle, crank, theta1, t",
+    "rotation, angle, phi, theta, gamma; crank_angle, crank, theta1",
     {1: ("rotation",), 2: ("crank_angle", "rotation")},
     ("crank_angle", "rotation"),
 )
@@ -52,10 +54,14 @@ ROCKERS = Kind(
         **{"x": "x", "y": "y"},
         **NUMBER,
     },
-    "output, rocker, rocker_angle, theta3, psi, angle; input, crank, crank_angle, theta1, t; x, y",
+    "output, rocker, rocker_angle, theta3, psi, angle; input, crank, crank_angle, theta1; x, y",
     {1: ("output",), 2: ("input", "output")},
     ("input", "output"),
 )
+
+
+_ONE_GROUP = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}[.,]\d{3}(?!\d|[.,])")
+"""A number of which nothing shows whether its mark is that of decimals or of thousands."""
 
 
 class _Row(NamedTuple):
@@ -67,14 +73,15 @@ class _Row(NamedTuple):
 def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False) -> dict[str, Any]:
     """The body of /v1/synthesize that a table asks for, angles in degrees unless the heads of their columns say rad.
 
-    The first line names the columns: x and y, rotation (or angle, phi, theta, gamma), crank_angle (or crank, theta1, t), each
+    The first line names the columns: x and y, rotation (or angle, phi, theta, gamma), crank_angle (or crank, theta1), each
     perhaps with a unit behind it. Without names two columns are x and y, three x, y, rotation, four crank_angle, x, y, rotation,
     one rotation. An empty cell of rotation, or of x and y, is a sample without it. Fields in ``also`` join those of the table.
     Without crank angles in either they are free.
 
     Cells are separated by tabs, semicolons, commas or spaces. A comma in a number is its decimal point where cells are not
-    separated by commas, or where it is quoted; a table that writes some numbers so and others with a point is refused. With
-    ``unwrap`` each angle is moved by whole turns to within half a turn of the one before.
+    separated by commas, or where it is quoted; a table that writes some numbers so and others with a point is refused. Before
+    three digits the other mark groups thousands, as in 1.000,5. With ``unwrap`` each angle is moved by whole turns to within
+    half a turn of the one before.
 
     Raises
     ------
@@ -203,6 +210,13 @@ def _names(rows: list[_Row], kind: Kind) -> tuple[list[str | None], str]:
     units = set()
     for cell in _trimmed(head.cells, 1):
         found = re.fullmatch(r"(\w+)(|[\s(\[/].*)", cell.lower())  # a name, and perhaps a unit
+        if found is not None and found[1] in TIME:
+            free = "free, or " if kind is POSES else ""
+            raise FieldError(
+                "",
+                f"line {head.line}: the column '{cell[: len(found[1])]}' is a time, and no crank angle: name it 'crank' if it "
+                f"holds crank angles in degrees, or leave it out (then crank angles are {free}even over a crank_span)",
+            )
         if found is None or found[1] not in kind.columns:
             raise FieldError("", f"line {head.line}: there is no column '{cell[:20]}'; there are {kind.known}")
         word, behind = found.groups()
@@ -229,7 +243,9 @@ def _numbers(
 ) -> dict[str, list[float | None]]:
     """The columns that are read; a mark for decimals is one mark in the whole table."""
     columns: dict[str, list[float | None]] = {name: [] for name in names if name is not None}
-    mark = ""
+    read = [cell for _, cells in rows for name, cell in zip(names, cells) if name is not None]
+    mark = next(filter(None, map(_decimal_mark, read)), "," if any("," in cell for cell in read) else ".")
+    thousands = re.compile(rf"(?<=\d)[{'.,'.replace(mark, '')}](?=\d{{3}}(?!\d))")
     for line, cells in rows:
         cells = _trimmed(cells, len(names))
         if len(cells) != len(names):
@@ -237,17 +253,25 @@ def _numbers(
         for k, (name, cell) in enumerate(zip(names, cells)):
             if name is None:
                 continue
-            found = "".join(sorted(set(cell) & set(".,")))
             place = f"line {line}, column {k + 1}{f' ({heads[k][:20]})' if heads else ''}: "
-            if (found and mark and found != mark) or len(found) > 1:
+            plain = thousands.sub("", cell)
+            if _decimal_mark(cell) not in ("", mark) or len(set(plain) & set(".,")) > 1:
                 wanted = "wanted one decimal mark in the whole table, found comma and point"
                 raise FieldError("", f"{place}'{cell[:20]}': {wanted}")
-            mark = mark or found
-            value = _number(cell, place)
+            value = _number(plain, place)
             if value is None and not gaps:
                 raise FieldError("", f"{place}wanted a number, found an empty cell")
             columns[name].append(value)
     return columns
+
+
+def _decimal_mark(cell: str) -> str:
+    """The decimal mark of a number, where it shows one: the last of two, or the one that does not stand twice."""
+    marks = re.findall("[.,]", cell)
+    if not marks or _ONE_GROUP.match(cell):
+        return ""
+    several = len(marks) > 1 and len(set(marks)) == 1
+    return ".,".replace(marks[0], "") if several else marks[-1]
 
 
 def _number(cell: str, place: str) -> float | None:

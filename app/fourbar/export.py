@@ -5,21 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, Strict
-from starlette.applications import Starlette
-from starlette.responses import Response
 
 import linkage_atlas as la
-from app import computed
-from app.bodies import Reply
 from app.fourbar.answers import analysis_of, is_long, motion_of, solve
 from app.fourbar.given import FarLength, GivenSolution
 from app.fourbar.models import SynthesizeReply, SynthesizeRequest
-from app.query import Export, RequestModel, Resources
+from app.query import Export, LengthUnit, RequestModel, Resources
 
-LengthUnit = Literal["mm", "cm", "m", "in"]
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
 
 
 class PlatesRequest(RequestModel):
@@ -121,6 +118,11 @@ def answer_export(body: ExportRequest, resources: Resources | None) -> tuple[byt
 
 def install(app: Starlette, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
     """The route /v1/export."""
+    from starlette.responses import Response
+
+    from app import computed
+    from app.bodies import Reply
+
     files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
     names = ("dxf", "plates", "svg", "csv", "mjcf", "pylinkage", "json")
     bodies = {name: {"value": {"request": example, "format": name}} for name in names}

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 import linkage_atlas as la
+from app.fourbar import SUMMARIES
 from app.fourbar.answers import SHORT_MS, budget_of
 from app.fourbar.given import GivenGenerator
 from app.fourbar.models import (
@@ -288,7 +289,7 @@ LOGARITHM = {"name": "log10", "x": [1, 2], "output_span": 90}
 QUERY = Query(
     "/v1/function",
     "function",
-    "Function generation: whose rocker turns as a wanted function of its crank?",
+    SUMMARIES["function"],
     FunctionRequest,
     FunctionReply,
     answer_function,

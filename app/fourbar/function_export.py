@@ -5,22 +5,20 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
-from starlette.applications import Starlette
-from starlette.responses import Response
 
 import linkage_atlas as la
-from app import computed
-from app.bodies import Reply
 from app.fourbar.csv_request import function_from_csv
-from app.fourbar.export import LengthUnit
 from app.fourbar.function import MEDIA_TYPES, QUERY, FunctionReply, FunctionRequest
 from app.fourbar.given import GivenGenerator
-from app.query import RequestModel, Resources
+from app.query import LengthUnit, RequestModel, Resources
 from linkage_atlas.functions import read_wanted
 from linkage_atlas.generators import render_function
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
 
 
 class FunctionExportRequest(RequestModel):
@@ -68,6 +66,11 @@ QUERIES = (replace(QUERY, file_of=function_file, from_csv=function_from_csv),)
 
 def install(app: Starlette, responses: dict[int | str, dict[str, Any]]) -> None:
     """The route /v1/function/export."""
+    from starlette.responses import Response
+
+    from app import computed
+    from app.bodies import Reply
+
     files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
     example = {
         "request": {"input": [0, 20, 50], "output": [0, 10, 30]},

@@ -7,8 +7,10 @@ is first asked for, and its numerics in `synthesis` when a request is answered, 
 from __future__ import annotations
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
-from app.query import Query
+if TYPE_CHECKING:
+    from app.query import Query
 
 SCENES: tuple[str, ...] = ("lift", "chain", "knotter")
 

@@ -73,18 +73,20 @@ class Arcs:
     ----------
     target : Target
     starts : int
+    branches : int
+        Of the mechanism: 2, or 1.
 
     Attributes
     ----------
-    piece : ndarray of int, shape (2 starts,)
+    piece : ndarray of int, shape (windows,)
         Piece of the turn in which each window begins: all starts of branch +1, then of branch -1, whose windows are those of
         the mirrored turn, crank angles -(s + t).
     """
 
-    def __init__(self, target: Target, starts: int) -> None:
+    def __init__(self, target: Target, starts: int, branches: int = 2) -> None:
         start = start_angles(starts)
         low, high = target.crank.min(), target.crank.max()
-        begin = np.concatenate([start + low, -(start + high)]) * (ARCS / TURN)
+        begin = np.concatenate([start + low, -(start + high)][:branches]) * (ARCS / TURN)
         self.piece = np.floor(begin - _NEARLY).astype(np.int64) % ARCS
         span = high - low
         pieces = span * (ARCS / TURN)

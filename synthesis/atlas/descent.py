@@ -275,7 +275,7 @@ class Descent:
 
     def _around(self, window: Ints) -> Ints:
         """Windows and their neighbours of the same branch, (n, 3)."""
-        starts = self.windows // 2
+        starts = self.matrices.starts
         start, branch = window % starts, window // starts
         return branch[:, None] * starts + (start[:, None] + np.array([-1, 0, 1])) % starts
 

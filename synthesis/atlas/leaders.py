@@ -49,23 +49,33 @@ def lowest_steps(bounds: Floats) -> Floats:
 
 
 class Numbering(NamedTuple):
-    """Numbers of windows: type by type, all starts of branch +1 and then of branch -1."""
+    """Numbers of windows: type by type, all starts of branch +1 and then of branch -1, if there is one."""
 
     starts: int
+    branches: int = 2
+
+    @property
+    def per_type(self) -> int:
+        """Windows of a type."""
+        return self.branches * self.starts
+
+    def ids(self, windows: Windows) -> Ints:
+        """Numbers of windows."""
+        return (self.branches * windows.row + (windows.branch < 0)) * self.starts + windows.start
 
     def windows(self, ids: Ints) -> Windows:
         """Windows by number, without errors."""
-        row, column = np.divmod(ids, 2 * self.starts)
+        row, column = np.divmod(ids, self.per_type)
         return Windows(row, column % self.starts, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
 
     def ranks(self, ids: Ints) -> Ints:
         """Rank of windows among windows of the same error: by type, start, branch."""
-        row, column = np.divmod(ids, 2 * self.starts)
-        return (row * self.starts + column % self.starts) * 2 + (column >= self.starts)
+        row, column = np.divmod(ids, self.per_type)
+        return (row * self.starts + column % self.starts) * self.branches + column // self.starts
 
     def at_ranks(self, row: Ints, within: Ints) -> Ints:
         """Numbers of the windows of some types that come at some place among their type's."""
-        return (2 * row + within % 2) * self.starts + within // 2
+        return (self.branches * row + within % self.branches) * self.starts + within // self.branches
 
 
 def lowest(numbering: Numbering, ids: Ints, bounds: Floats, count: int) -> tuple[NDArray[np.intp], Place]:
@@ -143,9 +153,9 @@ class Leaders:
         self.windows = best_of(joined([self.windows, windows]), self.top)
         self.evaluated += ids.size
         if self.windows.row.size == self.top:
-            row, start, branch, error = (column[-1] for column in self.windows)
-            rank = (row * self.numbering.starts + start) * 2 + (branch < 0)
-            self.last = Place(float(steps_of(error)), float(rank))
+            last = self.windows.take(np.array([-1]))
+            rank = self.numbering.ranks(self.numbering.ids(last))
+            self.last = Place(float(steps_of(last.error)[0]), float(rank[0]))
         return windows
 
     def consider(self, ids: Ints, bounds: Floats) -> None:
@@ -153,7 +163,7 @@ class Leaders:
         steps, ranks = lowest_steps(bounds), self.numbering.ranks(ids)
         near = np.flatnonzero((steps < self.last.step) | ((steps == self.last.step) & (ranks < self.last.rank)))
         if self.windows.row.size:
-            near = near[np.isin(ids[near], self._numbers(), invert=True)]
+            near = near[np.isin(ids[near], self.numbering.ids(self.windows), invert=True)]
         near = near[np.lexsort((ranks[near], steps[near]))]
         done, batch = 0, min(self.at_once, max(FIRST_BATCH, 2 * self.top))
         while done < near.size and Place(steps[near[done]], ranks[near[done]]) < self.last:
@@ -177,7 +187,7 @@ class Leaders:
         most : float
             Windows that are evaluated at most.
         """
-        per_type = 2 * self.numbering.starts
+        per_type = self.numbering.per_type
         total = int(min(types * per_type, most))
         rows = None if alike is None else np.argsort(steps_of(alike), kind="stable")
         done, batch = 0, _TRIED_FIRST
@@ -195,7 +205,3 @@ class Leaders:
                 return False
             done, batch = done + ids.size, min(2 * batch, self.at_once)
         return alike is not None or done >= types * per_type
-
-    def _numbers(self) -> Ints:
-        row, start, branch, _ = self.windows
-        return (2 * row + (branch < 0)) * self.numbering.starts + start

@@ -2,7 +2,7 @@
 
 All buckets of `series` share what a request gives: its means <f e^{iht}> over the samples, for all harmonics h at once, times
 the phases e^{ihs} of the starts, which no request changes. A matrix has one row a window: branch +1 at all starts, then
-branch -1. Formulae and bounds are those of `scan`.
+branch -1 if there is one. Formulae and bounds are those of `scan`.
 """
 
 from __future__ import annotations
@@ -36,15 +36,6 @@ def _phases(highest: int, starts: int) -> Complexes:
     return phases
 
 
-def _both_branches(shifted: Complexes, sign: int = 1) -> Floats:
-    """What a series (cosine and sine side by side) is multiplied with to give its mean, for all starts of both branches.
-
-    A mirrored window has the increments -t and the starts -s, and the target ``sign`` times the one that the means are
-    of: that conjugates every term.
-    """
-    return np.concatenate([shifted, sign * np.conj(shifted)]).view(float)
-
-
 class Matrices:
     """What one request multiplies the series of an atlas with; what buckets share is made once, when first asked for.
 
@@ -54,10 +45,13 @@ class Matrices:
     highest : int
         Highest harmonic of any series or square.
     starts : int
+    branches : int
+        Of the mechanism: 2, or 1.
     """
 
-    def __init__(self, target: Target, highest: int, starts: int) -> None:
+    def __init__(self, target: Target, highest: int, starts: int, branches: int = 2) -> None:
         self.target = target
+        self.branches = branches
         self.highest = highest
         self.starts = starts
         blocks = -(-(highest + 1) // _HARMONICS_AT_ONCE)
@@ -77,18 +71,27 @@ class Matrices:
         """e^{ihs}, (starts, highest + 1)."""
         return _phases(self.highest, self.starts)
 
+    def _of_branches(self, shifted: Complexes, sign: int = 1) -> Complexes:
+        """What a series is multiplied with to give its mean, for all starts of all branches.
+
+        A mirrored window has the increments -t and the starts -s, and the target ``sign`` times the one that the means are
+        of: that conjugates every term.
+        """
+        return np.concatenate([shifted, sign * np.conj(shifted)][: self.branches])
+
     def average(self, mean: Mean) -> Floats:
-        """For the mean of a series, (2 starts, 2 highest)."""
+        """For the mean of a series, cosine and sine side by side, (windows, 2 highest)."""
         key = None if mean.weights is None else id(mean)
         if key not in self._averages:
             means = self.means(np.ones(self.target.samples), mean)
-            self._averages[key] = _both_branches(self.phases[:, 1:] * means[1:])
+            self._averages[key] = self._of_branches(self.phases[:, 1:] * means[1:]).view(float)
         return self._averages[key]
 
     def _times(self, values: Floats) -> Floats:
-        """For the mean of a series times values of the samples, (2 starts, 2 reach), of half of all harmonics."""
+        """For the mean of a series times values of the samples, (windows, 2 reach), of half of all harmonics."""
         reach = self.highest // 2 + 1
-        return _both_branches(self.phases[:, 1:reach] * self.means(values, self.target.rotation_mean)[1:reach], -1)
+        means = self.means(values, self.target.rotation_mean)
+        return self._of_branches(self.phases[:, 1:reach] * means[1:reach], -1).view(float)
 
     def _turned(self, winding: int) -> tuple[Floats, Floats]:
         """The centred target less the winding, and what series are multiplied with for the mean of their product with it."""
@@ -130,7 +133,7 @@ class Matrices:
             columns = []
             for forward, backward in zip(ahead, behind):
                 shifted = turn * np.concatenate([backward[reach:0:-1], forward[: reach + 1]])
-                columns.append(np.concatenate([shifted, np.conj(shifted)]))
+                columns.append(self._of_branches(shifted))
             self._position[reach] = PositionMatrices(
                 np.stack(columns), self.average(self.target.position_mean)[:, : 4 * reach], size
             )

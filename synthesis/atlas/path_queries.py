@@ -153,8 +153,8 @@ class PathRequest(Offsets):
 
     rounding = 1e-12
 
-    def __init__(self, target: Target, storey: Storey, starts: int) -> None:
-        super().__init__(target, storey, starts)
+    def __init__(self, target: Target, storey: Storey, starts: int, branches: int = 2) -> None:
+        super().__init__(target, storey, starts, branches)
         mean, fixed = target.position_mean, fixed_columns(target)
         self._root = mean.root
         self._fixed = [fixed.one * mean.root, fixed.turned * mean.root]

@@ -156,26 +156,29 @@ class Offsets:
     storey : Storey
     starts : int
         Of the turn, a multiple of the storey's intervals.
+    branches : int
+        Of the mechanism: 2, or 1.
     """
 
-    def __init__(self, target: Target, storey: Storey, starts: int) -> None:
-        self.target, self.storey, self.starts = target, storey, starts
+    def __init__(self, target: Target, storey: Storey, starts: int, branches: int = 2) -> None:
+        self.target, self.storey, self.starts, self.branches = target, storey, starts, branches
+        self._signs = np.array([1.0, -1.0])[:branches]
         low, high = float(target.crank.min()), float(target.crank.max())
         self._along = target.crank - (low + high) / 2
         self._per_branch = starts // storey.places
         step = TURN / starts
-        middle = (low + high) / 2 / step * np.array([1.0, -1.0])  # of a window that begins at crank angle 0
+        middle = (low + high) / 2 / step * self._signs  # of a window that begins at crank angle 0
         self._first = np.ceil(-self._per_branch / 2 - middle).astype(np.int64)
         offsets = (self._first + middle)[:, None] + np.arange(self._per_branch)
-        along = self._along * np.array([[1.0], [-1.0]])
+        along = self._along * self._signs[:, None]
         places = along[:, None] + step * offsets[..., None]
         self._places = places.reshape(self.size, -1) / storey.half_width
         self._shift = step * offsets.ravel()
 
     @property
     def size(self) -> int:
-        """Queries of a part: offsets of both branches."""
-        return 2 * self._per_branch
+        """Queries of a part: offsets of all branches."""
+        return self.branches * self._per_branch
 
     def windows(self, entry: NDArray[np.integer], query: Ints) -> Ints:
         """Numbers of the windows that entries are to queries; all windows of a table between them, each once."""
@@ -183,7 +186,7 @@ class Offsets:
         mirrored, offset = np.divmod(query, self._per_branch)
         start = place * self._per_branch + offset + self._first[mirrored]
         start = np.where(mirrored == 1, -start, start) % self.starts
-        return (2 * row + mirrored) * self.starts + start
+        return (self.branches * row + mirrored) * self.starts + start
 
     def _some(self, weights: Floats | None, least: int) -> tuple[Ints, float]:
         """A few of the samples, at least so many of those that are given, and the root of their part of the weights."""
@@ -208,8 +211,8 @@ class Request(Offsets):
 
     without_rest = False
 
-    def __init__(self, target: Target, storey: Storey, starts: int) -> None:
-        super().__init__(target, storey, starts)
+    def __init__(self, target: Target, storey: Storey, starts: int, branches: int = 2) -> None:
+        super().__init__(target, storey, starts, branches)
         assert target.rotation is not None
         mean = target.rotation_mean
         centred = target.rotation - mean(target.rotation)
@@ -268,7 +271,7 @@ class Request(Offsets):
         left = given - (basis @ wanted[..., None])[..., 0]
         rest = (left**2).sum(axis=1)
         # those of the part's coordinate are sums of those of the range's
-        sign = np.tile(np.repeat([1.0, -1.0], self._per_branch), count)
+        sign = np.tile(np.repeat(self._signs, self._per_branch), count)
         scale = 2 / (high - low)[:, 0] / self.storey.half_width
         shifted = scale * (sign * middle[which] + np.tile(self._shift, count)) - ((high + low) / (high - low))[:, 0]
         rows = along[which] @ _substituted(scale * sign * half[which], shifted, self.storey.terms)

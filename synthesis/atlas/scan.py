@@ -13,6 +13,7 @@ winding) as g, and means over the samples t_m as <.>. The mean squared error aft
 With p^2 as a series of its own, each of the three terms is a row of coefficients times a matrix that depends on the
 request alone, so all starts of all types are a few matrix products. Branch -1 is the same linkage mirrored:
 theta2(x, -1) = -theta2(-x, +1), so its windows are those of the target (-g, -t) at the start -s, and share the rows.
+A mechanism may have branch +1 alone.
 
 Position (design of `pose`): P is fitted by {1, e^{it}, e^{i theta2}}, so what is left of it is
 |p|^2 - |<q, p>|^2 / |q|^2 with p and q the parts of P and of e^{i theta2} that are orthogonal to {1, e^{it}}; the inner
@@ -101,7 +102,8 @@ class Scan:
         self.prepared = table if isinstance(table, Preparation) else Preparation(table, kind, threads)
         self.mechanism = self.prepared.table.mechanism
         self.starts = starts
-        self.numbering = Numbering(starts)
+        self.branches = len(self.mechanism.branches)
+        self.numbering = Numbering(starts, self.branches)
         self.threads = threads
         self._families: dict[str, bool] = {}
 
@@ -132,7 +134,7 @@ class Scan:
     @property
     def windows(self) -> int:
         """Number of windows: types x starts x branches."""
-        return self.types * self.starts * 2
+        return self.types * self.numbering.per_type
 
     @property
     def nbytes(self) -> int:
@@ -173,8 +175,8 @@ class Scan:
         if target.position is not None and prepared.prepare_positions(work):
             phasors = prepared.phasors
         reaches = [cells.bucket.harmonics for cells in prepared.cells] + [p.reach for p in phasors if p is not None]
-        matrices = Matrices(target, 2 * max(reaches, default=0), self.starts)
-        arcs = Arcs(target, self.starts)
+        matrices = Matrices(target, 2 * max(reaches, default=0), self.starts, self.branches)
+        arcs = Arcs(target, self.starts, self.branches)
         return [Descent(cells, arcs, matrices, known) for cells, known in zip(prepared.cells, phasors)]
 
     def _short_span(self, target: Target, expired: Callable[[], bool]) -> ShortSpan | None:
@@ -183,7 +185,7 @@ class Scan:
         storeys = self.prepared.path_storeys if target.rotation is None else self.prepared.storeys
         for index in storeys if span >= LEAST_SPAN else []:
             if index.storey.serves(span, self.starts):
-                return ShortSpan(index, target, self.starts, expired)
+                return ShortSpan(index, target, self.starts, expired, self.branches)
         return None
 
     def start_angles(self, windows: Windows) -> Floats:
@@ -213,8 +215,8 @@ class Scan:
         return objective(target, angles) if target.position is None else position_errors(target, angles)
 
     def error_table(self, target: Target) -> Floats:
-        """Approximate squared error of every window, (types, 2, starts): branch +1, then branch -1. For small atlases."""
-        table = np.empty((self.types, 2 * self.starts))
+        """Approximate squared error of every window, (types, branches, starts): branch +1 first. For small atlases."""
+        table = np.empty((self.types, self.numbering.per_type))
 
         def fill() -> None:
             for part in self._requested(target, Work()):
@@ -222,7 +224,7 @@ class Scan:
 
         self.intact(fill)
         np.maximum(table, 0.0, out=table)
-        return table.reshape(-1, 2, self.starts)
+        return table.reshape(-1, self.branches, self.starts)
 
     # -- answers ------------------------------------------------------------------------------------------------------
 

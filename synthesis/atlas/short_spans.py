@@ -103,18 +103,22 @@ class ShortSpan:
         Of the turn, a multiple of the storey's intervals.
     expired : callable
         Asked between the steps, whether there is time for more.
+    branches : int
+        Of the mechanism: 2, or 1.
     """
 
-    def __init__(self, index: StoreyIndex, target: Target, starts: int, expired: Callable[[], bool]) -> None:
+    def __init__(
+        self, index: StoreyIndex, target: Target, starts: int, expired: Callable[[], bool], branches: int = 2
+    ) -> None:
         self.index, self.target = index, target
         self._expired = expired
         self._request: Request | PathRequest
         if target.rotation is not None:
-            self._request = Request(target, index.storey, starts)
+            self._request = Request(target, index.storey, starts, branches)
             windows = MOST_WINDOWS if target.position is None else MOST_PLACED
             worth = _Worth(LARGEST_LIMIT, MOST_LEAVES * np.sqrt(index.types), np.inf, windows * index.types)
         else:
-            self._request = PathRequest(target, index.storey, starts)
+            self._request = PathRequest(target, index.storey, starts, branches)
             limit = LARGEST_SINE * self._request.length
             most = MOST_PATHS if float(np.ptp(target.crank)) > SHORT_PATH else MOST_SHORT_PATHS
             windows = min(most * index.types, _MOST_HELD)

@@ -81,7 +81,7 @@ class PathScreen:
         shift = np.exp(1j * start[:, None] * self.harmonics)
         # branch -1 turns like the mirror image of branch +1: conjugate coefficients
         windows = np.stack([one[:, None, :] * shift for one in (series, np.conj(series))], axis=1)
-        self.start = start
+        self.start: Floats = start.astype(float)
         self.windows = np.concatenate([windows.real, windows.imag], axis=-1).reshape(-1, 2 * self.harmonics.size)
         self.windows = np.ascontiguousarray(self.windows, dtype=np.float32)
 

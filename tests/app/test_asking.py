@@ -13,11 +13,12 @@ from xml.etree import ElementTree
 import pytest
 
 import linkage_atlas as la
-from app import asking, bundled, cache, cli, progress
+from app import bundled, cli, progress
 from app.exits import Exit, exit_of
 from app.fourbar.models import SynthesizeRequest
 from app.registry import all_queries, worked_example
-from app.settings import Settings
+from app.settings import Settings, atlas_of
+from linkage_atlas import cache
 
 QUERIES = {query.command: query for query in all_queries()}
 RIGHT_ANGLE = {"rotation": [0, 8, 19, 31, 40, 44], "crank_span": 90, "top": 2, "budget_ms": 400}
@@ -73,7 +74,55 @@ def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> No
     request = {"output": [0, 10, 30], "crank_span": 60, "limits": {"links": links, "preset": None}}
     code, out, err = run("function", "--export", file, "--plot", stdin=json.dumps(request))
     assert code == Exit.INFEASIBLE and not file.exists()
-    assert out.startswith("infeasible") and err == "nothing written: there are 0 solutions\n"
+    assert out.startswith("infeasible") and err == "no solution of rank 1: there are 0 solutions\n"
+
+
+@pytest.mark.parametrize("more", [(), ("--json",), ("--export", "one.svg")])
+def test_a_rank_beyond_the_solutions_found_is_an_error_that_says_how_many_there_are(
+    more, run, monkeypatch, tmp_path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    request = json.dumps(
+        {"timing": "free", "position": [[0, 0], [40, 8], [75, 30]], "rotation": [0, 15, 40], "budget_ms": 100}
+    )
+    code, out, err = run("synthesize", "--rank", 100, *more, stdin=request)
+    assert code == Exit.USAGE and "no solution of rank 100: there are " in err and out
+    assert not (tmp_path / "one.svg").exists()
+    assert run("synthesize", "--rank", 101, *more, stdin=request)[:2] == (Exit.USAGE, "")
+
+
+@pytest.mark.parametrize(
+    ("field", "words"),
+    [
+        ({"positon": [[0, 0]]}, "positon: there is no field 'positon'; near: position"),
+        ({"limits": {"pivot_bx": 1}}, "limits.pivot_bx: there is no field 'pivot_bx'; near: pivot_box, pivot_b"),
+        ({"limits": {"links": {"grund": 1}}}, "limits.links.grund: there is no field 'grund'; near: ground"),
+        ({"weights": {"zzz": 1}}, "weights.zzz: there is no field 'zzz'; there are rotation, position"),
+        ({"z" * 999: 1}, "there is no field '" + 40 * "z" + "'; there are crank_span, "),
+    ],
+)
+def test_a_field_that_is_not_known_is_told_with_those_near_it(field, words, run, tmp_path) -> None:
+    code, out, err = run("synthesize", stdin=json.dumps(RIGHT_ANGLE | field))
+    assert (code, out) == (Exit.USAGE, "") and words in err
+    path, value = next(iter(field.items()))
+    while isinstance(value, dict):
+        path, value = f"{path}.{next(iter(value))}", next(iter(value.values()))
+    code, _, err = run("synthesize", "--set", f"{path}=1", stdin=json.dumps(RIGHT_ANGLE))
+    assert code == Exit.USAGE and words in err
+    lines, replies = tmp_path / "lines", tmp_path / "replies"
+    lines.write_text(json.dumps(RIGHT_ANGLE | field))
+    assert run("study", lines, "--out", replies, "--jobs", 1)[0] == Exit.FAILED
+    assert words in json.loads(replies.read_text())["error"]
+
+
+def test_a_request_that_does_not_say_how_the_crank_turns_is_told_all_ways_to_say_it(run) -> None:
+    code, _, err = run("synthesize", stdin='{"rotation": [0, 8, 19, 31]}')
+    assert code == Exit.USAGE and all(word in err for word in ("`crank_span`", "`crank_angle`", "`timing` 'free'"))
+    with pytest.raises(la.FieldError) as error:
+        la.synthesize([0, 8, 19, 31])
+    assert str(error.value) == err.strip() and error.value.field == "/crank_span"
+    code, _, err = run("function", stdin='{"output": [0, 8, 19, 31]}')
+    assert code == Exit.USAGE and "`crank_span`" in err and "`input`" in err and "timing" not in err
 
 
 def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, monkeypatch) -> None:
@@ -85,7 +134,7 @@ def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, mo
 @pytest.mark.parametrize("screen", [True, False])
 def test_a_plot_is_opened_or_its_place_is_said(screen, run, monkeypatch) -> None:
     opened: list[str] = []
-    monkeypatch.setattr(asking.webbrowser, "open", lambda place: opened.append(place) or True)
+    monkeypatch.setattr("webbrowser.open", lambda place: opened.append(place) or True)
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
@@ -210,10 +259,27 @@ def test_every_example_is_a_request_of_its_command(run) -> None:
     listed = run("example")[1]
     for name, example in bundled.all_examples().items():
         code, out, err = run("example", name)
-        assert code == Exit.OK and f"\n{name} " in listed and f"linkage-atlas {example.command} FILE" in err
+        assert code == Exit.OK and f"linkage-atlas {example.command} FILE" in err
+        assert f"\n{name.removeprefix('synthesize-')} " in listed
         assert json.loads(out) == example.request
         QUERIES[example.command].request.model_validate_json(out)
     assert run("example", "nothing")[0] == Exit.USAGE
+
+
+def test_a_question_answers_every_example_of_its_own_by_the_same_name(run, monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr("app.asking.read_request", lambda query, text, *rest: asked.append(text) or 1 / 0)
+    for name, example in bundled.all_examples().items():
+        with pytest.raises(ZeroDivisionError):
+            run(*example.command.split(), "--example", name)
+        assert json.loads(asked.pop()) == example.request
+
+
+def test_a_machine_of_the_page_is_answered_as_the_request_that_is_printed_for_it(run) -> None:
+    printed = run("example", "casement")[1]
+    answers = [run("synthesize", "--json", "--example", "casement")[1], run("synthesize", "--json", stdin=printed)[1]]
+    first, second = (json.loads(answer)["solutions"] for answer in answers)
+    assert first == second and first
 
 
 def test_examples_are_laid_out_for_editing() -> None:
@@ -246,7 +312,7 @@ def test_completion_knows_every_command_and_option(shell, run) -> None:
 def test_the_default_atlas_is_built_once_in_the_cache_folder(tmp_path, monkeypatch, capsys) -> None:
     builds = []
 
-    def build(place: Path, progress) -> None:
+    def build(place: Path, jobs, progress) -> None:
         builds.append(place)
         progress(1, 1)
         place.write_bytes(b"atlas")
@@ -254,14 +320,14 @@ def test_the_default_atlas_is_built_once_in_the_cache_folder(tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("LINKAGE_ATLAS_ATLAS", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr("linkage_atlas.build_atlas", build)
-    place = cache.find_atlas(Settings())
-    assert place == cache.find_atlas(Settings()) == cache.cached_atlas() and builds == [place]
+    monkeypatch.setattr("linkage_atlas.atlases.build_atlas", build)
+    place = atlas_of(Settings())
+    assert place == atlas_of(Settings()) == cache.cached_atlas() and builds == [place]
     assert place.is_relative_to(tmp_path / "cache") and str(place) in capsys.readouterr().err
     named = tmp_path / "mine.h5"
-    assert cache.find_atlas(Settings(atlas=named)) == named, "one that is named is never built"
+    assert atlas_of(Settings(atlas=named)) == named, "one that is named is never built"
     (tmp_path / "atlas.h5").write_bytes(b"here")
-    assert cache.find_atlas(Settings()) == Path("atlas.h5")
+    assert atlas_of(Settings()) == Path("atlas.h5")
     assert builds == [place]
 
 

@@ -20,7 +20,7 @@ POSES = {**PLACES, "rotation": [5.0, -6.25]}
 
 
 def test_csv_columns_separators_and_gaps() -> None:
-    assert request_from_csv("t;x;y;angle\n0;1,5;2;\n10;;;5,25\n") == {
+    assert request_from_csv("crank;x;y;angle\n0;1,5;2;\n10;;;5,25\n") == {
         "crank_angle": [0.0, 10.0],
         "rotation": [None, 5.25],
         "position": [[1.5, 2.0], None],
@@ -71,14 +71,15 @@ def test_tables_of_any_country(text, wanted) -> None:
         ("x,y\n1,nan\n", "line 2, column 2 (y): 'nan' is not a number"),
         ("1 2\n3 4\n5 a\n", "line 3, column 2: 'a' is not a number"),
         ("x,y\n1,1_0\n", "line 2, column 2 (y): '1_0' is not a number"),
-        ("x;y\n1.000,5;2\n", "line 2, column 1 (x): '1.000,5': wanted one decimal mark"),
-        ("x;y\n1,5;2\n2.250;3\n", "line 3, column 1 (x): '2.250': wanted one decimal mark"),
+        ("x;y\n1.00,5;2\n", "line 2, column 1 (x): '1.00,5': wanted one decimal mark"),
+        ("x;y\n1.000,5;2\n0.125;3\n", "line 3, column 1 (x): '0.125': wanted one decimal mark"),
+        ("x;y\n1,5;2\n2.25;3\n", "line 3, column 1 (x): '2.25': wanted one decimal mark"),
         ("x,rotation\n1,2\n", "wanted both x and y"),
         ("x,y,rotation\n1,,2\n", "line 2: wanted both x and y"),
         ('x;y\n1;"2\n3;4\n5;x\n', "line 4, column 2 (y): 'x' is not a number"),
         ("x;y\n1;" + "2" * 200_000, "line 2: field larger than"),
-        ("t\n1\n2\n", "wanted x and y, or rotation"),
-        ("t [rad];x;y;phi [deg]\n1;2;3;4\n", "wanted all angles in one unit"),
+        ("crank\n1\n2\n", "wanted x and y, or rotation"),
+        ("crank [rad];x;y;phi [deg]\n1;2;3;4\n", "wanted all angles in one unit"),
     ],
 )
 def test_csv_errors_name_the_line(text, words, tmp_path, capsys) -> None:
@@ -86,6 +87,24 @@ def test_csv_errors_name_the_line(text, words, tmp_path, capsys) -> None:
     path.write_text(text)
     assert cli.main(["synthesize", str(path)]) == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["t", "T", "time", "Time [s]"])
+@pytest.mark.parametrize(
+    ("read", "other", "left_out"),
+    [
+        (request_from_csv, "x;y", "free, or even over a crank_span"),
+        (match_from_csv, "phi", "even over a crank_span"),
+        (function_from_csv, "output", "even over a crank_span"),
+    ],
+)
+def test_a_time_is_no_crank_angle(name, read, other, left_out) -> None:
+    with pytest.raises(FieldError) as error:
+        read(f"{name};{other}\n0;1;2\n1;2;3\n")
+    assert error.value.message == (
+        f"line 1: the column '{name.split()[0]}' is a time, and no crank angle: name it 'crank' if it holds crank angles in "
+        f"degrees, or leave it out (then crank angles are {left_out})"
+    )
 
 
 def test_tables_of_turns_and_of_rockers() -> None:
@@ -151,6 +170,32 @@ def test_the_command_unwraps_and_answers_tables_of_every_question(tmp_path, caps
     table.write_text("{}")
     assert cli.main(["synthesize", str(table), "--unwrap"]) == 2
     assert "--unwrap is for a table" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("1.000,5;2,5;3,0\n-1.234.567,5;12.000;0,125\n", [[1000.5, 2.5, 3.0], [-1234567.5, 12000.0, 0.125]]),
+        (
+            "1,000.5;2.5;3.0\n\N{MINUS SIGN}1,234,567.5;12,000;0.125\n",
+            [[1000.5, 2.5, 3.0], [-1234567.5, 12000.0, 0.125]],
+        ),
+        ('"1,000.5",2.5,3.0\n', [[1000.5, 2.5, 3.0]]),
+        ("1,500;2.5;3\n", [[1500.0, 2.5, 3.0]]),
+        ("1.234.567;2;3\n0;1.250;0\n", [[1234567.0, 2.0, 3.0], [0.0, 1250.0, 0.0]]),
+        ("1.250;2;3\n", [[1.25, 2.0, 3.0]]),
+        ("1,250;2;3\n", [[1.25, 2.0, 3.0]]),
+        ("1,000.5;2,5;3.0\n", None),
+    ],
+)
+def test_the_mark_that_is_not_that_of_decimals_groups_thousands(text, wanted) -> None:
+    if wanted is None:
+        with pytest.raises(FieldError, match="wanted one decimal mark"):
+            request_from_csv(text)
+    else:
+        request = request_from_csv(text)
+        assert request["position"] == [row[:2] for row in wanted]
+        assert request["rotation"] == [row[2] for row in wanted]
 
 
 def test_thousands_are_grouped_as_spreadsheets_do() -> None:

@@ -446,6 +446,17 @@ def test_what_is_no_finite_number_is_pointed_at(literal, client) -> None:
     assert pointers(refusal(client, "/v1/synthesize", in_path)) == ["#/position/1/1"]
 
 
+def test_a_field_that_is_not_known_is_told_with_those_near_it(client) -> None:
+    body = {**EXAMPLE, "limits": {"pivot_bx": [0, 0, 1, 1]}, "positon": 1}
+    told = {row["pointer"]: row["detail"] for row in refusal(client, "/v1/synthesize", json.dumps(body))["errors"]}
+    assert told["#/positon"] == "there is no field 'positon'; near: position"
+    assert told["#/limits/pivot_bx"].startswith("there is no field 'pivot_bx'; near: pivot_box")
+    timing = refusal(client, "/v1/synthesize", '{"rotation": [0, 8, 19]}')["errors"]
+    assert [row["pointer"] for row in timing] == ["#/crank_span"] and "`timing` 'free'" in timing[0]["detail"]
+    timing = refusal(client, "/v1/match", '{"rotation": [0, 8, 19]}')["errors"]
+    assert "`crank_angle`" in timing[0]["detail"] and "timing" not in timing[0]["detail"]
+
+
 @pytest.mark.parametrize(
     "body",
     [

@@ -131,14 +131,53 @@ def test_questions_are_added_once_however_many_ask_at_the_same_time() -> None:
     assert found == [question] * 8 and len(added) == 1
 
 
-@pytest.mark.parametrize("name", ["serve", "index"])
+HEAVY = ["fastapi", "starlette", "uvicorn", "pydantic", "scipy", "h5py", "numpy", "pywt", "ezdxf", "shtab", "tqdm"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "without"),
+    [
+        ("--help", HEAVY),
+        ("--version", HEAVY),
+        (
+            "lift --help",
+            ["numpy", "pydantic_settings", "starlette", "scipy", "h5py", "pywt", "ezdxf", "shtab", "tqdm"],
+        ),
+        (
+            "synthesize --example worked_example",
+            ["fastapi", "starlette", "uvicorn", "scipy", "h5py", "ezdxf", "shtab", "tqdm", "app.scenes.lift"],
+        ),
+    ],
+)
+def test_a_command_imports_nothing_that_it_does_not_need(arguments, without) -> None:
+    code = f"""
+import sys
+from app import start
+try:
+    start.main()
+except SystemExit:
+    pass
+sys.exit(" ".join(name for name in {without} if name in sys.modules) or 0)
+"""
+    done = subprocess.run([sys.executable, "-c", code, *arguments.split()], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["serve", "index", "synthesize", "study", "example", "lift", "completion"])
 def test_a_command_that_is_named_alone_takes_what_it_takes_among_all(name, capsys) -> None:
     arguments = {
-        "serve": ["serve", "--port", "7", "--no-index", "--workers", "3"],
-        "index": ["index", "--atlas", "a"],
+        "serve": ["--port", "7", "--no-index", "--workers", "3"],
+        "index": ["--atlas", "a"],
+        "synthesize": ["--rank", "3", "--set", "top=3"],
+        "study": ["lines", "--out", "replies"],
+        "lift": ["motion"],
+        "completion": ["zsh"],
     }
-    alone, among = cli.make_parser(named=name), cli.make_parser()
-    assert vars(alone.parse_args(arguments[name])) == vars(among.parse_args(arguments[name]))
+    alone, among = cli.make_parser(named=name), cli.make_parser(whole=True)
+    made = [vars(parser.parse_args([name, *arguments.get(name, [])])) for parser in (alone, among)]
+    for values in made:
+        del values["run"]
+    assert made[0] == made[1]
     texts = []
     for parser in (alone, among):
         with pytest.raises(SystemExit):

@@ -108,8 +108,8 @@ def test_an_interrupt_inside_a_callback_is_not_lost(out) -> None:
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-@pytest.mark.parametrize("entry", ["data_build", "app.start"])
-def test_an_interrupt_while_importing_shows_no_traceback(entry, name) -> None:
+@pytest.mark.parametrize(("entry", "command"), [("data_build", []), ("app.start", ["match"])])
+def test_an_interrupt_while_importing_shows_no_traceback(entry, command, name) -> None:
     script = (
         "import os, runpy, signal, sys, time\n"
         "class Hook:\n"
@@ -117,7 +117,7 @@ def test_an_interrupt_while_importing_shows_no_traceback(entry, name) -> None:
         "        if module == 'pydantic' or module == 'h5py':\n"
         f"            os.kill(os.getpid(), signal.{name}); time.sleep(9)\n"
         "sys.meta_path.insert(0, Hook())\n"
-        f"sys.argv = ['x', '--help']; runpy.run_module('{entry}', run_name='__main__')\n"
+        f"sys.argv = ['x', *{command}, '--help']; runpy.run_module('{entry}', run_name='__main__')\n"
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert (done.stdout, done.stderr) == ("", "") and done.returncode == -getattr(signal, name)

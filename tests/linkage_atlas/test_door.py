@@ -22,6 +22,7 @@ import linkage_atlas as la
 from app.main import create_app
 from app.registry import worked_example
 from app.settings import Settings
+from linkage_atlas.cache import cached_atlas, default_atlas
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = worked_example()
@@ -59,6 +60,18 @@ def test_the_worked_example_is_solved(found) -> None:
     assert joints.body_point == pytest.approx(np.array(EXAMPLE["position"]), abs=1e-8)
     assert joints.rotation == pytest.approx(np.array(EXAMPLE["rotation"]), abs=1e-7)
     assert "reached: 2 solutions" in repr(found) and "crank_rocker" in repr(found)
+
+
+def test_answers_are_indexed_counted_and_iterated(found, built) -> None:
+    generators = la.function([0, 12, 31, 62, 90], 80, top=2)
+    matches = la.match(EXAMPLE["rotation"], EXAMPLE["crank_span"], atlas=built[0], top=3)
+    for answer, listed in ((found, found.solutions), (generators, generators.solutions), (matches, matches.matches)):
+        assert answer and len(answer) == len(listed) > 1 and list(answer) == listed
+        assert answer[0] is listed[0] and answer[-1] is listed[-1] and answer[1:] == listed[1:]
+        with pytest.raises(IndexError):
+            answer[len(listed)]
+    nothing = la.synthesize([0, 8, 19, 31], crank_span=90, limits={"link_min": 5, "link_max": 5.1})
+    assert nothing.status == "infeasible" and len(nothing) == 0 and not nothing
 
 
 def test_arrays_lists_and_complex_positions_are_the_same(found) -> None:
@@ -144,7 +157,6 @@ BAD = [
     ),
     ({"rotation": [1, 2, 4], "crank_span": 9, "budget": -1}, "/budget", "above 0"),
     ({"rotation": [1, 2, 4], "crank_span": 9, "effort": "hard"}, "/effort", "hard"),
-    ({"rotation": [1, 2, 4], "crank_span": 9, "effort": "atlas"}, "/atlas", "load_atlas"),
     ({"rotation": [1, 2, 4], "crank_span": 9, "round_to": 1}, "/round_to", "position"),
     ({"rotation": [1, 2, 4], "crank_span": 9, "length_scale": 1}, "/length_scale", "positions"),
     ({"rotation": [1, 2, 4], "crank_span": 9, "limits": {"weight": 3}}, "/limits/weight", "pivot_box"),
@@ -205,6 +217,30 @@ def test_a_bad_atlas_and_a_bad_rule_are_named(built, tmp_path) -> None:
             la.build_atlas(tmp_path / "atlas.h5", **({"perimeter": 60} | rule))
         assert wrong.value.field == field
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("here", [True, False])
+def test_without_an_atlas_the_default_one_is_opened_and_built_if_there_is_none(
+    here, built, tmp_path, monkeypatch
+) -> None:
+    def build(place: Path, jobs: int, progress: Any) -> None:
+        assert jobs == 1, "more processes need a script that can be imported"
+        place.write_bytes(built[1].read_bytes())
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("linkage_atlas.atlases.build_atlas", build)
+    if here:
+        Path("atlas.h5").write_bytes(built[1].read_bytes())
+    rotation, span = EXAMPLE["rotation"], EXAMPLE["crank_span"]
+    named = la.match(rotation, span, atlas=built[0])
+    default_atlas.cache_clear()
+    for found in (la.match(rotation, span), la.match(rotation, span)):
+        assert found.to_dict()["matches"] == named.to_dict()["matches"]
+    assert la.synthesize(rotation, crank_span=span, effort="atlas", top=1).solutions
+    assert default_atlas.cache_info().misses == 1
+    assert cached_atlas().exists() != here
+    default_atlas.cache_clear()
 
 
 @pytest.mark.parametrize("degrees", [True, False], ids=["degrees", "radians"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,41 @@ def test_the_dial_of_a_function_that_turns_back_is_as_long_as_the_function_is_hi
 def test_what_is_wrong_is_named(arguments: dict[str, Any], field: str) -> None:
     with pytest.raises(la.FieldError) as error:
         la.function(**arguments)
+    assert error.value.field == field
+
+
+def test_a_callable_is_the_function_whether_it_takes_arrays_or_numbers() -> None:
+    options = {"crank_span": 60, "objective": "max", "limits": {"transmission_angle_min": 30}, "top": 1}
+    named = la.function(function={"name": "log10", "x": [1, 2], "output_span": -90, "samples": 41}, **options)
+    for of in (np.log10, lambda x: math.log10(x)):
+        found = la.function(of, interval=(1, 2), output_span=-90, samples=41, **options)
+        np.testing.assert_array_equal(found.x, named.x)
+        np.testing.assert_allclose(found.y, named.y, rtol=1e-15)
+        assert found.best.errors.max == pytest.approx(named.best.errors.max, rel=1e-6)
+        assert found.best.errors.max_y == pytest.approx(named.best.errors.max_y, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("of", "more", "field", "words"),
+    [
+        (lambda x: 1 / (x - 1.5), {}, "/output", "found inf at x = 1.5"),
+        (np.log10, {"interval": (0, 1)}, "/output", "found -inf at x = 0"),
+        (lambda x: np.where(np.abs(x - 1.50012207) < 1e-4, np.nan, x), {}, "/output", "found nan at x = 1.50012"),
+        (lambda x: math.log(x - 1.2), {}, "/output", "the function fails at x = 1: math domain error"),
+        (lambda x: 1j * x, {}, "/output", "the function fails at x = 1: "),
+        (lambda x: 3.0, {}, "/output", "the same everywhere"),
+        (np.sqrt, {"interval": None}, "/interval", "needed"),
+        (np.sqrt, {"interval": (1, 1)}, "/interval", "two different"),
+        (np.sqrt, {"output_span": None}, "/output_span", "needed"),
+        (np.sqrt, {"samples": 2}, "/samples", "whole number"),
+        (np.sqrt, {"crank_span": None}, "/crank_span", "needed"),
+        (np.sqrt, {"function": {"name": "ln"}}, "/output", "either"),
+        ([0, 10, 30], {"output_span": None}, "/interval", "belongs to"),
+    ],
+)
+def test_what_is_wrong_with_a_callable_is_named(of, more, field, words) -> None:
+    with pytest.raises(la.FieldError, match=words) as error:
+        la.function(of, **{"crank_span": 60, "interval": (1, 2), "output_span": 90} | more)
     assert error.value.field == field
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from app.cache import index_of
+from linkage_atlas.cache import index_of
 from linkage_atlas.motions import Motion
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import file as file_module

@@ -10,13 +10,19 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
+from synthesis.atlas import short_spans
+from synthesis.atlas.scan import Scan
+from synthesis.atlas.table import make_table
+from synthesis.atlas.windows import Windows, best_of, joined
 from synthesis.mechanism import BodyAngles
-from synthesis.pose import fit_positions
+from synthesis.pose import fit_positions, objective
 from synthesis.ranking import Errors, motion_errors
 from synthesis.search.search import search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import Target, make_target
+from synthesis.work import Work
 
 
 def body_angle(lengths: np.ndarray, crank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -111,6 +117,16 @@ class Mechanism:
         return [replace(one, errors=errors) for one, errors in zip(linkages, motion_errors(target, angle, points)[1])]
 
 
+class Mirrored(Mechanism):
+    """The same with a second branch, of which the law of `synthesis.mechanism` holds."""
+
+    branches = (1, -1)
+
+    def body_angle(self, lengths: np.ndarray, branch: Any, crank: np.ndarray) -> np.ndarray:
+        side = np.reshape(branch, (-1, 1))
+        return side * body_angle(lengths, side * crank)[0]
+
+
 ANY = SimpleNamespace(family="full_crank", only_family=True)
 
 
@@ -126,3 +142,66 @@ def test_random_slider_cranks_are_recovered() -> None:
         target = make_target(angle + random.uniform(-3, 3), position, crank_angle=crank)
         solutions, _ = search(tables, target, ANY, 3)
         assert solutions[0].errors.objective < 1e-9, seed
+
+
+STARTS = 360
+
+
+def every_window(mechanism: Mechanism, lengths: np.ndarray, target: Target) -> Windows:
+    """All windows with their errors, type after type and branch after branch."""
+    start, found = np.arange(STARTS), []
+    crank = np.deg2rad(start)[:, None] + target.crank
+    for row, one in enumerate(lengths):
+        for branch in mechanism.branches:
+            same = np.full(STARTS, branch)
+            error = objective(target, mechanism.body_angle(np.tile(one, (STARTS, 1)), same, crank))
+            found.append(Windows(np.full(STARTS, row), start, same, error))
+    return joined(found)
+
+
+@pytest.fixture
+def always_by_the_index(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Short spans are answered by the index, however many windows are left: for so few types the cells do better."""
+    for name in ("MOST_LEAVES", "LARGEST_LIMIT", "MOST_WINDOWS", "MOST_PLACED", "MOST_COMPARED", "LARGEST_SINE"):
+        monkeypatch.setattr(short_spans, name, np.inf)
+    answered: list[int] = []
+    ask = short_spans.ShortSpan.candidates
+
+    def counted(*arguments: Any) -> Any:
+        near = ask(*arguments)
+        answered.append(near is not None)
+        return near
+
+    monkeypatch.setattr(short_spans.ShortSpan, "candidates", counted)
+    return answered
+
+
+@pytest.mark.parametrize("mechanism", [Mechanism(), Mirrored()], ids=["one branch", "two branches"])
+@pytest.mark.parametrize("span", [20.0, 75.0, 360.0])
+def test_the_scan_finds_the_best_windows_of_all_branches_that_there_are(mechanism, span, always_by_the_index) -> None:
+    random = np.random.default_rng(int(span))
+    lengths = Chart().shape(random.uniform([[-2, -2]], [[1.5, 2]], (24, 2))).lengths
+    scan = Scan(make_table(mechanism, lengths, 64))
+    assert scan.windows == len(lengths) * STARTS * len(mechanism.branches)
+    crank = np.deg2rad(np.linspace(0, span, 13))
+    wanted = -body_angle(lengths[:1] * [1, 1.02, 1], 0.3 - crank)[0][0]  # nearly what a second branch would do
+    position = np.array([1, 0.3, -0.8]) @ [np.ones(13), np.exp(1j * crank), np.exp(1j * wanted)]
+    targets = [
+        make_target(turned, points, crank_angle=crank)
+        for turned, points in ((wanted, None), (None, position), (wanted, position), (np.zeros(13), None))
+    ]
+    every = [every_window(mechanism, lengths, target) for target in targets]
+    for by_index in (False, True):
+        if by_index:
+            scan.prepare_short_spans(Work())
+            scan.prepare_paths(Work())
+        for target, windows in zip(targets, every):
+            for top in (1, 50, 3000):
+                found, report = scan.best(target, top)
+                best = best_of(windows, top)
+                assert report.exhaustive
+                np.testing.assert_allclose(found.error, best.error, rtol=1e-9, atol=1e-12)
+                for column, wished in zip(found[:3], best[:3]):
+                    np.testing.assert_array_equal(column, wished)
+    assert any(always_by_the_index)
+    assert scan.error_table(targets[0]).shape == (len(lengths), len(mechanism.branches), STARTS)

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import sys
 from contextlib import suppress
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from platformdirs import user_cache_path
-from tqdm import tqdm
+if TYPE_CHECKING:
+    from linkage_atlas.atlases import Atlas
 
-import linkage_atlas as la
-from app.settings import Settings
+
+HERE = Path("atlas.h5")
 
 
 def _folder() -> Path:
+    from platformdirs import user_cache_path
+
     return user_cache_path("linkage-atlas", appauthor=False)
 
 
@@ -26,24 +29,35 @@ def cached_atlas() -> Path:
 
     Its name says the version: another one may make other rows.
     """
-    return _folder() / f"atlas-{la.__version__}.h5"
+    return _folder() / f"atlas-{version('linkage-atlas')}.h5"
 
 
-def find_atlas(settings: Settings) -> Path:
-    """The atlas that is set, or ``atlas.h5`` of this folder, or else the default one, which is built first if it must be.
-
-    One that is set or named is not built: a wrong name is told, not filled.
-    """
-    if "atlas" in settings.model_fields_set or settings.atlas.exists():
-        return settings.atlas
+def find_atlas(here: Path = HERE, jobs: int | None = None) -> Path:
+    """The atlas of this folder, or else the default one, which is built by so many processes first if it must be."""
+    if here.exists():
+        return here
     place = cached_atlas()
     if not place.exists():
+        import fcntl
+
+        from linkage_atlas.atlases import build_atlas
+
         place.parent.mkdir(parents=True, exist_ok=True)
         with place.with_suffix(".lock").open("w") as lock:  # a second command waits for the first one's atlas
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not place.exists():
-                build_default(place)
+                print(f"no atlas here: building the default one (once, some seconds) as {place}", file=sys.stderr)
+                build_atlas(place, jobs=jobs, progress=_Bar("atlas", "shard"))
     return place
+
+
+@cache
+def default_atlas() -> Atlas:
+    """The atlas that `find_atlas` finds, opened once.
+
+    It is built by one process: more need a script that can be imported.
+    """
+    return open_atlas(find_atlas(jobs=1))
 
 
 def index_of(atlas: Path) -> Path:
@@ -55,16 +69,20 @@ def index_of(atlas: Path) -> Path:
     return _folder() / f"{atlas.name}-{name}.index"
 
 
-def open_atlas(atlas: Path, settings: Settings) -> la.Atlas:
-    """The atlas of a file, its scan in an index if that is set; the index is made, with a bar, when the scan is first wanted."""
-    limits = {"max_bytes": settings.atlas_max_bytes, "max_types": settings.atlas_max_types}
-    if not settings.index:
-        return la.load_atlas(atlas, **limits)
+def open_atlas(atlas: Path, index: bool = True, **limits: Any) -> Atlas:
+    """The atlas of a file, its scan in an ``index`` if that is wanted, which is made, with a bar, when the scan is first wanted.
+
+    ``limits`` are those of `linkage_atlas.load_atlas`.
+    """
+    from linkage_atlas.atlases import load_atlas
+
+    if not index:
+        return load_atlas(atlas, **limits)
     place = index_of(atlas)
     if place.parent != atlas.parent:
         with suppress(OSError):  # then everything is prepared in memory
             place.parent.mkdir(parents=True, exist_ok=True)
-    return la.load_atlas(atlas, **limits, index=place, progress=_Bar("index", "types"))
+    return load_atlas(atlas, **limits, index=place, progress=_Bar("index", "types"))
 
 
 class _Bar:
@@ -72,9 +90,11 @@ class _Bar:
 
     def __init__(self, what: str, unit: str) -> None:
         self._what, self._unit = what, unit
-        self._bar: tqdm[Any] | None = None
+        self._bar: Any = None
 
     def __call__(self, done: int, total: int) -> None:
+        from tqdm import tqdm
+
         if self._bar is None:
             self._bar = tqdm(
                 total=total, disable=None, unit=self._unit, desc=self._what, file=sys.stderr, unit_scale=True
@@ -83,9 +103,3 @@ class _Bar:
         if done >= total:
             self._bar.close()
             self._bar = None
-
-
-def build_default(place: Path) -> None:
-    """Build the default atlas at a place, with a bar on the terminal; a build that was cut off goes on from where it was."""
-    print(f"no atlas here: building the default one (once, some seconds) as {place}", file=sys.stderr)
-    la.build_atlas(place, progress=_Bar("atlas", "shard"))
