@@ -21,6 +21,8 @@ from app.query import LengthUnit, Query, RequestModel, Resources, invalid
 from app.tables import Units
 from linkage_atlas import FieldError
 
+NO_PRESET = ((["limits", "preset"], "none"),)
+"""Field and value that turn the practical limits off."""
 _FILE_HELP = (
     "the request as JSON; - or nothing: standard input",
     "the request as JSON, or its samples as a table (CSV, or pasted from a spreadsheet); - or nothing: standard input",
@@ -41,11 +43,11 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
         metavar="NAME",
         help=f"answer a bundled example instead: {', '.join(name for name in examples if not name.startswith(prefix))}",
     )
-    if query.practical is not None:
+    if "limits" in query.request.model_fields:
         parser.add_argument(
             "--no-preset",
             action="store_true",
-            help="keep to no limits but those of the request; otherwise to the practical ones (limits.preset) too",
+            help="keep to no limits but those of the request, as --set limits.preset=none",
         )
     parser.add_argument(
         "--set",
@@ -118,11 +120,10 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     from app.settings import atlas_of, settings_of
 
     names = [_format_of(query, path) for path in getattr(options, "export", ())]
-    practical = not (options.example or getattr(options, "no_preset", False))
-    also = options.set
+    also = [*options.set, *(NO_PRESET if getattr(options, "no_preset", False) else ())]
     if getattr(options, "refine_from", None) is not None:
         also = [*also, (["refine_from"], _solution_in(options.refine_from))]
-    request = read_request(query, _text(options, query), practical, also, getattr(options, "unwrap", False))
+    request = read_request(query, _text(options, query), also, getattr(options, "unwrap", False))
     rank = getattr(options, "rank", 1)
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
@@ -184,13 +185,10 @@ def _solution_in(path: Path) -> Any:
     return content.get("solution", content) if isinstance(content, dict) else content
 
 
-def read_request(
-    query: Query, text: bytes, practical: bool, also: Sequence[tuple[list[str], Any]] = (), unwrap: bool = False
-) -> Any:
+def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]] = (), unwrap: bool = False) -> Any:
     """The request of a JSON text, or of a table where the query takes one.
 
-    Fields in ``also`` go before those of the text; ``practical`` asks for practical limits where the request leaves it open;
-    ``unwrap`` takes the angles of a table as continuous.
+    Fields in ``also`` go before those of the text; ``unwrap`` takes the angles of a table as continuous.
     """
     is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b'"', b"")
     request: RequestModel
@@ -205,7 +203,7 @@ def read_request(
             request = query.request.model_validate_json(text)
     except ValidationError as error:
         raise invalid(error, query.request) from None
-    return query.practical(request) if query.practical is not None and practical else request
+    return request
 
 
 def _parsed(text: bytes) -> Any:

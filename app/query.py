@@ -177,8 +177,6 @@ class Query:
     from_csv : callable, optional
         ``from_csv(text, also, unwrap) -> request body``, with fields ``also``, of a table of samples (CSV or pasted),
         which the command then takes too.
-    practical : callable, optional
-        ``practical(request) -> request`` within limits that one can build, which the command asks for unless told otherwise.
     is_long : callable
         ``is_long(request) -> bool``: whether the answer may take more than a fraction of a second. Over HTTP long requests
         wait for one another and not the short ones for them.
@@ -198,7 +196,6 @@ class Query:
     examples: Mapping[str, dict[str, Any]]
     exports: Mapping[str, Export] = field(default_factory=dict)
     from_csv: Callable[[str, dict[str, Any], bool], dict[str, Any]] | None = None
-    practical: Callable[[Any], Any] | None = None
     is_long: Callable[[Any], bool] = lambda _: False
     file_of: Callable[[Any, Any, int, str, str], bytes] | None = None
     shows_units: bool = False

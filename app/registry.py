@@ -21,7 +21,7 @@ def worked_example() -> dict[str, Any]:
 
 def motion_queries() -> tuple[Query, ...]:
     """The queries for a motion."""
-    from app.fourbar.answers import answer_match, answer_synthesize, is_long, practical_request
+    from app.fourbar.answers import answer_match, answer_synthesize, is_long
     from app.fourbar.csv_request import match_from_csv, request_from_csv
     from app.fourbar.export import SYNTHESIZE_EXPORTS, synthesize_file
     from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
@@ -76,7 +76,6 @@ def motion_queries() -> tuple[Query, ...]:
             },
             SYNTHESIZE_EXPORTS,
             request_from_csv,
-            practical_request,
             is_long,
             synthesize_file,
             shows_units=True,

@@ -9,16 +9,17 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
 from app.arguments import FILE, whole_number
-from app.asking import read_request
+from app.asking import NO_PRESET, read_request
 from app.exits import EPILOG, Exit
 from app.query import Query
 from app.registry import all_queries
@@ -74,7 +75,8 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 def run_study(options: argparse.Namespace) -> int:
     """Answer the requests of a file; returns the exit code."""
     place = None if options.atlas is None else str(options.atlas.resolve())
-    work = partial(answer_line, options.command, not options.no_preset, place)
+    also = NO_PRESET if options.no_preset and "limits" in _query(options.command).request.model_fields else ()
+    work = partial(answer_line, options.command, also, place)
     depends = (options.command, f"preset {not options.no_preset}", f"atlas {place}")
     if options.out.exists() and options.out.samefile(options.requests):
         raise FieldError("/out", "the results cannot be the file of the requests")
@@ -141,13 +143,13 @@ def _resources(atlas: str | None) -> ServiceResources:
     return ServiceResources(settings.model_copy(update={"max_budget_ms": math.inf}), atlas_of)
 
 
-def answer_line(command: str, practical: bool, atlas: str | None, question: Question) -> bytes:
+def answer_line(command: str, also: Sequence[tuple[list[str], Any]], atlas: str | None, question: Question) -> bytes:
     """The line that answers a question: what the command prints for that request alone with ``--json``, without times."""
     query, resources = _query(command), _resources(atlas)
     try:
         if len(question.text) > resources.settings.max_body_bytes:
             raise FieldError("", f"longer than {resources.settings.max_body_bytes:,} bytes")
-        reply = query.answer(read_request(query, question.text, practical), resources)
+        reply = query.answer(read_request(query, question.text, also), resources)
     except FieldError as error:
         return answer_of(question, error=str(error).partition("\n")[0])
     except AtlasError:

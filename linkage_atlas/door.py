@@ -13,6 +13,7 @@ from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.finish import Wishes, cognate_notes, finished, read_lengths, read_tolerances, status_of
 from linkage_atlas.motions import Motion, check_above_zero, check_top, number, read_limits
+from linkage_atlas.preferred import Prefer, goal_of, improved, read_prefer
 from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, check_against, read_beginning, refined
 from linkage_atlas.relaxation import what_excludes
 from linkage_atlas.studies import check_rows, read_drive, read_manufacture, study_notes
@@ -66,6 +67,7 @@ def synthesize(
     crank_span_max: float | None = None,
     weights: Mapping[str, ArrayLike] | None = None,
     tolerances: Mapping[str, ArrayLike] | None = None,
+    prefer: Prefer | None = None,
     degrees: bool = True,
     limits: Mapping[str, Any] | None = None,
     top: int = 10,
@@ -110,6 +112,10 @@ def synthesize(
     tolerances : mapping, optional
         ``rotation`` and ``position``, a number or (N,) each: the largest errors allowed. The status is then "reached" when
         every sample is inside, and solutions that keep them come first.
+    prefer : {"error", "size", "transmission", "crank_span"}, optional
+        What is wanted of linkages inside the tolerances: the least error, the smallest links and reach, the best transmission
+        angle or the shortest swing of the crank. Default: "size" where there are tolerances, otherwise "error". Without
+        tolerances those count whose error is at most a tenth above the least.
     degrees : bool
         Unit of every angle in and out; False: radians.
     limits : mapping, optional
@@ -208,13 +214,32 @@ def synthesize(
         notes.append(LOCAL)
     if wishes.drive is not None:
         check_rows(top, None if motion.free else motion.target.interval)
-    found, went = _searched(
-        motion, kept, _VARIETY * top if diverse else top, tolerance, watch.extended(-FINISHING), prepared
+    wanted = read_prefer(prefer, motion, allowed is not None, begin is None and effort == "refine")
+    goal = (
+        tolerance
+        if wanted == "error"
+        else goal_of(None if allowed is None else allowed.objective(motion.samples), tolerance)
     )
+    searching, many = watch.extended(-FINISHING), _VARIETY * top if diverse else top
+    found, went = _searched(motion, kept, many, goal, searching, prepared)
+    if wanted != "error":
+        found = improved(
+            found,
+            motion,
+            kept,
+            wanted,
+            None if allowed is None else lambda one: allowed.kept(motion, one),
+            goal,
+            many,
+            lambda other, tight, near, some: _searched(other, tight, many, near, some, prepared)[0],
+            searching,
+        )
     if diverse:
-        found = spread(found, top, DIVERSE_LOSS, tolerance)
+        found = spread(found, top, DIVERSE_LOSS, goal)
     searched = watch.elapsed
-    solutions = finished(found, motion, tolerance, allowed, wishes, atlas, watch.extended(FINISHING))
+    solutions = finished(
+        found, motion, tolerance, allowed, wishes, atlas, watch.extended(FINISHING), wanted == "error"
+    )
     if solutions and solutions[0].determination.ill_posed:
         notes.append(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "

@@ -121,6 +121,11 @@ class Tolerances:
             square += float(np.mean((self.position / samples.length_scale) ** 2))
         return float(np.sqrt(square))
 
+    def kept(self, motion: Motion, one: answers.Solution) -> bool:
+        """Whether every sample of a solution is inside."""
+        target = motion.one_of(motion.with_angles([one.linkage], [one.crank]), 0).target
+        return bool(np.all(self.shares(target, one.linkage) <= 1))
+
     def shares(self, target: Target, linkage: Linkage) -> Floats:
         """Each sample's largest error over what is allowed, (N,); a missing part counts as kept."""
         joints = linkage.joints(target.crank)
@@ -171,10 +176,12 @@ def finished(
     wishes: Wishes,
     atlas: Atlas | None,
     work: Work,
+    by_error: bool = True,
 ) -> list[Solution]:
     """Solutions in the user's unit, with how well they are determined and what else was asked for.
 
-    Once the work's time is up no further ones are finished: those are left out. The first always is.
+    Where they are not ranked by their error they keep their order among those that work and keep the tolerances. Once the
+    work's time is up no further ones are finished: those are left out. The first always is.
     """
     at_once = 1 if wishes.long else _AT_ONCE
     solutions: list[Solution] = []
@@ -192,7 +199,7 @@ def finished(
         key=lambda one: (
             not one.verdict.works,
             one.verdict.within_tolerance is False,
-            *_worth(one, motion, tolerance),
+            *_worth(one, motion, tolerance if by_error else 0.0),
         )
     )
     return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]

@@ -17,7 +17,6 @@ PRODUCT = layout.sources(*layout.FLOORS)
 BENCHMARKS = layout.sources("benchmarks")
 SOLE_IMPORTERS = {"h5py": "synthesis/atlas/file.py", "pywt": "synthesis/atlas/haar.py"}
 WEB = {"fastapi", "starlette", "uvicorn", "pydantic", "pydantic_settings"}
-MAX_LINES = 400
 
 
 def names(path: Path) -> str:
@@ -75,9 +74,8 @@ def test_each_heavy_library_has_its_importer(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", [*PRODUCT, *BENCHMARKS], ids=names)
-def test_a_module_is_short_and_says_what_it_is_for(path: Path) -> None:
+def test_a_module_says_what_it_is_for(path: Path) -> None:
     text = path.read_text()
-    assert text.count("\n") <= MAX_LINES, f"longer than {MAX_LINES} lines: divide it"
     first = (ast.get_docstring(ast.parse(text)) or "").partition("\n")[0]
     assert first.endswith((".", "?", "::", ":")) and len(first) > 20, "the first line says what the module is for"
     assert path.stem not in {"utils", "util", "helpers", "misc", "common"}, "name it by what it does"

@@ -62,6 +62,7 @@ def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
     return la.synthesize(
         **motion_of(request),
         tolerances=None if request.tolerances is None else request.tolerances.model_dump(exclude_none=True),
+        prefer=request.prefer,
         limits=request.limits.model_dump(exclude_none=True),
         diverse=request.diverse,
         refine_from=None if request.refine_from is None else request.refine_from.model_dump(),
@@ -90,11 +91,3 @@ def motion_of(request: SynthesizeRequest) -> dict[str, Any]:
     names += ("timing", "order", "closed", "crank_span_max")
     weights = None if request.weights is None else request.weights.model_dump(exclude_none=True)
     return {name: getattr(request, name) for name in names} | {"weights": weights}
-
-
-def practical_request(request: SynthesizeRequest) -> SynthesizeRequest:
-    """The request within the practical limits, unless it says itself whether it wants them."""
-    if "preset" in request.limits.model_fields_set:
-        return request
-    limits = request.limits.model_copy(update={"preset": "practical"})
-    return request.model_copy(update={"limits": limits})

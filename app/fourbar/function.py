@@ -233,13 +233,6 @@ def is_long(request: FunctionRequest) -> bool:
     return request.objective == "max" or limited or samples > 64 or request.top > 20
 
 
-def practical_request(request: FunctionRequest) -> FunctionRequest:
-    """The request within the practical limits, unless it says itself whether it wants them."""
-    if "preset" in request.limits.model_fields_set:
-        return request
-    return request.model_copy(update={"limits": request.limits.model_copy(update={"preset": "practical"})})
-
-
 def answer_function(request: FunctionRequest, resources: Resources) -> FunctionReply:
     """Linkages that make a function, best first."""
     return FunctionReply.model_validate(solve_function(request, resources).to_dict())
@@ -314,7 +307,6 @@ QUERY = Query(
         },
     },
     {name: Export(media_type, _best(name)) for name, media_type in MEDIA_TYPES.items()},
-    practical=practical_request,
     is_long=is_long,
     shows_units=True,
 )

@@ -187,6 +187,11 @@ class SynthesizeRequest(CrankMotion):
     tolerances: TolerancesRequest | None = Field(
         None, description="Largest errors allowed; then status `reached` means that every sample keeps them."
     )
+    prefer: Literal["error", "size", "transmission", "crank_span"] | None = Field(
+        None,
+        description="Of linkages inside the tolerances those first with the least error, the smallest links and reach, the best "
+        "transmission angle, or the shortest swing of the crank. Default: `size` with tolerances, otherwise `error`.",
+    )
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
     effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
     limits: LimitsRequest = Field(default_factory=LimitsRequest)

@@ -97,7 +97,12 @@ def test_tolerances_decide_the_status_and_name_the_worst_sample(motion) -> None:
     random = np.random.default_rng(3)
     turns, points = motion[0] + 0.05 * random.standard_normal(6), motion[1] + 0.02 * random.standard_normal((6, 2))
     wide = la.synthesize(
-        turns, points, timing="free", limits={"preset": "none"}, tolerances={"rotation": 1.0, "position": 0.5}
+        turns,
+        points,
+        timing="free",
+        limits={"preset": "none"},
+        tolerances={"rotation": 1.0, "position": 0.5},
+        prefer="error",
     )
     assert wide.status == "reached" and wide.best.verdict.within_tolerance
     errors = wide.best.errors
