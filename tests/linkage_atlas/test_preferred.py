@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from linkage_atlas.door import UNASKED
 from linkage_atlas.preferred import goal_of
 
 LINE = np.column_stack([np.linspace(0, 70, 24), np.zeros(24)])
@@ -116,6 +117,11 @@ def test_the_preset_is_off_where_crank_angles_are_given() -> None:
         la.synthesize(turns, crank_span=90, limits=limits, top=1).best.linkage for limits in ({}, {"preset": "none"})
     )
     assert tuple(plain.links) == tuple(none.links)
+    notes = [
+        la.synthesize(turns, crank_span=90, limits=limits, top=1).report.notes
+        for limits in (None, {"preset": "none"})
+    ]
+    assert UNASKED in notes[0] and UNASKED not in notes[1]
     with pytest.raises(la.FieldError, match="'practical' or 'none'"):
         la.synthesize(turns, crank_span=90, limits={"preset": "all"})
 
