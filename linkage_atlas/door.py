@@ -13,7 +13,7 @@ from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.finish import Wishes, cognate_notes, finished, read_lengths, read_tolerances, status_of
 from linkage_atlas.motions import Motion, check_above_zero, check_top, number, read_limits
-from linkage_atlas.preferred import Prefer, goal_of, improved, read_prefer
+from linkage_atlas.preferred import TRY_ROUNDS, Prefer, goal_of, improved, read_prefer
 from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, check_against, read_beginning, refined
 from linkage_atlas.relaxation import what_excludes
 from linkage_atlas.studies import check_rows, read_drive, read_manufacture, study_notes
@@ -235,7 +235,7 @@ def synthesize(
             None if allowed is None else lambda one: allowed.kept(motion, one),
             goal,
             many,
-            lambda other, tight, near, some: _searched(other, tight, many, near, some, prepared)[0],
+            lambda other, tight, near: _searched(other, tight, many, near, searching, prepared, TRY_ROUNDS)[0],
             searching,
         )
     if diverse:
@@ -293,7 +293,13 @@ class _Went(NamedTuple):
 
 
 def _searched(
-    motion: Motion, limits: Limits, top: int, tolerance: float, work: Work, prepared: SeedTables | Scan | Beginning
+    motion: Motion,
+    limits: Limits,
+    top: int,
+    tolerance: float,
+    work: Work,
+    prepared: SeedTables | Scan | Beginning,
+    rounds: int | None = None,
 ) -> tuple[list[answers.Solution], _Went]:
     """The best linkages: by the search with free crank angles or with given ones, from the atlas, or from a given linkage."""
     counts: dict[str, Any] = {"seeds": None, "windows": None, "exhaustive": None}
@@ -301,7 +307,7 @@ def _searched(
         if isinstance(prepared, Beginning):
             found, went = refined(motion, limits, prepared, tolerance, work)
         elif isinstance(motion.samples, Poses):
-            found, went = search_free(motion.samples, limits, top, tolerance, work, screens, prepared.windows)
+            found, went = search_free(motion.samples, limits, top, tolerance, work, screens, prepared.windows, rounds)
         else:
             found, went = search(prepared, motion.target, limits, top, tolerance, work)
         stages = {"screen": went.screen_seconds, "refine": work.elapsed - went.screen_seconds}

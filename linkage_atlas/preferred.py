@@ -27,10 +27,10 @@ from synthesis.work import Work
 Prefer = Literal["error", "size", "transmission", "crank_span"]
 PREFER = get_args(Prefer)
 
-_TRIES = 8
+_TRIES = 6
 """Searches at most."""
-_SECONDS = 0.4
-"""Longest time of each."""
+TRY_ROUNDS = 2
+"""Rounds of each where the crank angles are free."""
 _SMALLEST = 0.5
 """Extents of the motion below which no linkage is looked for."""
 _NEAR_ENOUGH = 1.1
@@ -38,7 +38,7 @@ _NEAR_ENOUGH = 1.1
 _SHARE = 0.35
 """Part of what is allowed at which a search ends: the largest error of a linkage is some two to three times its mean."""
 
-Search = Callable[[Motion, Limits, float, Work], list[Solution]]
+Search = Callable[[Motion, Limits, float], list[Solution]]
 
 
 class _Measure(NamedTuple):
@@ -115,7 +115,7 @@ def improved(
     top : int
         At most so many.
     search : callable
-        ``search(motion, limits, goal, work)``: the search that found those.
+        ``search(motion, limits, goal)``: the search that found those, for other limits.
     work : Work
     """
     if not found:
@@ -137,7 +137,7 @@ def improved(
         except FieldError:  # another limit excludes it
             more = []
         else:
-            more = [one for one in search(*asked, goal, work.part(_SECONDS)) if near_enough(one)]
+            more = [one for one in search(*asked, goal) if near_enough(one)]
         if more:
             good += more
             best = min(best, *map(measure.of, more))

@@ -89,6 +89,7 @@ def search_free(
     work: Work | None = None,
     screens: Screens = path_screens,
     windows: Callable[[str], Windows] = bounded_windows,
+    rounds: int | None = None,
 ) -> tuple[list[Solution], SearchReport]:
     """The best four-bars for samples whose crank angles are free.
 
@@ -104,6 +105,8 @@ def search_free(
         Once it has expired the best found so far is returned.
     screens, windows : callable
         For paths, and for limits, by family; made once by whoever keeps them.
+    rounds : int, optional
+        Of descents within the limits at most so many; default: until they gain nothing.
 
     Returns
     -------
@@ -119,7 +122,7 @@ def search_free(
     work = work or Work()
     trace: list[tuple[float, float]] = []
     found = Found(tolerance, lambda least: trace.append((work.elapsed, least)))
-    search = _Search(poses, limits, found, work, screens, windows)
+    search = _Search(poses, limits, found, work, screens, windows, rounds)
     ended = search.run()
     solutions: list[Solution] = []
     for chart, pool in found.pools.items():
@@ -150,8 +153,10 @@ class _Search:
         work: Work,
         screens: Screens,
         windows: Callable[[str], Windows],
+        rounds: int | None,
     ) -> None:
         self.poses, self.limits, self.found, self.work = poses, limits, found, work
+        self.most = np.inf if rounds is None else rounds
         self.screens, self.windows = screens, windows
         self.seeds = 0
         self.dyads = poses.full.size >= _FEWEST_FULL or poses.full.size == poses.samples
@@ -259,7 +264,7 @@ class _Search:
     def _closest(self, run: Rounds, seeds: Iterator[Timed]) -> Iterator[None]:
         """Rounds within the limits until they gain nothing: the first two and every second later one from seeds."""
         idle = number = 0
-        while idle < _IDLE:
+        while idle < _IDLE and number < self.most:
             before = self.found.least
             begin = next(seeds, None) if number < 2 or number % 2 == 0 else None
             if begin is None:
