@@ -63,8 +63,8 @@ _SEEDS, _BEFORE, _LOOKED_AT = 50, 20, 15
 """Seeds of a round; further ones that come from a search before; and seeds that may be answers at once."""
 _ORIGINS, _COPIES, _WIDTHS = 8, 6, (1.0, 0.5, 0.25)
 """Valleys that a round's hops begin from, hops from each, and their widths in turn."""
-_GAIN, _IDLE = 2e-3, 4
-"""Rounds in a row that lower J by a smaller part end the search."""
+_GAIN, _IDLE, _IDLE_OF_DYADS = 2e-3, 4, 2
+"""So many rounds in a row that lower J by a smaller part end the search; fewer where dyads lead to most that there is."""
 _IN_SIGHT = 1e-2, 1e-3
 """J of the first look, without limits and within them, from which on an exact answer is not sought further."""
 
@@ -121,7 +121,12 @@ def search_free(
     """
     work = work or Work()
     trace: list[tuple[float, float]] = []
-    found = Found(tolerance, lambda least: trace.append((work.elapsed, least)))
+
+    def note(least: float) -> None:
+        if not trace or least < (1 - _GAIN) * trace[-1][1]:
+            trace.append((work.elapsed, least))
+
+    found = Found(tolerance, note)
     search = _Search(poses, limits, found, work, screens, windows, rounds)
     ended = search.run()
     solutions: list[Solution] = []
@@ -264,7 +269,7 @@ class _Search:
     def _closest(self, run: Rounds, seeds: Iterator[Timed]) -> Iterator[None]:
         """Rounds within the limits until they gain nothing: the first two and every second later one from seeds."""
         idle = number = 0
-        while idle < _IDLE and number < self.most:
+        while idle < (_IDLE_OF_DYADS if self.dyads else _IDLE) and number < self.most:
             before = self.found.least
             begin = next(seeds, None) if number < 2 or number % 2 == 0 else None
             if begin is None:
