@@ -586,6 +586,13 @@ def test_texts_are_free_of_jargon(opened) -> None:  # noqa: F811
         " linkages give this motion to within the resolution; see `determination` of each solution')))"
     )
     assert "determination" not in note and note.endswith(".")
+    reason = "the body point goes 2.94 times as far between two samples as they are apart, above 2.5"
+    said = opened.execute_async_script(
+        "const [reasons, done] = arguments; import('/static/verdict.js').then(v => done("
+        "[v.mark({order: true, branch: true, circuit: true, practical: false, reasons}).text, ...v.reasons({reasons})]))",
+        [reason],
+    )
+    assert said == ["goes 2.94 times the way between two samples", f"{reason[0].upper()}{reason[1:]}."]
     assert "determination" not in opened.execute_script("return document.body.innerText")
 
 
