@@ -197,7 +197,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in ("class", *LOOK))),
         "grids": report.table([row for row in exact if row["method"] in GRIDS], **columns),
         "search": ", ".join(
-            f"{row['share']:.0f} % of {row['cases']} cases within {row['setting'].removeprefix('budget ')}"
+            f"{row['share']:.0f} % of {row['cases']} cases with a {row['setting'].replace('budget', 'budget of')}"
             for row in exact
             if row["setting"] in ("budget 10 ms", "budget 100 ms", "budget 1000 ms")
         ),

@@ -49,8 +49,7 @@ def asked(case: FreeCase, kind: str, seed: int) -> tuple[FreeCase, dict[str, Any
         case = replace(case, position=case.position + size * (off[1] + 1j * off[2]))
     told = None if rotation is None else [None if np.isnan(turn) else float(np.rad2deg(turn)) for turn in rotation]
     request: dict[str, Any] = {"rotation": told, "position": case.position, "timing": "free"}
-    if kind == "any family":
-        request["limits"] = {"family": "any"}
+    request["limits"] = {"preset": "none", "family": "any" if kind == "any family" else "full_crank"}
     return replace(case, rotation=rotation), request
 
 
@@ -93,7 +92,7 @@ def measure_random(name: str, cases: int) -> dict[str, Any]:
         random = np.random.default_rng([55, samples, seed])
         rotation = random.uniform(-1, 1, samples)
         position = random.standard_normal(samples) + 1j * random.standard_normal(samples)
-        found = ours.run(la.synthesize, np.rad2deg(rotation), position, timing="free")
+        found = ours.run(la.synthesize, np.rad2deg(rotation), position, timing="free", limits={"preset": "none"})
         told = recompute_free(position, rotation, found.best.to_dict()) if found.solutions else None
         least = theirs.run(heavy_poses, rotation, position)
         ratio.append(told.objective / least if told is not None and told.one_way else np.inf)
@@ -165,7 +164,7 @@ def public_case(path: Path) -> list[dict[str, Any]]:
     for family in ("full_crank", "any") if told["kind"] == "motion" else ("full_crank",):
         times = Times()
         request = {"rotation": told.get("rotation"), "position": position, "degrees": False}
-        request |= {"limits": {"family": family}, "length_scale": told.get("length_scale")}
+        request |= {"limits": {"family": family, "preset": "none"}, "length_scale": told.get("length_scale")}
         timed = told.get("crank_angle")
         request |= {"crank_angle": np.subtract(timed, timed[0])} if timed else {"timing": "free", "closed": closed}
         found = times.run(la.synthesize, **request)

@@ -33,6 +33,10 @@ from synthesis.work import Work
 
 DIVERSE_LOSS = 2.0
 """Times the best objective that the objectives of diverse solutions may be."""
+UNASKED = (
+    "the crank angles are given, and then the practical limits are kept only where `limits.preset` asks for them; "
+    "the verdict says which of them the best linkage breaks"
+)
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
 
@@ -245,6 +249,8 @@ def synthesize(
             "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
             "see `determination` of each solution"
         )
+    if not motion.free and "preset" not in (limits or {}) and solutions and not solutions[0].verdict.practical:
+        notes.append(UNASKED)
     notes += study_notes(wishes.manufacture, solutions)
     notes += cognate_notes(solutions) if motion.samples.rotation is None else []
     cut_short = went.stopped_by == "budget"

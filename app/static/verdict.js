@@ -48,5 +48,6 @@ export const reasons = (verdict) => (verdict.reasons ?? []).map(sentence);
 /** A note of a report in the page's words, as a sentence. */
 export function plainNote(note) {
   if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages do about equally well.";
+  if (note.startsWith("the crank angles are given")) return "With given crank angles the practical limits hold only where they are switched on under Limits.";
   return sentence(note.replaceAll("`", ""));
 }

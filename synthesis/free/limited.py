@@ -2,7 +2,7 @@
 
 Data flow::
 
-    the pool of the search without limits, and windows at guessed timings in poses within the limits
+    windows at guessed timings in poses within the limits, and whatever else `rounds` begin from
       -> descents in which broken limits are rows of growing weight beside the samples'
       -> at the angles that were found, moved onto the limits that are still broken
 

@@ -39,6 +39,14 @@ _ENOUGH = 60
 """Exact candidates that are enough of a choice."""
 
 
+_FITTED = 400
+"""Pairs of dyads that fit the full samples best and are compared with others at all."""
+_LOOKED_AT, _AT_ONCE = 8, 200
+"""Full samples, and others, at which pairs of dyads are first compared, and how many pairs at a time."""
+_ALIGNED, _FEWEST = 6000, 12
+"""Pairs times samples that are then compared at all samples, and at least so many pairs."""
+
+
 class Round(NamedTuple):
     """A descent of the best pairs."""
 
@@ -175,12 +183,36 @@ class _Motion:
             return timed
         if not timed.branch.size:
             return timed._replace(angles=np.empty((0, self.poses.samples)))
-        found = aligned(self.problem, timed, self.poses.full)
-        return found.timed.take(np.argsort(found.cost, kind="stable")[:most])
+        best = self._best_aligned(timed, most)
+        return aligned(self.problem, timed.take(best), self.poses.full).timed
+
+    def _best_aligned(self, timed: Timed, most: int) -> NDArray[np.intp]:
+        """Places of those that fit some of the samples best, full ones and others, some hundred candidates at a time."""
+        poses, place = self.poses, np.arange(timed.branch.size)
+        if self.full > FEW:  # fewer are fitted exactly
+            fitted = Pool.measured(JointProblem(poses.at(poses.full), self.problem.chart), timed)
+            place = np.argsort(fitted.cost, kind="stable")[:_FITTED]
+            timed = timed.take(place)
+        others = np.setdiff1d(np.arange(poses.samples), poses.full)
+        held, rest = (some[_evenly(some.size, _LOOKED_AT)] for some in (np.arange(poses.full.size), others))
+        few = np.sort(np.concatenate([poses.full[held], rest]))
+        problem = JointProblem(poses.at(few), self.problem.chart)
+        pose = timed.pose.copy()
+        pose[:, 0] -= poses.off(problem.poses)
+        thin = timed._replace(angles=timed.angles[:, held], pose=pose)
+        known = np.searchsorted(few, poses.full[held])
+        parts = [slice(k, k + _AT_ONCE) for k in range(0, timed.branch.size, _AT_ONCE)]
+        cost = np.concatenate([aligned(problem, thin.take(part), known).cost for part in parts])
+        return place[np.argsort(cost, kind="stable")[: min(most, max(_FEWEST, _ALIGNED // poses.samples))]]
 
     def measured(self, dyads: Dyads, repair: bool = False) -> Pool:
         """The same with their J."""
         return Pool.measured(self.problem, self.four_bars(dyads, repair))
+
+
+def _evenly(count: int, most: int) -> NDArray[np.intp]:
+    """Places of at most so many of a count, both ends among them."""
+    return np.unique(np.round(np.linspace(0, count - 1, min(count, most))).astype(np.intp))
 
 
 def _few(search: _Motion, work: Work) -> Pool:

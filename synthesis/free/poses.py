@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -52,6 +52,18 @@ class Poses(Samples):
     def middle(self) -> complex:
         """Mean position."""
         return 0j if self.position is None else complex(self.position_mean(self.position))
+
+    def at(self, kept: NDArray[np.intp]) -> Poses:
+        """The poses at some samples; their length scale stays."""
+        names = ("rotation", "position", "rotation_weights", "position_weights")
+        part: dict[str, Any] = {
+            name: None if (given := getattr(self, name)) is None else given[kept] for name in names
+        }
+        return replace(self, **part)
+
+    def off(self, some: Poses) -> complex:
+        """Mean position of some of the samples, from that of all, over the length scale: places count from their own mean."""
+        return (some.middle - self.middle) / self.length_scale
 
     @cached_property
     def scaled(self) -> Complexes:

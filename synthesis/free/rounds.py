@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +39,6 @@ _FLIPPED, _SPAN_HOP, _LOOSE_HOP = 0.15, 0.25, 0.5
 """Part of the hops that change the branch, and widths of hops: of the span's logarithm, and along flat directions."""
 _TIRED = 2.0
 """A valley stands back by this factor of e in J squared for each time that hops started from it."""
-_PARTS = ("rotation", "position", "rotation_weights", "position_weights")
 _NEAREST_STEPS, _LAST_STEPS = 6, 40
 _ON_ALL, _MOVED = 4, 30
 """Candidates that are refined on all samples, and that are moved onto the limits."""
@@ -136,7 +134,7 @@ class Rounds:
         self.poses, self.chart, self.found, self.work = poses, chart, found, work
         few = np.round(np.linspace(0, poses.samples - 1, min(samples, poses.samples)))
         self.few = few.astype(np.intp)
-        self.thin = poses if self.few.size == poses.samples else some(poses, self.few)
+        self.thin = poses if self.few.size == poses.samples else poses.at(self.few)
         self.holds = not limits.only_family
         """Whether limits hold."""
         self.limited = limited and self.holds
@@ -160,7 +158,7 @@ class Rounds:
     @property
     def _moved(self) -> complex:
         """Mean position of the few samples, from that of all, over the length scale."""
-        return (self.thin.middle - self.poses.middle) / self.poses.length_scale
+        return self.poses.off(self.thin)
 
     @property
     def least(self) -> float:
@@ -326,12 +324,6 @@ def nearest(problem: JointProblem, timed: Timed, steps: int) -> Timed:
         along = np.einsum("nrk,nrk->nk", turn, stack[:, -1])
         timed = problem.moved(timed, none, -along / np.maximum(square, 1e-12 * square.mean(axis=1, keepdims=True)))
     return timed
-
-
-def some(poses: Poses, kept: NDArray[np.intp]) -> Poses:
-    """The poses at some samples."""
-    part: dict[str, Any] = {name: None if (given := getattr(poses, name)) is None else given[kept] for name in _PARTS}
-    return replace(poses, **part)
 
 
 def valleys(found: Pool, most: int, tolerance: float, apart: float) -> Pool:

@@ -14,7 +14,10 @@ from app.registry import worked_example
 from linkage_atlas.refining import LOCAL, NOWHERE
 
 EXAMPLE = worked_example()
-FREE = {name: value for name, value in EXAMPLE.items() if name != "crank_span"} | {"timing": "free", "limits": {"preset": "none"}}
+FREE = {name: value for name, value in EXAMPLE.items() if name != "crank_span"} | {
+    "timing": "free",
+    "limits": {"preset": "none"},
+}
 
 
 @pytest.fixture(scope="module")

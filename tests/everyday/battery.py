@@ -1,8 +1,7 @@
 """150 questions as people ask them: drawn paths, poses of everyday machines, functions; nearly none has an exact answer.
 
-Each row is a name, the request as it is sent to the service, and what a good answer to it has: the largest rms position error as
-a part of the motion's extent (of functions: the rms error in degrees). The figures are rounded up from what a search of ten
-seconds leaves within the practical limits.
+Each row is a name, the request as it is sent to the service, and what a good answer to it has: the objective J that the best
+linkage within the practical limits has at most, in `good.toml` (``python -m tests.everyday.good`` writes it).
 """
 
 from __future__ import annotations
@@ -212,6 +211,19 @@ def rows() -> list[Row]:
     out += [Row(name, "function", request) for name, request in FUNCTIONS.items()]
     out += [Row(name, "synthesize", request) for name, request in TIMED.items()]
     return out
+
+
+def group_of(name: str) -> str:
+    """The group of a row, by its name."""
+    if name in FUNCTIONS:
+        return "functions"
+    if name in TIMED:
+        return "in step with a crank"
+    if name in POSES:
+        return "poses, angles missing" if "." in POSES[name].split() else "poses"
+    if name in POINTS:
+        return "points"
+    return "drawn by hand" if name.endswith("by hand") else "drawn"
 
 
 def limited(row: Row, kind: str) -> dict[str, Any]:

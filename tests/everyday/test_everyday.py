@@ -1,0 +1,107 @@
+"""The everyday questions, sent to ``linkage-atlas serve`` with its defaults: none ends in an error or worsens with more time."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from benchmarks.everyday import EXACT, Reply, asked, faults, late
+from benchmarks.service import Service, running, serve_command
+from tests.everyday.battery import BUDGETS, CLOSED, KINDS, OPEN, group_of, limited, rows
+
+ROWS = {row.name: row for row in rows()}
+GOOD = tomllib.loads((Path(__file__).parent / "good.toml").read_text())
+SHOWN = (
+    "oval, 12 points",
+    "rectangle, 24 points by hand",
+    "eight, 60 points by hand",
+    "wave, 24 points",
+    "bucket",
+    "bonnet, every second angle",
+    "walking foot",
+    "x^1.5",
+    "casement in step with a motor",
+)
+"""Of each kind of question one."""
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[Service]:
+    with running(serve_command) as one:
+        yield one
+
+
+def test_there_are_150_different_questions() -> None:
+    assert len(rows()) == len(ROWS) >= 150
+    assert {group_of(name) for name in ROWS} == {
+        "drawn",
+        "drawn by hand",
+        "poses",
+        "poses, angles missing",
+        "points",
+        "functions",
+        "in step with a crank",
+    }
+    assert {"oval", "D", "rectangle", "eight", "line", "wave"} <= CLOSED.keys() | OPEN.keys()
+    assert GOOD.keys() == ROWS.keys()
+    for row in rows():
+        for kind in KINDS:
+            assert limited(row, kind)["limits"]
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_an_everyday_question_has_an_answer_that_more_time_does_not_worsen(name: str, service: Service) -> None:
+    replies = asked(service, ROWS[name], ["preset"], [50, 100, 300])
+    assert not faults(replies)
+    assert all(one.objective is not None for one in replies)
+
+
+@pytest.mark.parametrize("name", ["oval, 5 points", "knee", "pairs, falling"])
+def test_a_good_answer_is_found(name: str, service: Service) -> None:
+    replies = asked(service, ROWS[name], ["preset", "any"], [None])
+    assert not faults(replies)
+    assert replies[0].error <= GOOD[name]
+
+
+@pytest.mark.wide
+@pytest.mark.parametrize("name", ROWS)
+def test_every_everyday_question(name: str, service: Service) -> None:
+    replies = asked(service, ROWS[name])
+    assert not faults(replies)
+    assert next(one for one in replies if one.kind == "preset" and one.budget is None).error <= GOOD[name]
+
+
+@pytest.mark.timed
+@pytest.mark.parametrize("name", ROWS)
+def test_an_answer_takes_no_longer_than_its_budget_allows(name: str, service: Service) -> None:
+    assert not late(asked(service, ROWS[name], KINDS, BUDGETS[:-1]))
+
+
+def reply(objective: float | None = 1e-3, budget: int | None = 100, kind: str = "preset", **more: object) -> Reply:
+    status = "unknown" if objective is None else "closest"
+    return Reply("one", kind, budget, 200, status, objective, 0.1)._replace(**more)
+
+
+@pytest.mark.parametrize(
+    ("replies", "word"),
+    [
+        ([reply(code=503)], "503"),
+        ([reply(objective=None, status="closest")], "without a linkage"),
+        ([reply(1e-3), reply(1.02e-3, 300)], "with 100 ms"),
+        ([reply(1e-3), reply(None, 300)], "inf"),
+        ([reply(1e-3, 300), reply(1.02e-3, None)], "with 300 ms"),
+        ([reply(1e-3), reply(1.02e-3, kind="any")], "among full cranks"),
+    ],
+)
+def test_a_fault_is_seen(replies: list[Reply], word: str) -> None:
+    assert word in faults(replies)[0]
+
+
+def test_what_is_as_it_should_be_is_no_fault() -> None:
+    fine = [reply(None), reply(1e-3, 300), reply(1.005e-3, 1000), reply(0.0, None), reply(1e-3, 300, "any")]
+    assert not faults(fine)
+    assert not faults([reply(1e-13), reply(EXACT / 2, 300)])
+    assert late([reply(seconds=0.13)]) and not late([reply(seconds=0.11), reply(budget=None, seconds=9)])
