@@ -23,8 +23,8 @@ STORED = 3
 DIGITS = 10
 """Of the numbers that are stored."""
 SHOWN = (
-    "rank source type links branch start_angle body_offset mount errors crank_angle verdict excursion family "
-    "transmission_angle_min transmission_angle_min_turn determination"
+    "rank source type links branch start_angle body_offset mount errors crank_angle verdict excursion size "
+    "family transmission_angle_min transmission_angle_min_turn determination"
 ).split()
 """Fields of a solution that the page shows."""
 PRACTICAL = {"preset": "practical", "family": "any"}

@@ -20,7 +20,7 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
 from app.main import create_app
-from tests.e2e.test_page_browser import CHROMIUM, DRIVER, OPTIONS
+from tests.e2e.conftest import CHROMIUM, DRIVER, OPTIONS
 
 IMAGES = Path(__file__).parent / "img"
 SHOTS = {"page": (1280, "light"), "page_dark": (1280, "dark"), "page_phone": (390, "light")}

@@ -10,14 +10,15 @@ const FAMILIES = {
   crank_rocker: "crank-rocker", double_crank: "double-crank", rocker_crank: "rocker-crank",
   double_rocker: "double-rocker", triple_rocker: "triple-rocker", change_point: "change point",
 };
+const longest = ({ links }) => Math.max(...Object.values(links));
 const SORTS = {
   rank: (one) => one.rank ?? 0,
   error: (one) => one.errors.objective,
   transmission: (one) => -one.transmission_angle_min,
-  size: (one) => Math.max(...Object.values(one.links)),
+  size: (one) => one.size ?? longest(one),
 };
 
-/** Solutions in an order by name: "rank", "error", "transmission" (largest first), "size" (longest link, smallest first). */
+/** Solutions in an order by name: "rank", "error", "transmission" (largest first), "size" (smallest first). */
 export const sorted = (solutions, by) => solutions.toSorted((a, b) => SORTS[by](a) - SORTS[by](b));
 
 /** What a card calls a solution. */
@@ -35,7 +36,9 @@ export function card(solution, motion, size, choose) {
   button.type = "button";
   button.append(thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : []));
   const worst = worstRows(fit, motion, size).map(([name, error, pose]) => [name, pose === null ? error : `${error} (${pose})`]);
-  button.append(element("span", "name", nameOf(solution)), facts([...worst, ["transmission", `${text(solution.transmission_angle_min, 3)}°`], ["longest link", `${text(Math.max(...Object.values(solution.links)), 4)} ${motion.unit}`]]));
+  const figures = [["transmission", `${text(solution.transmission_angle_min, 3)}°`], ["longest link", `${text(longest(solution), 4)} ${motion.unit}`]];
+  if (Number.isFinite(solution.size)) figures.push(["size", `${text(solution.size, 3)} × motion`]);
+  button.append(element("span", "name", nameOf(solution)), facts([...worst, ...figures]));
   const verdict = mark(solution.verdict);
   if (verdict) button.append(signed("span", `verdict ${verdict.kind}`, verdict.sign, verdict.text));
   else button.append(signed("span", "verdict", "·", "errors computed here; the service has not judged it"));

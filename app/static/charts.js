@@ -31,7 +31,7 @@ export function chart(host, { x, series, height = 130, degreesX = true, degreesY
     scales: { x: { time: false }, y: logY ? { distr: 3 } : range ? { range } : {} },
     axes: [
       axis({ size: 26, space: 60, values: degreesX ? degrees : (u, values) => values.map((v) => `${brief(v)}${xName}`) }),
-      axis({ size: 62, space: logY ? 22 : 26, ...(splits ? { splits: () => splits } : {}), ...(logY ? { grid: { ...axis().grid, filter: decades }, ticks: { ...axis().ticks, filter: decades } } : {}), values: degreesY ? degrees : (u, values) => values.map((v) => (v === null ? "" : brief(v))) }),
+      axis({ size: 62, space: 22, ...(splits ? { splits: () => splits } : {}), ...(logY ? { grid: { ...axis().grid, filter: decades }, ticks: { ...axis().ticks, filter: decades } } : {}), values: degreesY ? degrees : (u, values) => values.map((v) => (v === null ? "" : brief(v))) }),
     ],
     series: [{}, ...series.map((one) => ({
       pxAlign: 0, stroke: colour(one.colour), width: one.width ?? 1.8, dash: one.dash, spanGaps: Boolean(one.points), paths: one.points ? () => null : one.steps ? uPlot.paths.stepped({ align: 1 }) : undefined,

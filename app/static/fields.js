@@ -1,7 +1,9 @@
 // The form's fields for one motion: what is typed stays as it was typed, and what cannot be used is said beside it.
 
 import { text } from "./drawing.js";
-import { PRESET, clone, setTiming, scaleTravels, wantsAngles } from "./motion.js";
+import { toRequest } from "./formats.js";
+import { PRESET, clone, preferable, setTiming, scaleTravels, wantsAngles } from "./motion.js";
+import { preferred } from "./service.js";
 import { $ } from "./shell.js";
 
 const NOTES = {
@@ -46,6 +48,7 @@ const CHOICES = {
   timing: [(m) => m.timing, setTiming],
   direction: [(m) => String(m.direction), (m, value) => { m.direction = Number(value); }],
   wanted: [(m) => m.wanted, (m, value) => { m.wanted = value; }],
+  prefer: [(m) => preferred(toRequest(m)), (m, value) => { m.prefer = value; }],
   family: [(m) => m.limits.family, (m, value) => { m.limits.family = value; }],
   "length-unit": [(m) => m.unit, (m, value) => { m.unit = value; }],
 };
@@ -194,6 +197,7 @@ export class Fields {
     for (const element of document.querySelectorAll("[data-unit]")) element.textContent = motion.unit;
     $("timing-note").textContent = NOTES[motion.timing](wantsAngles(motion) ? "pose" : "point");
     $("motion-title").textContent = wantsAngles(motion) ? "Motion" : "Path";
+    for (const option of $("prefer").options) option.hidden = option.disabled = !preferable(motion, option.value);
     $("weights").hidden = !this.#has("wr", "wp", "er", "ep");
     $("box-clear").hidden = !limits.box;
     $("add-row").textContent = wantsAngles(motion) ? "Add a pose" : "Add a point";
@@ -201,7 +205,7 @@ export class Fields {
     $("limits-summary").textContent = this.#summary(motion).join(", ");
   }
 
-  #summary({ limits, round, stock, tolerance, unit }) {
+  #summary({ limits, round, stock, tolerance, unit, prefer }) {
     const { kept } = limits, all = Object.values(kept).every(Boolean), none = !Object.values(kept).some(Boolean);
     const found = [all ? "practical" : none ? "none practical" : "some practical"];
     if (limits.family !== "full_crank") found.push($("family").selectedOptions[0]?.textContent);
@@ -211,6 +215,7 @@ export class Fields {
     if (round) found.push(`rounded to ${text(round)} ${unit}`);
     else if (stock?.length) found.push("stock lengths");
     if (tolerance.rotation || tolerance.position || this.#has("er", "ep")) found.push("tolerances");
+    if (prefer) found.push($("prefer").selectedOptions[0]?.textContent);
     return found;
   }
 

@@ -1,6 +1,6 @@
 // The motion as a request and as what a link or a draft holds of it, and back.
 
-import { PRESET, UNITS, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { PRESET, UNITS, emptyMotion, fixTravels, placeOf, preferable, wantsAngles, wantsPlaces } from "./motion.js";
 
 const NO_RATIO = 1e6; // a ratio of lengths that limits nothing
 
@@ -37,6 +37,7 @@ export function toRequest(motion) {
   if (weights) request.weights = weights;
   const tolerances = present(angles ? perPose(poses, "er", tolerance.rotation) : null, places ? perPose(poses, "ep", tolerance.position) : null);
   if (tolerances) request.tolerances = tolerances;
+  if (motion.prefer && preferable(motion, motion.prefer)) request.prefer = motion.prefer;
   request.top = motion.top;
   if (motion.diverse) request.diverse = true;
   const asked = { ...limits.extra, ...practical(limits, motion.timing === "free") };
@@ -129,7 +130,7 @@ export function fromPage(content) {
 /** The motion of a request. Throws Error for anything that is not a request. */
 export function fromRequest(body) {
   const {
-    rotation, position, crank_span, crank_angle, timing, order, closed, crank_span_max, weights, tolerances,
+    rotation, position, crank_span, crank_angle, timing, order, closed, crank_span_max, weights, tolerances, prefer,
     limits = {}, round_to, lengths_from, analysis, tolerance_study, top, diverse, angle_unit, ...extra
   } = body ?? {};
   const unit = angle_unit === "rad" ? 180 / Math.PI : 1, free = timing === "free";
@@ -165,6 +166,7 @@ export function fromRequest(body) {
     box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, extra: more,
   };
   motion.diverse = diverse === true;
+  motion.prefer = prefer ?? null;
   motion.round = round_to ?? null;
   motion.stock = isNumbers(lengths_from) ? lengths_from : null;
   if (analysis) {

@@ -8,7 +8,7 @@ import { fromFragment, toFragment } from "./link.js";
 import { functionTable } from "./rows.js";
 import { ask, download } from "./service.js";
 import { $, markEarlier, say, startScenes, startTheme } from "./shell.js";
-import { mark, reasons } from "./verdict.js";
+import { mark, plainNote, reasons } from "./verdict.js";
 
 const RAD = Math.PI / 180;
 const DRAWN = 41; // samples of a drawn curve
@@ -274,7 +274,7 @@ function showCurves() {
   }
   charts.push(titledChart($("curves"), "Wanted angle of the rocker", { x: turn(samples), degreesY: true, series: [{ values: turn(output), colour: "ink" }] }));
   const ends = x ? `x from ${text(x[0])} to ${text(x.at(-1))} over this interval. ` : "";
-  $("error-note").textContent = ends + answer.reply.report.notes.join(". ");
+  $("error-note").textContent = ends + answer.reply.report.notes.map(plainNote).join(" ");
 }
 
 function select(k) {

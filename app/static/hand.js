@@ -98,18 +98,19 @@ export function assessed(solution, motion) {
   }
   const fit = fitOf(made, motion), { pass } = fit;
   const used = fit.linkage.over((pass.sense * pass.low) / DEG, (pass.sense * pass.high) / DEG, 90);
+  const { mount } = made, reach = mount && Math.max(...Object.values(made.links), mount.coupler_point?.radius ?? 0, distance(middle, mount.pivot_a), distance(middle, mount.pivot_b));
   const squares = [rms(fit.places) === null ? 0 : (rms(fit.places) / scale) ** 2, rms(fit.turns) === null ? 0 : (rms(fit.turns) / DEG) ** 2];
   return {
     shift, closes: used.every(Boolean) && fit.at.every(Boolean),
     solution: {
-      ...made, transmission_angle_min: used.every(Boolean) ? Math.min(...used.map((j) => j.transmission)) * DEG : 0,
+      ...made, size: places.length && mount ? reach / scale : null, transmission_angle_min: used.every(Boolean) ? Math.min(...used.map((j) => j.transmission)) * DEG : 0,
       errors: { position_rms: rms(fit.places), position_max: largest(fit.places), rotation_rms: rms(fit.turns), rotation_max: largest(fit.turns), objective: Math.sqrt(squares[0] + squares[1]) },
     },
   };
 }
 
 /** A request to refine a solution from just there. */
-export function fromHere({ diverse: _diverse, ...request }, { links, branch, start_angle, body_offset, mount, crank_angle }) {
+export function fromHere({ diverse: _diverse, prefer: _prefer, ...request }, { links, branch, start_angle, body_offset, mount, crank_angle }) {
   return { ...request, top: 1, refine_from: { links, branch, start_angle, body_offset, mount, crank_angle } };
 }
 

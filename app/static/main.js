@@ -8,7 +8,7 @@ import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
 import { fault, wantsAngles } from "./motion.js";
 import { Results, copy } from "./results.js";
-import { STAGES, refine, solve, together } from "./service.js";
+import { STAGES, preferred, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
 import { $, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
@@ -17,6 +17,7 @@ import { explainTerms, startTour } from "./tour.js";
 import { defects, plainNote } from "./verdict.js";
 
 const EASED = /^(\w+) excludes .* at (.+) there is one$/;
+const FIRST = { size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found" };
 const EXCLUDES = /^(\w+) excludes .* without it there are some$/;
 
 let answer = null; // the last answer: {request, reply, motion, stored}
@@ -74,7 +75,8 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
   }
   const held = solutions[0].determination?.at_limits ?? [], near = howNear({ reply: { solutions, report }, motion });
   const limited = held.length && status !== "reached" ? `, held by ${held.map(limitName).join(" and ")}` : "";
-  const parts = [`${status === "reached" && request.tolerances ? "Within the allowed errors at every pose" : "Best found"}: ${near}${limited}.`];
+  const kept = status === "reached" && request.tolerances ? "Within the allowed errors at every pose" : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
+  const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];
   if (report.stopped_by === "budget" && !stored) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
   if (stored) parts.push("Searched beforehand.");
   if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");
@@ -275,7 +277,7 @@ async function startRefinement() {
       return;
     }
     const others = same ? answer.reply.solutions.filter((one) => one.source !== "hand") : [];
-    reply.solutions = together(others, reply, others.length + 1, alike);
+    reply.solutions = together(request, others, reply, others.length + 1, alike);
     answer = { request, reply, motion, seconds: (performance.now() - begin) / 1000, refined: true };
     passed = false;
     updateStale();

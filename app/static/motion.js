@@ -19,18 +19,21 @@ const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is aske
 /**
  * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each pose).
  * A pose is {t, x, y, angle}; x and y, or angle, are null where they are missing. Its weights and tolerances, wr, wp, er, ep
- * (rotation and position), are undefined where those of the whole motion hold. `unit` of lengths, `outline` of the body,
+ * (rotation and position), are undefined where those of the whole motion hold. `prefer` is null for the service's default. `unit` of lengths, `outline` of the body,
  * polylines from the body point at angle 0, and a `note` on where the motion comes from are for the page alone.
  */
 export const emptyMotion = (wanted = "both") => ({
   poses: [], wanted, timing: "free", span: 90, direction: 1, anyOrder: false, closed: false, spanMax: null,
-  limits: clone(LIMITS), tolerance: { rotation: null, position: null }, round: null, stock: null,
+  limits: clone(LIMITS), tolerance: { rotation: null, position: null }, prefer: null, round: null, stock: null,
   analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, diverse: true, unit: "mm", outline: null, note: "", extra: {},
 });
 
 /** Whether the motion asks for places, for angles. */
 export const wantsPlaces = (motion) => motion.wanted !== "rotation";
 export const wantsAngles = (motion) => motion.wanted !== "position";
+
+/** Whether all linkages are not alike in what is to be preferred: lengths need places, swings free crank angles. */
+export const preferable = (motion, prefer) => (prefer !== "size" || wantsPlaces(motion)) && (prefer !== "crank_span" || motion.timing === "free");
 
 /** The place [x, y] of a pose; null where it is missing. */
 export const placeOf = (pose) => (pose.x === null || pose.y === null ? null : [pose.x, pose.y]);

@@ -36,6 +36,7 @@ function numberRows(solution, { motion, size }, digits) {
   if (worst.place !== null) rows.push(["Position error, largest", at(worst.place, errorText(places[worst.place], size, ` ${unit}`))]);
   if (solution.errors.rotation_rms !== null) rows.push(["Angle error, rms", errorText(solution.errors.rotation_rms, 57, "°")]);
   if (solution.errors.position_rms !== null) rows.push(["Position error, rms", errorText(solution.errors.position_rms, size, ` ${unit}`)]);
+  if (Number.isFinite(solution.size)) rows.push(["Size", `${number(solution.size)} × motion`]);
   if (Number.isFinite(solution.excursion)) rows.push(["Way between samples", `${text(solution.excursion, 3)} × distance`]);
   rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
   if (Number.isFinite(solution.transmission_angle_min_turn)) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);

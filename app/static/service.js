@@ -1,8 +1,9 @@
 // HTTP calls to the service: one request, the staged search, error replies as sentences, downloads.
 
-/** Budgets of the search in milliseconds, one after the other: a first answer soon, then better ones. */
-export const STAGES = [100, 1000, 5000];
+/** Budgets of the search in milliseconds, one after the other: a first answer soon, then the final one. */
+export const STAGES = [200, 5000];
 const LONGER = 20000; // of a last stage, where nothing was found by then
+const SHARE = 0.8; // of a budget, which a search that ended by itself did not use up
 
 /** An error reply (problem+json) of the service; the message names at most three wrong fields. */
 class Problem extends Error {
@@ -30,16 +31,20 @@ export async function ask(path, body, signal) {
 const faulty = ({ verdict }) => ["order", "branch", "circuit"].some((name) => verdict?.[name] === false);
 const outside = ({ verdict }) => verdict?.within_tolerance === false;
 const objective = ({ errors }) => (errors.objective < 1e-10 ? 0 : errors.objective);
-/** Above 0 where the first solution is worse than the second. */
-const worse = (a, b) => faulty(a) - faulty(b) || outside(a) - outside(b) || objective(a) - objective(b);
+
+/** What the first of the solutions to a request is to have: its `prefer`, or the default of the service. */
+export const preferred = ({ prefer, tolerances, position }) => prefer ?? (tolerances && position ? "size" : "error");
+
+/** Compares two solutions: above 0 where the first is worse. What else than the least error is preferred is the service's to say. */
+const comparison = (request) => (a, b) => faulty(a) - faulty(b) || outside(a) - outside(b) || (preferred(request) === "error" ? objective(a) - objective(b) : 0);
 
 /**
  * The solutions of a reply, and those of an earlier one to the same request that it does not have again (`same` tells), best first and
  * at most `top`.
  */
-export function together(earlier, reply, top, same) {
+export function together(request, earlier, reply, top, same) {
   const kept = earlier.filter((one) => !reply.solutions.some((other) => same(one, other)));
-  return [...reply.solutions, ...kept].toSorted(worse).slice(0, top).map((one, k) => ({ ...one, rank: k + 1 }));
+  return [...reply.solutions, ...kept].toSorted(comparison(request)).slice(0, top).map((one, k) => ({ ...one, rank: k + 1 }));
 }
 
 /**
@@ -48,13 +53,14 @@ export function together(earlier, reply, top, same) {
  */
 export async function solve(request, show, signal, same) {
   let found = [];
+  const worse = comparison(request);
   const budgets = [...STAGES, LONGER];
   for (const [k, budget] of budgets.entries()) {
     const reply = await (await ask("/v1/synthesize", { ...request, budget_ms: budget }, signal)).json();
     const [best] = reply.solutions.toSorted(worse);
-    if (k) reply.solutions = together(best ? found.filter((one) => worse(one, best) < 0) : found, reply, request.top ?? 10, same);
-    // a search within limits that has run into its budget may say that it converged: it is asked again
-    const { stopped_by, elapsed_ms } = reply.report, ended = stopped_by === "tolerance" || (stopped_by === "converged" && elapsed_ms.total < budget);
+    if (k) reply.solutions = together(request, best ? found.filter((one) => worse(one, best) < 0) : found, reply, request.top ?? 10, same);
+    // a search that has run into its budget on the way to smaller linkages says what ended its first part: it is asked again
+    const { stopped_by, elapsed_ms } = reply.report, ended = stopped_by !== "budget" && elapsed_ms.total < SHARE * budget;
     const last = ended || k === budgets.length - 1 || (k === STAGES.length - 1 && reply.solutions.length > 0);
     // nothing is proved by a search that its budget may have ended
     if (reply.status === "infeasible" && elapsed_ms.total >= budget) reply.status = "unknown";

@@ -8,6 +8,9 @@ const sentence = (reason) => {
   return `${short[0].toUpperCase()}${short.slice(1)}${/[.!?]$/.test(short) ? "" : "."}`;
 };
 
+/** A reason as short as a card has room for. */
+const brief = (reason) => sentence(reason).replace(/\.$/, "").replace(/^The body point goes (\S+) times as far .*/, "goes $1 times the way between two samples");
+
 /** The names of what keeps a linkage from making its motion as a machine: "order", "branch", "circuit". */
 export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);
 
@@ -21,7 +24,7 @@ export function mark(verdict) {
   if (wrong.length) return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
   if (!reasons.length && practical(verdict) && verdict.within_tolerance !== false) return { kind: "good", sign: "✓", text: verdict.within_tolerance ? "within practical limits and tolerance" : "within practical limits" };
   const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
-  const first = reasons.length ? sentence(reasons[0]).replace(/\.$/, "") : practical(verdict) ? "outside the tolerance" : "outside practical limits";
+  const first = reasons.length ? brief(reasons[0]) : practical(verdict) ? "outside the tolerance" : "outside practical limits";
   return { kind: practical(verdict) ? "poor" : "bad", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
 }
 
@@ -44,6 +47,7 @@ export const reasons = (verdict) => (verdict.reasons ?? []).map(sentence);
 
 /** A note of a report in the page's words, as a sentence. */
 export function plainNote(note) {
-  if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages make this motion about equally well.";
+  if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages do about equally well.";
+  if (note.startsWith("the crank angles are given")) return "With given crank angles the practical limits hold only where they are switched on under Limits.";
   return sentence(note.replaceAll("`", ""));
 }

@@ -109,6 +109,8 @@ def test_a_linkage_is_refined_from_there_by_keys_alone(edited) -> None:
 
 def test_a_refinement_that_leads_nowhere_says_so_and_keeps_the_linkage(edited) -> None:
     page = edited
+    page.execute_script("document.getElementById('limits').open = true")
+    Select(find(page, "prefer")).select_by_value("size")
     find(page, "joint-c-y").send_keys(Keys.CONTROL, "a")
     find(page, "joint-c-y").send_keys("200", Keys.ENTER)
     page.execute_script(
@@ -121,6 +123,7 @@ def test_a_refinement_that_leads_nowhere_says_so_and_keeps_the_linkage(edited) -
     assert "proves nothing" in text_of(page, "status") and card(page).startswith("By hand")
     asked = page.execute_script("return window.asked")
     assert len(asked["refine_from"]["crank_angle"]) == len(asked["position"]) and asked["top"] == 1
+    assert "prefer" not in asked, "nothing is chosen among"
 
 
 def test_a_linkage_given_with_a_request_is_no_part_of_the_motion(opened) -> None:  # noqa: F811

@@ -23,6 +23,7 @@ from tests.e2e.test_page_browser import (  # noqa: F401
     Keys,
     Select,
     asked,
+    choose,
     click_canvas,
     drag,
     drawn,
@@ -360,6 +361,71 @@ def test_each_practical_limit_can_be_switched_off(opened) -> None:  # noqa: F811
     assert limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
 
 
+def test_what_is_preferred_is_asked_for_and_kept(opened, address) -> None:  # noqa: F811
+    opened.execute_script("for (const one of ['limits', 'request']) document.getElementById(one).open = true")
+    wait(opened, "document.getElementById('request-text').textContent")
+
+    def prefers() -> tuple[str, str | None]:
+        return find(opened, "prefer").get_attribute("value"), json.loads(text_of(opened, "request-text")).get(
+            "prefer"
+        )
+
+    assert prefers() == ("error", None)
+    type_into(opened, "tolerance-position", "2" + Keys.TAB)
+    assert prefers() == ("size", None), "the service's own default"
+    for name in ("error", "transmission", "crank_span", "size", "crank_span"):
+        Select(find(opened, "prefer")).select_by_value(name)
+        assert prefers() == (name, name)
+    assert "shortest swing" in text_of(opened, "limits-summary")
+    opened.refresh()
+    wait(opened, "document.body.dataset.ready")
+    opened.execute_script("for (const one of ['limits', 'request']) document.getElementById(one).open = true")
+    wait(opened, "document.getElementById('request-text').textContent")
+    assert prefers() == ("crank_span", "crank_span"), "kept in the draft"
+    Select(find(opened, "timing")).select_by_value("even")
+    assert prefers() == ("size", None), "all linkages turn alike far"
+    assert not pick(opened, "#prefer [value=crank_span]").is_enabled()
+    Select(find(opened, "timing")).select_by_value("free")
+    Select(find(opened, "prefer")).select_by_value("size")
+    Select(find(opened, "wanted")).select_by_value("position")
+    assert prefers() == ("size", "size")
+    Select(find(opened, "timing")).select_by_value("even")
+    Select(find(opened, "wanted")).select_by_value("rotation")
+    assert prefers() == ("error", None) and not pick(opened, "#prefer [value=size]").is_enabled()
+
+
+def test_with_allowed_errors_the_first_card_is_the_smallest_linkage(opened) -> None:  # noqa: F811
+    """As the service ranks them, through both of its answers; the least error is a card further down or gone."""
+    stored = next(one["reply"]["solutions"][0] for one in EXAMPLES if one["name"] == "casement")
+    rest(opened)
+    type_into(opened, "tolerance-position", "2" + Keys.TAB)
+    type_into(opened, "tolerance-rotation", "1" + Keys.TAB)
+    opened.execute_script(ASKED)
+    find(opened, "solve").click()
+    wait(opened, f"window.asked.length && {IDLE}")
+    assert "prefer" not in asked(opened) and asked(opened)["tolerances"] == {"rotation": 1, "position": 2}
+    assert len(opened.execute_script("return window.asked")) == 2, "one for a first answer, one for the final one"
+    sizes = opened.execute_script(
+        "return [...document.querySelectorAll('#solutions dt')].filter((one) => one.textContent === 'size')"
+        ".map((one) => Number.parseFloat(one.nextSibling.textContent))"
+    )
+    assert len(sizes) > 1 and min(sizes) == sizes[0] < 0.8 * stored["size"]
+    assert text_of(opened, "status").startswith("Within the allowed errors at every pose, the smallest found: off by")
+
+
+def test_a_limit_of_ones_own_that_is_kept_is_no_fault(opened) -> None:  # noqa: F811
+    """The landing gear asks for 30 degrees of transmission, less than the practical limit, and gets them: stored and searched."""
+    choose(opened, "gear")
+    assert "transmission ≥ 30°" in text_of(opened, "limits-summary")
+    for _ in range(2):
+        marks = opened.execute_script(
+            "return [...document.querySelectorAll('#solutions .verdict')].map((one) => one.innerText)"
+        )
+        assert marks[0] == "✓ within practical limits" and not any("used interval" in mark for mark in marks)
+        solve(opened)
+    assert "30°" in pick(opened, "#solutions li").text
+
+
 @pytest.mark.parametrize(
     ("rows", "wanted"),
     [
@@ -447,16 +513,18 @@ def test_a_further_stage_takes_the_place_of_the_one_before(standing) -> None:  #
         "const [done] = arguments; Promise.all([import('/static/service.js'), import('/static/fit.js')]).then(async ([s, f]) => {"
         "const one = (size, objective) => ({links: {crank: 1, coupler: size, rocker: 3, ground: 3}, branch: 1, mount: null,"
         "verdict: {order: true, branch: true, circuit: true, within_tolerance: null}, errors: {objective}});"
-        "const stages = [[one(2, 0.05), one(4, 0.2), one(5, 0.5)], [], [one(4, 0.1), one(6, 0.4)]];"
-        "const own = window.fetch, seen = [];"
+        "const first = [one(2, 0.05), one(4, 0.2), one(5, 0.5)], own = window.fetch, seen = [];"
+        "for (const [request, ...stages] of [[{}, first, []], [{}, first, [one(4, 0.1), one(6, 0.4)]],"
+        "[{prefer: 'size'}, first, [one(6, 0.4), one(4, 0.1)]], [{}, [], [], first]]) {"
         "window.fetch = async () => new Response(JSON.stringify({status: 'closest', solutions: stages.shift(),"
         "report: {stopped_by: 'budget', elapsed_ms: {total: 9}}}));"
-        "await s.solve({}, (reply) => seen.push(reply.solutions.map(x => [x.rank ?? 0, x.links.coupler])), null, f.alike);"
+        "await s.solve(request, (reply) => seen.push(reply.solutions.map(x => x.links.coupler)), null, f.alike); }"
         "window.fetch = own; done(seen); })"
     )
-    first = [[1, 2], [2, 4], [3, 5]]
-    assert [[size for _, size in row] for row in shown[:1]] == [[2, 4, 5]] and shown[1] == first
-    assert shown[2] == [[1, 2], [2, 4], [3, 6]]
+    assert shown[:2] == [[2, 4, 5], [2, 4, 5]], "a further one without any"
+    assert shown[2:4] == [[2, 4, 5], [2, 4, 6]], "a better one of before stays, in its place"
+    assert shown[4:6] == [[2, 4, 5], [6, 4]], "what else is preferred is the service's to say"
+    assert shown[6:] == [[], [], [2, 4, 5]], "where there is none, a last one is given more time"
 
 
 def test_long_numbers_stay_within_a_phone(opened) -> None:  # noqa: F811
@@ -518,6 +586,13 @@ def test_texts_are_free_of_jargon(opened) -> None:  # noqa: F811
         " linkages give this motion to within the resolution; see `determination` of each solution')))"
     )
     assert "determination" not in note and note.endswith(".")
+    reason = "the body point goes 2.94 times as far between two samples as they are apart, above 2.5"
+    said = opened.execute_async_script(
+        "const [reasons, done] = arguments; import('/static/verdict.js').then(v => done("
+        "[v.mark({order: true, branch: true, circuit: true, practical: false, reasons}).text, ...v.reasons({reasons})]))",
+        [reason],
+    )
+    assert said == ["goes 2.94 times the way between two samples", f"{reason[0].upper()}{reason[1:]}."]
     assert "determination" not in opened.execute_script("return document.body.innerText")
 
 
