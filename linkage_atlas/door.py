@@ -27,7 +27,7 @@ from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
 from synthesis.ranking import Status, spread
-from synthesis.search.search import DEFAULT_TOLERANCE, search
+from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
 
@@ -238,6 +238,8 @@ def synthesize(
             lambda other, tight, near: _searched(other, tight, many, near, searching, prepared, TRY_ROUNDS)[0],
             searching,
         )
+        if searching.expired():
+            went = went._replace(stopped_by=StoppedBy.BUDGET.value)
     if diverse:
         found = spread(found, top, DIVERSE_LOSS, goal)
     searched = watch.elapsed

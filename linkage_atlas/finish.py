@@ -29,7 +29,7 @@ from synthesis.fourbar.verdict import verdicts
 from synthesis.free.answers import in_turn
 from synthesis.free.poses import Poses
 from synthesis.ranking import Errors, Status
-from synthesis.target import MAX_LENGTH, MIN_LENGTH, Samples, Target
+from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Samples, Target
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
@@ -131,7 +131,10 @@ class Tolerances:
         joints = linkage.joints(target.crank)
         share = np.zeros(target.samples)
         if self.rotation is not None and target.rotation is not None:
-            gap = target.rotation_mean.given(np.abs(target.rotation - joints.rotation))
+            off = target.rotation - joints.rotation
+            if target.found:  # whole turns do not count
+                off -= TURN * np.round(off / TURN)
+            gap = target.rotation_mean.given(np.abs(off))
             share = np.maximum(share, gap / self.rotation)
         if self.position is not None and target.position is not None:
             assert joints.body_point is not None

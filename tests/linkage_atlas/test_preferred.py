@@ -65,6 +65,19 @@ def test_size_is_the_default_with_tolerances_alone(by_error: la.Solution) -> Non
     assert la.synthesize(**without, top=1).best.errors.objective == pytest.approx(by_error.errors.objective, rel=0.02)
 
 
+def test_whole_turns_do_not_count_where_crank_angles_are_free() -> None:
+    # once some were told to be off by 360 times what is allowed
+    turns = [0, 8, 17, 387, 38, 50, 422, 75]
+    asked = CASEMENT | {"rotation": turns, "prefer": "error", "limits": {"preset": "none"}}
+    found = la.synthesize(**asked, top=10)
+    assert found.status == "reached" and len(found.solutions) == 10
+    for one in found.solutions:
+        off = one.linkage.joints(one.crank_angle).rotation - turns
+        off = np.abs(off - 360 * np.round(off / 360)).max()
+        near = np.linalg.norm(one.linkage.joints(one.crank_angle).body_point - CASEMENT["position"], axis=1).max()
+        assert one.verdict.within_tolerance == (off <= 1 and near <= 2)
+
+
 def test_given_crank_angles_have_sizes_too() -> None:
     joints = MOUNTED.joints(np.linspace(0, 70, 16))
     asked = {"rotation": joints.rotation, "position": joints.body_point, "crank_span": 70}
