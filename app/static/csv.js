@@ -1,6 +1,6 @@
 // The motion as rows of CSV, and rows of CSV or from a spreadsheet as a motion.
 
-import { UNITS, clone, emptyMotion, fixTravels, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { UNITS, clone, emptyMotion, fixTravels, takeTiming, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { readNumber, readTable } from "./rows.js";
 
 const COLUMNS = {
@@ -54,9 +54,9 @@ export function fromCsv(text, motion = emptyMotion()) {
     next.span = Math.abs(whole);
     poses.forEach((pose) => { pose.t = (pose.t - first) * next.direction; });
     const step = next.span / (poses.length - 1);
-    next.timing = poses.every((pose, k) => Math.abs(pose.t - k * step) <= 1e-9 * next.span) ? "even" : "table";
+    takeTiming(next, poses.every((pose, k) => Math.abs(pose.t - k * step) <= 1e-9 * next.span) ? "even" : "table");
   } else {
-    next.timing = place ? "free" : "even";
+    takeTiming(next, place ? "free" : "even");
     fixTravels(next);
   }
   return next;

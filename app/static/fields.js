@@ -195,7 +195,7 @@ export class Fields {
     for (const [name, id] of [["use", "transmission"], ["turn", "transmission-turn"], ["ratio", "ratio"]]) $(id).placeholder = kept[name] ? PRESET[name] : "none";
     for (const element of document.querySelectorAll("[data-timing]")) element.hidden = free !== (element.dataset.timing === "free");
     for (const element of document.querySelectorAll("[data-unit]")) element.textContent = motion.unit;
-    $("timing-note").textContent = NOTES[motion.timing](wantsAngles(motion) ? "pose" : "point");
+    $("timing-note").textContent = NOTES[motion.timing](wantsAngles(motion) ? "pose" : "point") + (!free && !some ? " The practical limits are off, unless chosen below." : "");
     $("motion-title").textContent = wantsAngles(motion) ? "Motion" : "Path";
     for (const option of $("prefer").options) option.hidden = option.disabled = !preferable(motion, option.value);
     $("weights").hidden = !this.#has("wr", "wp", "er", "ep");

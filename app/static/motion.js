@@ -53,6 +53,13 @@ export function fixTravels(motion) {
 /** Takes another `timing`; crank angles in the table begin as those that held before. */
 export function setTiming(motion, timing) {
   if (timing === "table" && motion.timing !== "table") fixTravels(motion);
+  takeTiming(motion, timing);
+}
+
+/** The practical limits hold by default where the crank angles are free, and are off where they are given: until one is chosen, they follow. */
+export function takeTiming(motion, timing) {
+  const { kept } = motion.limits, was = motion.timing === "free", is = timing === "free";
+  if (Object.values(kept).every((one) => one === was)) for (const name of Object.keys(kept)) kept[name] = is;
   motion.timing = timing;
 }
 

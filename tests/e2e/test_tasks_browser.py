@@ -361,6 +361,26 @@ def test_each_practical_limit_can_be_switched_off(opened) -> None:  # noqa: F811
     assert limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
 
 
+def test_practical_limits_follow_what_is_known_of_the_crank_until_they_are_chosen(opened) -> None:  # noqa: F811
+    find(opened, "new-motion").click()
+    opened.execute_script("for (const one of ['limits', 'request']) document.getElementById(one).open = true")
+    wait(opened, "document.getElementById('request-text').textContent")
+
+    def limits() -> dict:
+        return json.loads(text_of(opened, "request-text")).get("limits", {})
+
+    assert find(opened, "practical").is_selected() and "off" not in text_of(opened, "timing-note")
+    Select(find(opened, "timing")).select_by_value("even")
+    assert not find(opened, "practical").is_selected() and limits() == {}
+    assert "The practical limits are off" in text_of(opened, "timing-note")
+    find(opened, "practical").click()
+    assert limits() == {"preset": "practical"} and "off" not in text_of(opened, "timing-note")
+    Select(find(opened, "timing")).select_by_value("free")
+    find(opened, "keep-use").click()
+    Select(find(opened, "timing")).select_by_value("even")
+    assert find(opened, "keep-turn").is_selected(), "what was chosen stays"
+
+
 def test_what_is_preferred_is_asked_for_and_kept(opened, address) -> None:  # noqa: F811
     opened.execute_script("for (const one of ['limits', 'request']) document.getElementById(one).open = true")
     wait(opened, "document.getElementById('request-text').textContent")
