@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self
 
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, PlainSerializer, SkipValidation, Strict
 
@@ -84,10 +84,19 @@ class RequestModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
+_NO_FIELDS: set[str] = set()
+"""Shared by all: otherwise each keeps a set of its fields' names, as large as itself."""
+
+
 class ReplyModel(BaseModel):
     """Base of all replies; no number in a reply is NaN or infinite."""
 
     model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True)
+
+    @classmethod
+    def computed(cls, **values: Any) -> Self:
+        """A part of a reply from values of the fields' types, unchecked: ten thousands of them take half the memory."""
+        return cls.model_construct(_fields_set=_NO_FIELDS, **values)
 
 
 def build_models(base: type[BaseModel] | None = None) -> None:
