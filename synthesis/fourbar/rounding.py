@@ -30,6 +30,8 @@ GRID_TRIES = 300
 """Combinations around the nearest that are tried at most; they come in the order of their estimate."""
 AROUND = 3
 """Where the nearest lengths of a grid break a limit, so many steps to each side are looked at."""
+MOST_OPEN = 1 << 17
+"""Choices of some links whose others are not chosen yet: about 50 MB."""
 _TOGETHER = 64
 """Combinations that are scanned at once."""
 _PLACED = 8
@@ -169,6 +171,9 @@ def _nearest_first(target: Target, solution: Solution, choices: Sequence[Floats]
 def nearest_of(upper: Floats, moved: Sequence[Sequence[float]]) -> Iterator[tuple[int, ...]]:
     """Places in lists of numbers d_k, one in each, by ``|upper[:4, :4] @ d + upper[:4, 4]|^2``; the least first.
 
+    Where lengths are so badly determined that more than `MOST_OPEN` choices are open, those are left out that stand beside the
+    ones looked at from then on.
+
     Parameters
     ----------
     upper : ndarray, shape (5, 5)
@@ -178,7 +183,7 @@ def nearest_of(upper: Floats, moved: Sequence[Sequence[float]]) -> Iterator[tupl
     """
     rows = [[float(value) for value in row] for row in upper]
     # A node is a choice for the last links; its children choose the link before, the nearest first. Along a rising list that is
-    # from the nearest outward, so an open node is two places in it: there are ten thousands of open nodes.
+    # from the nearest outward, so an open node is two places in it: there may be a hundred thousand of them.
     heap: list[tuple[float, tuple[int, ...], int, int, float, float]] = []
 
     def push(chosen: tuple[int, ...], below: int, above: int, bound: float, rest: float) -> None:
@@ -203,7 +208,8 @@ def nearest_of(upper: Floats, moved: Sequence[Sequence[float]]) -> Iterator[tupl
     open_node(0.0, ())
     while heap:
         bound, chosen, below, above, before, rest = heapq.heappop(heap)
-        push(chosen[1:], below, above, before, rest)
+        if len(heap) < MOST_OPEN:
+            push(chosen[1:], below, above, before, rest)
         if len(chosen) == 4:
             yield chosen
         else:
