@@ -19,7 +19,6 @@ from app.cache import open_atlas
 from app.query import build_models
 from app.settings import Settings
 
-
 _TAKES_MEMORY = 50
 """Rows of a matrix that is large enough for it."""
 
@@ -99,7 +98,7 @@ class ServiceResources:
 
     def prepare_rest(self) -> None:
         """Have now what the first answer of each kind would else import or make: searches, their tables, models."""
-        import scipy.interpolate
+        import scipy.interpolate  # noqa: F401 - the first spline would
 
         self._blas = threadpool_limits(1, "blas")  # scipy has a library of its own
         build_models()

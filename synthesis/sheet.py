@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 _AT_ONCE = 1024
 """Cells of a column that are Python's numbers at a time."""
 
+
 def csv_text(columns: Mapping[str, Iterable[Any]], line_end: str = "\r\n") -> str:
     """A table with a head; numbers at full precision, an empty cell for None."""
     text = io.StringIO()

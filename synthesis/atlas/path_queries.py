@@ -188,8 +188,8 @@ class PathRequest(Offsets):
             Largest size of each number of the shapes.
         """
         few = max(1, _AT_ONCE // (self.target.samples * (self.storey.terms + TAIL)))
-        parts = [self._against(slice(k, k + few), reach[0]) for k in range(0, self.size, few)]
-        real, wanted, slack, share = (np.concatenate(columns) for columns in zip(*parts))
+        found = [self._against(slice(k, k + few), reach[0]) for k in range(0, self.size, few)]
+        real, wanted, slack, share = (np.concatenate(columns) for columns in zip(*found))
 
         def single(values: Floats) -> Singles:
             return np.ascontiguousarray(values.swapaxes(0, 1), dtype=np.float32)

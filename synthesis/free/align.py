@@ -46,7 +46,9 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Ali
     """
     count, few = len(timed.branch), max(1, _AT_ONCE // (problem.poses.samples * _GRID))
     parts = [_aligned(problem, timed.take(slice(k, k + few)), known) for k in range(0, max(count, 1), few)]
-    return Aligned(parts[0].timed.joined(*(part.timed for part in parts[1:])), np.concatenate([p.cost for p in parts]))
+    return Aligned(
+        parts[0].timed.joined(*(part.timed for part in parts[1:])), np.concatenate([p.cost for p in parts])
+    )
 
 
 def _aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Aligned:
