@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.largest import MOST_BYTES, QUICK, Largest, requests
-from benchmarks.memory import answered
+from benchmarks.memory import answered, prepared
 from benchmarks.service import Service, running, serve_command
 
 pytestmark = pytest.mark.skipif(
@@ -41,7 +41,7 @@ def service_with_atlas(atlas_path: Path, tmp_path_factory) -> Iterator[Service]:
     copy = tmp_path_factory.mktemp("memory") / "atlas.h5"
     copy.symlink_to(atlas_path)
     with running(serve_command, atlas=copy, **SETTINGS) as service:
-        service.settle()
+        prepared(service)
         yield service
 
 
