@@ -62,6 +62,7 @@ tests: $(READY)  # compiled modules are kept, whatever the environment says: the
 fault: $(READY) $(ATLAS)
 	$(BIN)/python -m pytest -m fault
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.reliability --atlas $(ATLAS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.memory --atlas $(ATLAS)
 
 lock: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv

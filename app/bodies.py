@@ -16,7 +16,7 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from app import problems
-from app.query import Invalid, RequestModel, invalid
+from app.query import Invalid, Numbers, RequestModel, invalid
 
 MAX_KEYS = 2_000
 """Keys of a body: the largest request has a few hundred."""
@@ -85,12 +85,12 @@ def json_pieces(value: Any, depth: int = _DEPTH) -> Iterator[bytes]:
             yield from json_pieces(part, depth - 1)
             mark = b","
         yield b"}" if value else b"{}"
-    elif isinstance(value, (list, tuple)) and len(value) > _LISTED_AT_ONCE:
+    elif isinstance(value, Numbers) or (isinstance(value, (list, tuple)) and len(value) > _LISTED_AT_ONCE):
         mark = b"["
         for first in range(0, len(value), _LISTED_AT_ONCE):
             yield mark + to_json(value[first : first + _LISTED_AT_ONCE], inf_nan_mode="strings")[1:-1]
             mark = b","
-        yield b"]"
+        yield b"]" if value else b"[]"
     else:
         yield to_json(value, inf_nan_mode="strings")
 

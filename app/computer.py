@@ -23,7 +23,7 @@ from starlette.responses import Response
 
 from app import bodies, problems
 from app.computed import Question
-from app.resources import ServiceResources, Unprepared, give_back_memory
+from app.resources import ServiceResources, Unprepared, give_back_memory, take_working_memory
 from app.turnstile import Attended
 
 SHARE_OF_BUDGET = 1.2
@@ -105,6 +105,7 @@ class Computer:
             Path("/proc/self/oom_score_adj").write_text(
                 "500"
             )  # where the system lacks memory, this goes and not the service
+        take_working_memory()
         self._own = _writable_bytes()
         limit = self._own + resources.settings.request_memory_bytes
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)

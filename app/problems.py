@@ -172,7 +172,7 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     Ending: _later(5, "the service is ending"),
     OutOfTime: _later(5, "the answer took longer than this service allows"),
     Died: _later(1, "the process that computed this answer has ended before it; the service's log says how"),
-    MemoryError: lambda _: problem(503, "the answer takes more memory than this service gives a request"),
+    MemoryError: _later(5, "the answer takes more memory than this service gives a request"),
     ClientDisconnect: lambda _: Response(status_code=499),  # it left before it had said what it wanted
     Cancelled: lambda _: Response(status_code=499),  # the client is gone; 499 is what proxies log for that
     HTTPException: http_problem,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import sys
 import time
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
@@ -22,6 +24,10 @@ def opened(place: Path, settings: Settings) -> la.Atlas:
     """The atlas of a file, as far as the settings allow, with its index if that is set."""
     limits = {"max_bytes": settings.atlas_max_bytes, "max_types": settings.atlas_max_types}
     return open_atlas(place, settings.index, **limits)
+
+
+_TAKES_MEMORY = 50
+"""Rows of a matrix that is large enough for it."""
 
 
 class Unprepared(Exception):
@@ -101,6 +107,9 @@ class ServiceResources:
 
     def prepare_rest(self) -> None:
         """Have now what the first answer of each kind would else import or make: searches, their tables, models."""
+        import scipy.interpolate  # noqa: F401 - the first spline would
+
+        self._blas = threadpool_limits(1, "blas")  # scipy has a library of its own
         build_models()
         la.prepare()
         give_back_memory()
@@ -129,6 +138,16 @@ def processor_clock() -> Callable[[], float]:
     """A clock of this process's processor time, so that an answer is as good on a busy machine; but at least half the time."""
     processor, passed = time.process_time(), time.perf_counter()
     return lambda: max(time.process_time() - processor, (time.perf_counter() - passed) / 2)
+
+
+def take_working_memory() -> None:
+    """Have the libraries of linear algebra map their working memory now, 34 MB each, of which little is used.
+
+    Each does so at its first call, and waits for it forever where the process may not have it.
+    """
+    np.linalg.qr(np.ones((_TAKES_MEMORY, _TAKES_MEMORY)))
+    if linalg := sys.modules.get("scipy.linalg"):  # imported with what all processes share, or not at all yet
+        linalg.lapack.dgbsv(1, 1, np.ones((4, 3)), np.ones(3))
 
 
 _given_back = 0.0

@@ -145,18 +145,10 @@ async def _watched(port: int, work: Any, seen: hostile.Seen, look: Callable[[], 
     return task.result()
 
 
-def _settled(running: service.Service) -> None:
-    """Wait until the service has prepared all that it prepares once it is ready."""
-    spent = -1.0
-    while (now := sum(running.cpu_seconds().values())) - spent > 0.05:
-        spent = now
-        time.sleep(1.0)
-
-
 def budgets(running: service.Service, port: int) -> list[dict[str, Any]]:
     """Each expensive request, alone, against the service's budget of `BUDGET_MS`."""
     rows = []
-    _settled(running)
+    running.settle()
     for name, (path, body) in hostile.expensive().items():
         beats, peaks = hostile.Seen(), Peaks(running)
         before, begin = running.computing_seconds(), time.perf_counter()
@@ -214,7 +206,7 @@ async def _sampled(work: Any, sample: Callable[[], int]) -> tuple[Any, int]:
 
 def crowd(running: service.Service, port: int, seconds: float, with_hostile: bool) -> dict[str, Any]:
     """What the well-meant clients saw, one request a second each."""
-    _settled(running)
+    running.settle()
     seen, most = asyncio.run(_sampled(_crowd(port, seconds, with_hostile), running.shared_out))
     short = [value for name in hostile.SHORT if name != "livez" for value in seen[name].seconds]
     statuses: dict[str, int] = {}
@@ -241,7 +233,7 @@ def memory(running: service.Service, port: int, count: int) -> dict[str, Any]:
     mix = [hostile.SHORT[name] for name in ("needle", "lift", "type")] * 16 + [hostile.SHORT["match"]]
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=hostile.PATIENCE)
     found = []
-    _settled(running)
+    running.settle()
     for number in range(1, count + 1):
         path, body = mix[number % len(mix)]
         content = body if body is None or isinstance(body, str) else json.dumps(body)

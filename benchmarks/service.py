@@ -146,6 +146,14 @@ class Service:
         found = {process: _times(process) for process in self.processes()}
         return {process: sum(times[:2]) for process, times in found.items() if times}
 
+    def settle(self) -> None:
+        """Wait until it has prepared all that it prepares once it is ready."""
+        spent = -1.0
+        while (now := sum(self.cpu_seconds().values())) - spent > 0.05:
+            spent = now
+            time.sleep(1.0)
+        self.connection.close()  # perhaps the service has closed it meanwhile; it is opened again
+
     def computing_seconds(self) -> float:
         """Processor time of the processes that compute, those that have ended included; of all where there is only one."""
         own, *others = self.processes()

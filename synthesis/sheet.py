@@ -11,14 +11,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+_AT_ONCE = 1024
+"""Cells of a column that are Python's numbers at a time."""
+
 
 def csv_text(columns: Mapping[str, Iterable[Any]], line_end: str = "\r\n") -> str:
     """A table with a head; numbers at full precision, an empty cell for None."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator=line_end)
     writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
+    writer.writerows(zip(*map(_cells, columns.values()), strict=True))
     return text.getvalue()
+
+
+def _cells(column: Iterable[Any]) -> Iterable[Any]:
+    """A column as Python's own numbers; of an array few at a time."""
+    if not isinstance(column, np.ndarray):
+        return column
+    return (cell for first in range(0, len(column), _AT_ONCE) for cell in column[first : first + _AT_ONCE].tolist())
 
 
 class Sheet:

@@ -67,7 +67,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
             name: condition_reply(name, conditions[name], result.conditions[name], row, angles) for name in asked
         }
         rows.append(
-            PairReply(
+            PairReply.computed(
                 alpha1=values[0],
                 alpha3=values[1],
                 parameters=dict(list(zip(grid, values))[2:]) or None,

@@ -127,7 +127,7 @@ def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
     enters = result.windows[row] > 0
     opened = int(result.opened_by[row])
     sensitivity = float(result.sensitivity[row])
-    return EntryReply(
+    return EntryReply.computed(
         holds=bool(result.holds[row]),
         status=Found(int(result.found[row])).sentence,
         angle=angles.outward(float(result.enter[row])) if enters else None,
@@ -148,7 +148,7 @@ def condition_reply(name: str, condition: Any, result: Any, row: int, angles: An
     """One condition of one item as the reply says it."""
     if name != "clearance":
         return _entry(condition, result, row, angles)
-    return ClearanceReply(
+    return ClearanceReply.computed(
         holds=bool(result.holds[row]),
         value=float(result.value[row]),
         worst=float(result.worst[row]),

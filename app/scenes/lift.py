@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from app.query import Angles, Export, Query, Resources
+from app.query import Angles, Export, Numbers, Query, Resources
 from app.scenes.lift_models import (
     Assembly,
     BatchReply,
@@ -72,7 +72,7 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
         length_top=float(limits.length_top),
         condition=ConditionModel(start=start, top=top, bottom=bottom, min=smallest_condition(design, limits)[0]),
         angle_unit=request.angle_unit,
-        **columns(moved),
+        **{name: Numbers(column) for name, column in columns(moved).items()},
         **_extras(request, moved, work),
         forces=_forces(request, moved),
     )
@@ -98,9 +98,9 @@ def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
     lists = ("weight", "cylinder", "link", "slide", "pressure")
     most = float(found.pressure.max())
     return ForcesReply(
-        **{name: getattr(found, name).tolist() for name in lists},
-        pivot_O=[(x, y) for x, y in found.pivot_o.tolist()],
-        pivot_D=[(x, y) for x, y in found.pivot_d.tolist()],
+        **{name: Numbers(getattr(found, name)) for name in lists},
+        pivot_O=Numbers(found.pivot_o),
+        pivot_D=Numbers(found.pivot_d),
         cylinder_max=float(found.cylinder.max()),
         cylinder_min=float(found.cylinder.min()),
         pressure_max=most,
@@ -117,11 +117,11 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
     at, speed, design = moved.pose, moved.cylinder_speed, moved.pose.design
     radian = Angles(request.angle_unit).radian
 
-    def per_link(prefix: str, angles: Any) -> dict[str, list[float]]:
-        return {f"{prefix}{k}": (column / radian).tolist() for k, column in enumerate(angles.T, 1)}
+    def per_link(prefix: str, angles: Any) -> dict[str, Numbers]:
+        return {f"{prefix}{k}": Numbers(column / radian) for k, column in enumerate(angles.T, 1)}
 
     def points() -> dict[str, Any]:
-        found = {name: list(zip(z.real.tolist(), z.imag.tolist())) for name, z in joints(at).items() if name in "ABC"}
+        found = {name: Numbers(z.view(float).reshape(-1, 2)) for name, z in joints(at).items() if name in "ABC"}
         return {**found, "D": (-design.b, 0.0)}
 
     def instant_centre() -> list[float | None]:
@@ -143,7 +143,7 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
             "link", loops.angular_accelerations(at, speed, moved.cylinder_acceleration)
         ),
         "points": points,
-        "conditions": lambda: loops.condition(design, at.turn).tolist(),
+        "conditions": lambda: Numbers(loops.condition(design, at.turn)),
         "residual": lambda: loops.largest_residual(moved),
         "instant_centre": instant_centre,
         "assemblies": assemblies,

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, JsonValue
 
-from app.query import AngleUnit, Column, Computed, Count, Number, ReplyModel, RequestModel
+from app.query import AngleUnit, Column, Computed, Count, Number, Places, ReplyModel, RequestModel
 
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
 """Smallest and largest length, speed or acceleration (other than 0): beyond, squares and cubes leave float64."""
@@ -131,9 +131,9 @@ class AngularRates(ReplyModel):
 class Points(ReplyModel):
     """Positions of the joints, [x, y] at each time; O = (0, 0)."""
 
-    A: Computed[list[tuple[float, float]]]
-    B: Computed[list[tuple[float, float]]]
-    C: Computed[list[tuple[float, float]]]
+    A: Places
+    B: Places
+    C: Places
     D: tuple[float, float]
 
 
@@ -153,8 +153,8 @@ class ForcesReply(ReplyModel):
     link: Column
     slide: Column
     pressure: Column
-    pivot_O: Computed[list[tuple[float, float]]]
-    pivot_D: Computed[list[tuple[float, float]]]
+    pivot_O: Places
+    pivot_D: Places
     cylinder_max: float = Field(description="Largest force that pushes.")
     cylinder_min: float = Field(description="Least force; negative: the cylinder has to pull.")
     pressure_max: float

@@ -51,6 +51,8 @@ _ALONG = 2
 _ROWS = 12
 """Rows of d that are computed: the others are of the highest polynomials."""
 _FEW_SAMPLES = 5
+_AT_ONCE = 1 << 17
+"""Offsets times samples times terms that are compared together: 2 MB."""
 
 
 class PathQueries(NamedTuple):
@@ -185,13 +187,24 @@ class PathRequest(Offsets):
         reach : ndarray, shape (1, K)
             Largest size of each number of the shapes.
         """
+        few = max(1, _AT_ONCE // (self.target.samples * (self.storey.terms + TAIL)))
+        found = [self._against(slice(k, k + few), reach[0]) for k in range(0, self.size, few)]
+        real, wanted, slack, share = (np.concatenate(columns) for columns in zip(*found))
+
+        def single(values: Floats) -> Singles:
+            return np.ascontiguousarray(values.swapaxes(0, 1), dtype=np.float32)
+
+        return PathQueries(single(real), single(np.abs(real)), single(wanted), single(slack), share, self.length)
+
+    def _against(self, some: slice, reach: NDArray[np.floating]) -> tuple[Floats, Floats, Floats, Singles]:
+        """Rows, components, rounding and share of some queries."""
         terms = self.storey.terms
-        mirrored = (np.arange(self.size) >= self._per_branch)[:, None]
+        mirrored = (np.arange(self.size)[some] >= self._per_branch)[:, None]
 
         def of(column: NDArray[np.complex128]) -> NDArray[np.complex128]:
             return np.where(mirrored, np.conj(column), column)[..., None]
 
-        own = polynomials(self._places.clip(-1, 1), terms + TAIL)[..., 1:]
+        own = polynomials(self._places[some].clip(-1, 1), terms + TAIL)[..., 1:]
         columns = own * np.reshape(self._root, (-1, 1)).astype(complex)
         fixed = [of(column) for column in self._fixed]
         for column in (*fixed, *fixed):  # twice: the first time leaves rounding
@@ -203,17 +216,10 @@ class PathRequest(Offsets):
         columns = columns - path * along
         across = np.linalg.qr(columns, mode="r")
         rows = np.concatenate([along, across], axis=1)[:, : (_ALONG + _ROWS) // 2]
-        wanted = np.stack([-rows[..., 0].real, -rows[..., 0].imag], axis=2).reshape(self.size, -1)
+        wanted = np.stack([-rows[..., 0].real, -rows[..., 0].imag], axis=2).reshape(len(rows), -1)
         free = rows[..., 1:]
         real = np.stack([free, 1j * free], axis=-1).reshape(*free.shape[:2], -1)  # times real and imaginary parts
-        real = np.stack([real.real, real.imag], axis=2).reshape(self.size, -1, 2 * free.shape[2])
+        real = np.stack([real.real, real.imag], axis=2).reshape(len(rows), -1, 2 * free.shape[2])
         rounding = (real.shape[-1] + 8) * _SINGLE
-        slack = rounding * (np.abs(wanted) + np.abs(real) @ reach[0])
-
-        def single(values: Floats) -> Singles:
-            return np.ascontiguousarray(values.swapaxes(0, 1), dtype=np.float32)
-
-        share = np.maximum(seen, LEAST_SEEN) * (1 + 1e-6)
-        return PathQueries(
-            single(real), single(np.abs(real)), single(wanted), single(slack), share.astype(np.float32), self.length
-        )
+        slack = rounding * (np.abs(wanted) + np.abs(real) @ reach)
+        return real, wanted, slack, (np.maximum(seen, LEAST_SEEN) * (1 + 1e-6)).astype(np.float32)

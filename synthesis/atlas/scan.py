@@ -202,17 +202,21 @@ class Scan:
 
         Without positions that is the rms rotation error in radians after the best offset.
         """
+        return self._in_batches(target, windows, objective)
+
+    def _errors_of_some(self, target: Target, windows: Windows) -> Floats:
+        """Exact error of windows for a rotation or a path at some samples of a request: no more than that for all of them."""
+        error = objective if target.position is None else position_errors
+        return self._in_batches(target, windows, error)
+
+    def _in_batches(self, target: Target, windows: Windows, error: Callable[[Target, Floats], Floats]) -> Floats:
+        """The errors of windows, of few at a time."""
         errors = np.empty(len(windows.row))
         batch = max(1, _EXACT_SAMPLES // target.samples)
         for first in range(0, errors.size, batch):
             part = windows.take(np.arange(first, min(first + batch, errors.size)))
-            errors[first : first + batch] = objective(target, self.angles(target, part))
+            errors[first : first + batch] = error(target, self.angles(target, part))
         return errors
-
-    def _errors_of_some(self, target: Target, windows: Windows) -> Floats:
-        """Exact error of windows for a rotation or a path at some samples of a request: no more than that for all of them."""
-        angles = self.angles(target, windows)
-        return objective(target, angles) if target.position is None else position_errors(target, angles)
 
     def error_table(self, target: Target) -> Floats:
         """Approximate squared error of every window, (types, branches, starts): branch +1 first. For small atlases."""

@@ -7,8 +7,10 @@ Computation 44 (1985), 463-471). So combinations come in the order of that estim
 
 from __future__ import annotations
 
+import bisect
 import heapq
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,6 +30,8 @@ GRID_TRIES = 300
 """Combinations around the nearest that are tried at most; they come in the order of their estimate."""
 AROUND = 3
 """Where the nearest lengths of a grid break a limit, so many steps to each side are looked at."""
+MOST_OPEN = 1 << 17
+"""Choices of some links whose others are not chosen yet: about 50 MB."""
 _TOGETHER = 64
 """Combinations that are scanned at once."""
 _PLACED = 8
@@ -153,33 +157,60 @@ def _best_of(
 
 
 def _nearest_first(target: Target, solution: Solution, choices: Sequence[Floats]) -> Iterator[Floats]:
-    """Combinations of lengths, one of each list, by their estimated objective; best first."""
+    """Combinations of lengths, one of each rising list, by their estimated objective; best first."""
     old = solution.linkage
     triangle, right = response_to_lengths(target, old)
     size = _NEARER * max(float(np.abs(triangle).max()), np.finfo(float).tiny)
     stack = np.concatenate([np.column_stack([triangle, right]), size * np.eye(4, 5)])
     upper: Any = np.linalg.qr(stack, mode="r")
     moved = [np.log(values / length) for values, length in zip(choices, old.links)]
-    # a node is a choice for the last links; its children choose the link before, the nearest first
-    heap: list[tuple[float, tuple[int, ...], int, list[int], Floats]] = []
+    for chosen in nearest_of(upper, [column.tolist() for column in moved]):
+        yield np.array([values[place] for values, place in zip(choices, chosen)])
 
-    def push(chosen: tuple[int, ...], at: int, order: list[int], costs: Floats) -> None:
-        if at < len(order):
-            heapq.heappush(heap, (float(costs[order[at]]), (order[at], *chosen), at, order, costs))
+
+def nearest_of(upper: Floats, moved: Sequence[Sequence[float]]) -> Iterator[tuple[int, ...]]:
+    """Places in lists of numbers d_k, one in each, by ``|upper[:4, :4] @ d + upper[:4, 4]|^2``; the least first.
+
+    Where lengths are so badly determined that more than `MOST_OPEN` choices are open, those are left out that stand beside the
+    ones looked at from then on.
+
+    Parameters
+    ----------
+    upper : ndarray, shape (5, 5)
+        Upper triangular, no zero on its diagonal.
+    moved : sequence of sequence of float
+        Each rising.
+    """
+    rows = [[float(value) for value in row] for row in upper]
+    # A node is a choice for the last links; its children choose the link before, the nearest first. Along a rising list that is
+    # from the nearest outward, so an open node is two places in it: there may be a hundred thousand of them.
+    heap: list[tuple[float, tuple[int, ...], int, int, float, float]] = []
+
+    def push(chosen: tuple[int, ...], below: int, above: int, bound: float, rest: float) -> None:
+        link = 3 - len(chosen)
+        column, slope = moved[link], rows[link][link]
+        costs = [
+            bound + (gap := slope * column[place] + rest) * gap if 0 <= place < len(column) else math.inf
+            for place in (below, above)
+        ]
+        if costs[0] <= costs[1] and below >= 0:
+            heapq.heappush(heap, (costs[0], (below, *chosen), below - 1, above, bound, rest))
+        elif above < len(column):
+            heapq.heappush(heap, (costs[1], (above, *chosen), below, above + 1, bound, rest))
 
     def open_node(bound: float, chosen: tuple[int, ...]) -> None:
         link = 3 - len(chosen)
-        rest = upper[link, 4] + sum(
-            upper[link, link + 1 + k] * moved[link + 1 + k][place] for k, place in enumerate(chosen)
-        )
-        costs = bound + (upper[link, link] * moved[link] + rest) ** 2
-        push(chosen, 0, np.argsort(costs, kind="stable").tolist(), costs)
+        row = rows[link]
+        rest = row[4] + sum(row[link + 1 + k] * moved[link + 1 + k][place] for k, place in enumerate(chosen))
+        above = bisect.bisect_left(moved[link], -rest / row[link])
+        push(chosen, above - 1, above, bound, rest)
 
     open_node(0.0, ())
     while heap:
-        bound, chosen, at, order, costs = heapq.heappop(heap)
-        push(chosen[1:], at + 1, order, costs)
+        bound, chosen, below, above, before, rest = heapq.heappop(heap)
+        if len(heap) < MOST_OPEN:
+            push(chosen[1:], below, above, before, rest)
         if len(chosen) == 4:
-            yield np.array([values[place] for values, place in zip(choices, chosen)])
+            yield chosen
         else:
             open_node(bound, chosen)

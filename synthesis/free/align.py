@@ -21,6 +21,8 @@ _GRID = 120
 _ANCHOR = 1e4
 """Weight of the squared distance from a known crank angle: more than any error of a sample."""
 _LEAST_GAP = 1e-4
+_AT_ONCE = 1 << 19
+"""Candidates times samples times angles of the grid that are looked at together: 4 MB."""
 
 
 class Aligned(NamedTuple):
@@ -42,6 +44,14 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Ali
     known : ndarray of int, shape (k,)
         The samples that they belong to, rising.
     """
+    count, few = len(timed.branch), max(1, _AT_ONCE // (problem.poses.samples * _GRID))
+    parts = [_aligned(problem, timed.take(slice(k, k + few)), known) for k in range(0, max(count, 1), few)]
+    return Aligned(
+        parts[0].timed.joined(*(part.timed for part in parts[1:])), np.concatenate([p.cost for p in parts])
+    )
+
+
+def _aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Aligned:
     way = np.where(timed.angles[:, -1] >= timed.angles[:, 0], 1.0, -1.0)[:, None]
     along = way * (timed.angles - timed.angles[:, :1])
     grid = np.arange(_GRID) * (TURN / _GRID)

@@ -19,6 +19,7 @@ is large, the triangle of the QR decomposition comes from the normal matrix by C
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +38,8 @@ _LINEAR_DAMPING, _ANGLE_DAMPING = 1e-2, 1e-2
 _LEAST_DAMPING = 1e-22
 _LEAST_NORMAL = 1e-9
 """Damping from which on a step may come from normal equations: the condition of the damped, scaled matrix is below 1e11."""
+_AT_ONCE = 1 << 19
+"""Numbers of the rows that are eliminated together: 4 MB."""
 
 
 def loose_steps(problem: JointProblem, timed: Timed, random: np.random.Generator, size: float) -> Timed:
@@ -166,8 +169,26 @@ def refine(
 
 
 def _damped(rows: Rows, damping: Floats, size: int) -> _System:
-    """The system of a step: angles eliminated, and R of the damped rest."""
-    stack, turn = rows.stack, rows.turn
+    """The system of a step: angles eliminated, and R of the damped rest; of few candidates at a time where they are large."""
+    few = max(1, _AT_ONCE // math.prod(rows.stack.shape[1:]))
+    places = [slice(k, k + few) for k in range(0, max(1, len(rows.stack)), few)]
+    coarse = damping > _LEAST_NORMAL  # then the squares are well conditioned, and faster
+    try:
+        parts = [_eliminated(rows, damping, size, coarse, some) for some in places]
+    except np.linalg.LinAlgError:
+        parts = [_eliminated(rows, damping, size, np.zeros_like(coarse), some) for some in places]
+    return _System(
+        rows.stack.reshape(*rows.stack.shape[:2], math.prod(rows.stack.shape[2:])),
+        rows.turn,
+        *(np.concatenate(columns) if len(parts) > 1 else columns[0] for columns in zip(*parts)),
+    )
+
+
+def _eliminated(
+    rows: Rows, damping: Floats, size: int, coarse: NDArray[np.bool_], some: slice
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Of some candidates what `_System` has from ``along`` on."""
+    stack, turn, damping, coarse = rows.stack[some], rows.turn[some], damping[some], coarse[some]
     count, columns = len(stack), stack.shape[1] - 1
     square = np.einsum("nrk,nrk->nk", turn, turn)
     average = square.mean(axis=1, keepdims=True)
@@ -177,26 +198,21 @@ def _damped(rows: Rows, damping: Floats, size: int) -> _System:
     along = stack[:, :, 0] * turn[:, None, 0]
     for row in range(1, turn.shape[1]):
         along += stack[:, :, row] * turn[:, None, row]
-    flat = stack.reshape(count, columns + 1, -1)
     shrink = 1 / (inner * (1 + np.sqrt(own / inner)))
-    reduced = (stack - along[:, :, None] * (shrink[:, None] * turn)[:, None]).reshape(flat.shape)
+    reduced = stack - along[:, :, None] * (shrink[:, None] * turn)[:, None]
+    reduced = reduced.reshape(count, columns + 1, math.prod(stack.shape[2:]))
     squares = np.einsum("ncm,ncm->nc", reduced[:, :-1], reduced[:, :-1])
     squares = np.where(squares > 0, squares, 1.0)
     part = np.full(columns, _LINEAR_DAMPING)
     part[:size] = 1.0
     ridge = damping[:, None] * part * squares
     upper = np.empty((count, columns + 1, columns + 1))
-    # while the damping is large the squares are well conditioned, and faster
-    coarse = damping > _LEAST_NORMAL
     if coarse.any():
-        try:
-            upper[coarse] = _by_cholesky(reduced[coarse], ridge[coarse], squares[coarse])
-        except np.linalg.LinAlgError:
-            coarse = np.zeros_like(coarse)
+        upper[coarse] = _by_cholesky(reduced[coarse], ridge[coarse], squares[coarse])
     fine = np.flatnonzero(~coarse)
     if fine.size:
         upper[fine] = _by_reflections(reduced[fine], ridge[fine])
-    return _System(flat, turn, along, inner, upper, ridge)
+    return along, inner, upper, ridge
 
 
 def _by_cholesky(reduced: Floats, ridge: Floats, squares: Floats) -> Floats:

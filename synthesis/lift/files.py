@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from synthesis.lift.motion import Motion
 from synthesis.lift.pose import Design, Pose, pose_at_turn
+from synthesis.one_variable import Floats
 from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
 
 PATH_POINTS = 121
@@ -30,9 +31,9 @@ def joints(pose: Pose) -> dict[str, NDArray[np.complex128]]:
     }
 
 
-def columns(moved: Motion) -> dict[str, list[float]]:
+def columns(moved: Motion) -> dict[str, Floats]:
     """What every file and reply lists over the time."""
-    found = {
+    return {
         "time": moved.time,
         "height": moved.pose.height,
         "velocity": moved.velocity,
@@ -40,7 +41,6 @@ def columns(moved: Motion) -> dict[str, list[float]]:
         "cylinder_length": moved.cylinder_length,
         "cylinder_speed": moved.cylinder_speed,
     }
-    return {name: column.tolist() for name, column in found.items()}
 
 
 def design_csv(moved: Motion, closed: float) -> str:
@@ -48,9 +48,9 @@ def design_csv(moved: Motion, closed: float) -> str:
     rows = columns(moved)
     for name in ("A", "B", "C"):
         at = joints(moved.pose)[name]
-        rows |= {f"{name}_x": at.real.tolist(), f"{name}_y": at.imag.tolist()}
+        rows |= {f"{name}_x": at.real, f"{name}_y": at.imag}
     lengths = {**moved.pose.design.as_dict(), "closed_length": closed}
-    rows |= {name: [value] * len(moved.time) for name, value in lengths.items()}
+    rows |= {name: np.full(len(moved.time), value) for name, value in lengths.items()}
     return csv_text(rows, "\n")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from app import bodies
 from app.bodies import MAX_CONTAINERS, MAX_KEYS, MAX_VALUES, json_pieces, read_request
 from app.problems import Invalid, Malformed
-from app.query import ReplyModel
+from app.query import Column, Numbers, Places, ReplyModel
 from app.registry import all_queries
 from app.resources import ServiceResources
 from app.settings import Settings
@@ -103,3 +104,17 @@ def test_a_long_reply_is_sent_in_pieces_and_given_back() -> None:
     asyncio.run(reply({}, None, send))
     assert max(map(len, sent)) < 1 << 19 and sum(map(len, sent)) == reply.size
     assert not reply.pieces
+
+
+@pytest.mark.parametrize("count", [0, 1, 255, 256, 257, 1000])
+def test_numbers_kept_as_an_array_are_written_like_a_list(count) -> None:
+    class Columns(ReplyModel):
+        column: Column
+        places: Places
+
+    values = np.random.default_rng(count).normal(size=(count, 3))
+    values[:1] = np.nan
+    kept = Columns(column=Numbers(values[:, 0]), places=Numbers(values[:, 1:]))
+    told = Columns(column=values[:, 0].tolist(), places=list(map(tuple, values[:, 1:].tolist())))
+    assert b"".join(json_pieces(kept)) == b"".join(json_pieces(told)) == kept.model_dump_json().encode()
+    assert kept.model_dump_json() == told.model_dump_json() and len(kept.column) == count

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.atlas import short_spans, trees
+from synthesis.atlas import path_queries, short_spans, trees
 from synthesis.atlas.index import Index
 from synthesis.atlas.leaders import Leaders
 from synthesis.atlas.legendre import LEAST_SEEN, TAIL, PhasorExpansion, polynomials
@@ -284,3 +284,18 @@ def test_the_index_is_mapped_from_a_file_and_no_answer_comes_from_a_damaged_one(
     damaged = index().opened(1)
     assert damaged is not None
     assert_same(Scan(damaged), target, 10)
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_few_offsets_at_a_time_are_compared_as_all_at_once(name, scans, monkeypatch) -> None:
+    scan = scans[name]
+    found = []
+    for at_once in (1 << 30, 1):
+        monkeypatch.setattr(path_queries, "_AT_ONCE", at_once)
+        part = []
+        for seed in range(3):
+            best, report = scan.best(request(scan, seed, "linkage", 17), 8)
+            part += [*best, report.evaluated]
+        found.append(part)
+    for one, other in zip(*found):
+        np.testing.assert_array_equal(one, other)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.placement import response_to_lengths, scan
-from synthesis.fourbar.rounding import _nearest_first, best_from_stock, round_to_grid
+from synthesis.fourbar.rounding import _nearest_first, best_from_stock, nearest_of, round_to_grid
 from synthesis.fourbar.solution import Solution, assess, mounted
 from synthesis.fourbar.within import within
 from synthesis.target import Target, make_target
@@ -181,6 +182,27 @@ def test_combinations_come_in_the_order_of_their_estimate(seed, count) -> None:
     estimate = np.sum((moved @ triangle.T + right) ** 2, axis=1)
     estimate += (1e-3 * np.abs(triangle).max()) ** 2 * np.sum(moved**2, axis=1)
     assert np.all(np.diff(estimate) >= -1e-9 * estimate.max())
+
+
+def test_combinations_come_as_sorting_all_of_them_has_them() -> None:
+    random = np.random.default_rng(3)
+    upper = np.triu(random.normal(size=(5, 5)))
+    moved = [np.sort(random.normal(size=count)).tolist() for count in (7, 9, 1, 6)]
+    every = np.array(list(itertools.product(*map(range, (7, 9, 1, 6)))))
+    values = np.stack([np.array(column)[places] for column, places in zip(moved, every.T)], axis=1)
+    estimate = np.sum((values @ upper[:4, :4].T + upper[:4, 4]) ** 2, axis=1)
+    assert [tuple(row) for row in every[np.argsort(estimate)]] == list(nearest_of(upper, moved))
+
+
+def test_a_thousand_stock_lengths_take_little_memory() -> None:
+    """A motion that determines the lengths badly: many combinations are as near as the first; they took gigabytes."""
+    upper = np.triu(np.full((5, 5), 1e-4)) + np.diag([1.0, 1e-3, 1e-3, 1e-3, 0])
+    moved = [np.log(np.linspace(0.5, 2, 1000)).tolist()] * 4
+    tracemalloc.start()
+    assert len(list(itertools.islice(nearest_of(upper, moved), 3000))) == 3000
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 60e6
 
 
 def test_the_estimate_is_the_objective_for_small_changes() -> None:

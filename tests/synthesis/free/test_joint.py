@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.grashof_chart import GrashofChart
-from synthesis.free import joint
+from synthesis.free import align, joint
 from synthesis.free.joint import JointProblem, Timed, refine
 from synthesis.free.poses import Poses
 
@@ -157,3 +159,34 @@ def test_a_curved_valley_is_followed_to_its_end() -> None:
     )
     done = refine(problem, start, 60, 1e-10, all_of_them=True)
     assert np.mean(done.cost < 1e-18) > 0.4
+
+
+@pytest.mark.parametrize("damping", [1e-3, 1e-12])
+def test_few_at_a_time_descend_as_all_at_once(damping, monkeypatch) -> None:
+    """By normal equations and by reflections."""
+    problem, timed = candidates(GrashofChart(), rotation=True)
+    many = timed.take(np.arange(12) % 2)
+    many = many._replace(shape=many.shape * np.linspace(0.9, 1.1, 12)[:, None])
+
+    def descended() -> list[np.ndarray]:
+        found = refine(problem, many, 40, damping=damping)
+        return [*found.timed, found.cost]
+
+    at_once = descended()
+    monkeypatch.setattr(joint, "_AT_ONCE", 1)
+    for one, other in zip(at_once, descended()):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("order", ["given", "any"])
+def test_few_at_a_time_are_aligned_as_all_at_once(order, monkeypatch) -> None:
+    problem, timed = candidates(GrashofChart(), rotation=True)
+    problem = JointProblem(replace(problem.poses, ordered=order == "given"), GrashofChart())
+    known = np.array([2, 5, 9])
+    some = timed.take(np.arange(7) % 2)
+    some = some._replace(angles=some.angles[:, known] + np.linspace(0, 0.1, 7)[:, None])
+    at_once = align.aligned(problem, some, known)
+    monkeypatch.setattr(align, "_AT_ONCE", 1)
+    few = align.aligned(problem, some, known)
+    for one, other in zip((*at_once.timed, at_once.cost), (*few.timed, few.cost)):
+        np.testing.assert_array_equal(one, other)
