@@ -2,63 +2,103 @@
 
 from __future__ import annotations
 
+import http.client
+import os
+import re
+import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from benchmarks.largest import MOST_BYTES, QUICK, Largest, requests
-from benchmarks.memory import answered, prepared
-from benchmarks.service import Service, running, serve_command
+from tests.oracles.largest import MOST_BYTES, QUICK, requests
+from tests.oracles.memory import answered
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="elsewhere threads compute, without a limit of memory"
 )
+ROOT = Path(__file__).parents[2]
+PATIENCE = 120.0
 LARGEST = requests()
-SETTINGS = {"workers": 1, "request_memory_bytes": MOST_BYTES}
+NEEDS_ROCKERS = "match: rocker"
+
+
+class Running:
+    """A service with one worker."""
+
+    def __init__(self, process: subprocess.Popen[bytes], port: int) -> None:
+        self.process, self.port = process, port
+
+    def ask(self, path: str, content: bytes) -> tuple[int, bytes]:
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
+        connection.request("POST", path, content, {"Content-Type": "application/json"})
+        reply = connection.getresponse()
+        status, body = reply.status, reply.read()
+        connection.close()
+        return status, body
+
+    def check(self, name: str) -> None:
+        seen = answered(self.process.pid, self.ask, LARGEST[name])
+        assert seen.status == 200, seen.reply
+        assert seen.peak <= MOST_BYTES
+
+
+@contextmanager
+def serving(folder: Path, *options: str) -> Iterator[Running]:
+    log = folder / "log"
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith("LINKAGE_ATLAS_")}
+    environment = {**inherited, "LINKAGE_ATLAS_REQUEST_MEMORY_BYTES": str(MOST_BYTES)}
+    command = [sys.executable, "-m", "app.start", "serve", "--port", "0", "--workers", "1", *options]
+    with log.open("w") as file:
+        process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=file, stderr=file)
+    try:
+        begin = time.monotonic()
+        while not (found := re.search(r"running on http://127.0.0.1:(\d+)", log.read_text())):
+            assert process.poll() is None and time.monotonic() - begin < PATIENCE, log.read_text()
+            time.sleep(0.02)
+        yield Running(process, int(found[1]))
+    finally:
+        process.terminate()
+        assert process.wait(PATIENCE) == 0
 
 
 def kinds(atlas: bool) -> list:
     """Names of requests that do or do not need an atlas; the default run takes those that are answered soon."""
-    return [
-        pytest.param(name, marks=[] if name in QUICK else [pytest.mark.wide])
-        for name, request in LARGEST.items()
-        if request.atlas is atlas
-    ]
+    names = [name for name, request in LARGEST.items() if request.atlas is atlas]
+    return [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.wide]) for name in names]
 
 
 @pytest.fixture(scope="module")
-def service() -> Iterator[Service]:
+def service(tmp_path_factory) -> Iterator[Running]:
     """Without an atlas."""
-    with running(serve_command, with_atlas=False, **SETTINGS) as service:
-        yield service
+    with serving(tmp_path_factory.mktemp("memory"), "--no-atlas") as running:
+        yield running
 
 
 @pytest.fixture(scope="module")
-def service_with_atlas(atlas_path: Path, tmp_path_factory) -> Iterator[Service]:
-    """With the default atlas, and all that is prepared of it."""
-    copy = tmp_path_factory.mktemp("memory") / "atlas.h5"
-    copy.symlink_to(atlas_path)
-    with running(serve_command, atlas=copy, **SETTINGS) as service:
-        prepared(service)
-        yield service
+def service_with_atlas(atlas_path, tmp_path_factory) -> Iterator[Running]:
+    """With the default atlas, its index beside it, and all that is prepared of it."""
+    folder = tmp_path_factory.mktemp("memory")
+    os.link(atlas_path, folder / "atlas.h5")
+    subprocess.run(
+        [sys.executable, "-m", "app.start", "index", "--atlas", str(folder / "atlas.h5")], cwd=ROOT, check=True
+    )
+    with serving(folder, "--atlas", str(folder / "atlas.h5")) as running:
+        assert running.ask(LARGEST[NEEDS_ROCKERS].path, LARGEST[NEEDS_ROCKERS].content)[0] == 200
+        yield running
 
 
 @pytest.mark.parametrize("name", kinds(atlas=False))
 def test_the_largest_request_is_answered_with_little_memory(name, service) -> None:
-    check(service, LARGEST[name])
+    service.check(name)
 
 
 @pytest.mark.parametrize("name", kinds(atlas=True))
 def test_the_largest_request_to_the_atlas_is_answered_with_little_memory(name, service_with_atlas) -> None:
-    check(service_with_atlas, LARGEST[name])
-
-
-def check(service: Service, request: Largest) -> None:
-    seen = answered(service, request)
-    assert seen.status == 200, seen.reply
-    assert seen.peak <= MOST_BYTES
+    service_with_atlas.check(name)
 
 
 def test_every_route_that_computes_has_a_largest_request() -> None:

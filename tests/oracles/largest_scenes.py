@@ -1,4 +1,4 @@
-"""The largest requests of the scenes, for `benchmarks.largest`."""
+"""The largest requests of the scenes, for `tests.oracles.largest`."""
 
 from __future__ import annotations
 

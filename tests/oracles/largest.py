@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks import largest_scenes
-from benchmarks.product import coupler_angle
+from synthesis.fourbar.kinematics import coupler_angle
+from tests.oracles import largest_scenes
 
 MOST_BYTES = 150_000_000
 """That no request within its documented sizes needs more of, above an idle process."""
