@@ -7,7 +7,7 @@ ATLAS ?= atlas.h5
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help run test tests fault audit parts lock lint style types map report accept poses function limits stability studies bench docs scenes clean setup
+.PHONY: help run test tests fault audit parts lock lint style types map report accept everyday poses function limits stability studies bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -22,6 +22,7 @@ help:
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
+	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
 	@echo "make poses      poses and paths without crank angles: docs/free_timing.md (an hour)"
 	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
 	@echo "make function   function generation: docs/function.md (an hour)"
@@ -118,6 +119,9 @@ report: $(READY)
 
 accept: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.acceptance --cases 1000
+
+everyday: $(READY)
+	$(BIN)/python -m benchmarks.everyday
 
 poses: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,baselines]'

@@ -219,7 +219,7 @@ class _Search:
             if found.reached or work.expired():
                 return found.reached
             next(exact, None)
-        for _ in exact:
+        for _ in exact if self.most == np.inf else ():
             if found.reached or work.expired():
                 return found.reached
         return not work.expired()
