@@ -177,7 +177,13 @@ def draw(results: dict) -> None:
     draw_paths()
     draw_map()
     with figure("knotter_errors.png", size=(7.6, 4.6)) as (_, (axes,)):
-        for start in ("scan, sum of angles", "scan, orientations", "scan, straight line", "cells"):
+        for start in (
+            "scan, sum of angles",
+            "scan, orientations",
+            "scan, straight line",
+            "grid of 5 deg and Brent",
+            "cells",
+        ):
             rows = [row for row in results["events"] if row["method"].startswith(start)]
             curve(axes, rows, "ms_per_pair", "max_error_deg", "o-", lw=1.2, label=start)
             for row in rows:
