@@ -188,8 +188,8 @@ def draw(results: dict) -> None:
             curve(axes, rows, "ms_per_pair", "max_error_deg", "o-", lw=1.2, label=start)
             for row in rows:
                 place = row["ms_per_pair"], row["max_error_deg"]
-                note(axes, row["method"].split(", ")[-1], place, (6, 6), fontsize=7.5)
-        axes.set(xscale="log", yscale="log", ylim=(1e-14, 30))
+                note(axes, row["method"].split(", ")[-1], place, (6, -14 if start == "cells" else 6), fontsize=7.5)
+        axes.set(xscale="log", yscale="log", ylim=(3e-15, 30))
         axes.set(xlabel="time per pair, ms of one core", ylabel="largest error of the entry, degrees")
         axes.margins(x=0.18)
         axes.legend(loc="center right")
