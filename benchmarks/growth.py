@@ -180,15 +180,10 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     ]
     default = [row for row in rows if row["perimeter"] == DEFAULT]
     compared = [*default, wide, *(row for row in every if row["types"] > wide["types"])]
-    slopes = []
-    for name in SPANS:
-        alike = [row for row in compared if "spans_bytes" in row] if name == "short" else compared
-        slopes.append(slope([row["types"] for row in alike], [row[f"{name}_ms"] for row in alike]))
     percentile = "; their 99th percentile is the largest of them" if requests < 100 else ""
     cores = rows[-1]["made"]["machine"]["cores"]
     return {
         **report.tables("growth", {"build": told, "served": told, "spans": compared}),
-        "span_exponents": ", ".join(f"{name} {value:.2f}" for name, value in zip(SPANS, slopes)),
         "requests": f"{requests} requests to each atlas, {cores} cores{percentile}.",
         "exponents": report.lines(["quantity ~ types^e", "e, all perimeters", f"e, from {LARGE} on"], grown),
         "refusal": refusal_text(results["refusal"]),

@@ -1,18 +1,20 @@
 """Measures the knotter and draws its pictures: ``python -m benchmarks.knotter`` (about a minute).
 
-Seeded; only the times differ from run to run. Every method works on arrays of all steps of many pairs at once, and gets
-the positions from the same chain: times compare ways to decide and to locate, not ways to program.
+Seeded; only the times differ from run to run. Every method but Brent's works on arrays of all steps of many pairs at once, and
+gets the positions from the same chain: times compare ways to decide and to locate, not ways to program.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import partial
 from typing import Any
 
 import mpmath as mp
 import numpy as np
+from scipy.optimize import brentq
 
 from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, draw, pairs_of  # noqa: F401 - `render` calls draw
 from benchmarks.report import lines, paired, ratio, repeat, run, tables
@@ -125,14 +127,59 @@ def scanned(items: Mechanism, count: int, step: float, way: str = "orientations"
     return np.concatenate(found)
 
 
+def rope_of(alpha1: float, alpha3: float) -> Callable[[float], tuple]:
+    """S0 and S1 in u4 over the bill's angle: the chain of the default machine, written out for one angle at a time."""
+    sizes, senses, law = d_knotter.mechanism().parameters, d_knotter.SENSES, d_knotter.reference_laws()["beta"]
+    x, _, z = d_knotter.POINTS["S0"]
+    first, third, second = -senses["alpha"] * alpha1, -senses["alpha"] * alpha3, d_knotter.ALPHA2
+    c1, s1, c3, s3, c2, s2 = (part(angle) for angle in (first, third, second) for part in (math.cos, math.sin))
+    c13, s13 = c1 * c3 - s1 * s3, s1 * c3 + c1 * s3
+    y = -sizes["D"] * c13 + sizes["d1"] * s3
+    low = -sizes["D"] * s13 - sizes["d1"] * c3
+
+    def ends(alpha: float) -> tuple:
+        beta = senses["beta"] * (law.lead + law.ratio * alpha)
+        across, up = math.cos(beta) * x + math.sin(beta) * z, math.cos(beta) * z - math.sin(beta) * x
+        i, j, k = across + sizes["d5"], y - s13 * up, low + c13 * up
+        i, k = c2 * i + s2 * k, c2 * k - s2 * i + sizes["d6"]
+        c, s = math.cos(alpha), math.sin(alpha)
+        return (c * i - s * j, s * i + c * j, k), d_knotter.POINTS["S1"]
+
+    return ends
+
+
+def bracketed(items: Mechanism, count: int, step: float = 5.0) -> np.ndarray:
+    """The entries by the first inside of a grid: the last root by Brent's method of the orientations that changed before it."""
+    driver, corners = np.radians(np.arange(0.0, 180.0, step)), [d_knotter.POINTS[name] for name in ("S3", "S4", "S5")]
+    item, row = np.arange(count), np.arange(count)
+    signs = as_array(
+        orientations(*d_knotter.wrap().positions(items.item(item[:, None]), driver)), (count, len(driver))
+    )
+    hits = inside(signs)
+    at = np.argmax(hits, axis=1)
+    changed = signs[:, row, at - 1] * signs[:, row, at] < 0
+    angles = [np.broadcast_to(items.parameters[name], (count,)).tolist() for name in ("alpha1", "alpha3")]
+    entry = np.full(count, np.nan)
+    for number in np.flatnonzero(hits[row, at]):
+        ends = rope_of(*(angle[number] for angle in angles))
+        low, high = driver[at[number] - 1], driver[at[number]]
+
+        def sign(alpha: float, which: int, ends: Callable = ends) -> float:
+            return orientations(*ends(alpha), *corners)[which]
+
+        rooted = np.flatnonzero(changed[:, number])
+        entry[number] = max(brentq(sign, low, high, args=(which,), xtol=1e-14) for which in rooted)
+    return entry
+
+
 def cells(items: Mechanism, count: int) -> np.ndarray:
     """The entries of the product."""
     return d_knotter.wrap().evaluate(items, count).enter
 
 
-def one_by_one(items: Mechanism, count: int) -> np.ndarray:
+def one_by_one(items: Mechanism, count: int, entries: Callable = cells) -> np.ndarray:
     """The same, a call for each pair."""
-    return np.concatenate([cells(items.item(np.array([row])), 1) for row in range(count)])
+    return np.concatenate([entries(items.item(np.array([row])), 1) for row in range(count)])
 
 
 def event_errors() -> list[dict]:
@@ -148,8 +195,10 @@ def event_errors() -> list[dict]:
     methods: dict[str, Any] = {"cells, 900 pairs at once": cells, "cells, one pair at a time": one_by_one}
     for way, steps in (("sum of angles", (1, 0.1)), ("orientations", (1, 0.1, 0.01)), ("straight line", (1, 0.1))):
         methods |= {f"scan, {way}, {step:g} deg": partial(scanned, step=step, way=way) for step in steps}
+    methods["grid of 5 deg and Brent, 900 pairs at once"] = bracketed
+    methods["grid of 5 deg and Brent, one pair at a time"] = partial(one_by_one, entries=bracketed)
     times = {
-        name: repeat(lambda method=method: method(many, count), 1 if method is one_by_one else 5).least.processor
+        name: repeat(lambda method=method: method(many, count), 1 if "one pair" in name else 5).least.processor
         for name, method in methods.items()
     }
     return [

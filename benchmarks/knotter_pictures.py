@@ -177,13 +177,19 @@ def draw(results: dict) -> None:
     draw_paths()
     draw_map()
     with figure("knotter_errors.png", size=(7.6, 4.6)) as (_, (axes,)):
-        for start in ("scan, sum of angles", "scan, orientations", "scan, straight line", "cells"):
+        for start in (
+            "scan, sum of angles",
+            "scan, orientations",
+            "scan, straight line",
+            "grid of 5 deg and Brent",
+            "cells",
+        ):
             rows = [row for row in results["events"] if row["method"].startswith(start)]
             curve(axes, rows, "ms_per_pair", "max_error_deg", "o-", lw=1.2, label=start)
             for row in rows:
                 place = row["ms_per_pair"], row["max_error_deg"]
-                note(axes, row["method"].split(", ")[-1], place, (6, 6), fontsize=7.5)
-        axes.set(xscale="log", yscale="log", ylim=(1e-14, 30))
+                note(axes, row["method"].split(", ")[-1], place, (6, -14 if start == "cells" else 6), fontsize=7.5)
+        axes.set(xscale="log", yscale="log", ylim=(3e-15, 30))
         axes.set(xlabel="time per pair, ms of one core", ylabel="largest error of the entry, degrees")
         axes.margins(x=0.18)
         axes.legend(loc="center right")

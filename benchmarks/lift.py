@@ -12,26 +12,27 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from benchmarks import lift_pictures as pictures
 from benchmarks import report
 from benchmarks.lift_pictures import CYLINDER, DESIGNS, POSES, REFERENCE, task
-from benchmarks.report import Times, ends, percent
+from benchmarks.report import Times, ends, percent, repeat
 from synthesis.lift.loops import condition, largest_residual, smallest_condition, velocity_by_instant_centre
 from synthesis.lift.motion import acceleration, motion, stroke, velocity
 from synthesis.lift.objective import Evaluator, Objective, Task, equation_residuals, project
 from synthesis.lift.optimum import Optimum, optimize, optimize_batch
 from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
-from synthesis.lift.published import ARMS, FITTED, STROKE, published_for
+from synthesis.lift.published import ARMS, FITTED, SLOPE_STEP, STROKE, published_for
 from tests.oracles import lift as oracle
 
 ROUNDINGS = 5_000
+EVEN = 310
+"""n of the comparisons: heights 1 mm apart."""
 
 
 def adaptive(design: Design, method: str, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Times and states of an integration of (14) with steps of its own choice."""
-    from scipy.integrate import solve_ivp
-
     equation, start = oracle.Loops(design).equation(CYLINDER), oracle.start_state(design, CYLINDER)
     even = np.linspace(0.0, float(stroke(design, CYLINDER).duration), 573)
     options = {"rtol": tolerance, "atol": 1e-3 * tolerance, "t_eval": even}
@@ -53,13 +54,13 @@ def measure_integration() -> Iterator[dict[str, Any]]:
     adaptives = (("RK45", 1e-3), ("RK45", 1e-6), ("DOP853", 1e-10))
     cases += [(method, f"rtol = {rtol:g}", adaptive, method, rtol) for method, rtol in adaptives]
     for (name, design), (method, setting, run, *options) in product(DESIGNS.items(), cases):
-        clock = Times()
-        times, states = clock.run(run, design, *options)
-        for _ in range(4 if clock.wall[0] < 0.5 else 0):
+        clock, first = Times(), Times()
+        times, states = first.run(run, design, *options)  # warms up, and is not counted
+        for _ in range(5 if first.wall[0] < 0.5 else 2):
             clock.run(run, design, *options)
         error, residual = oracle.integration_error(design, CYLINDER, times, states)
         reached = times[times <= stroke(design, CYLINDER).duration]
-        closed = report.repeat(partial(motion, design, CYLINDER, reached)).least.processor
+        closed = repeat(partial(motion, design, CYLINDER, reached)).least.processor
         seconds, diverged = clock.least.processor, np.isnan(error)
         row = {"design": name, "method": method, "setting": setting, "times": len(reached), "seconds": seconds}
         row |= {"height_error": None if diverged else error, "loop_residual": None if diverged else residual}
@@ -80,8 +81,8 @@ def measure_closed_form() -> Iterator[dict[str, Any]]:
         some = zip(moved.cylinder_length[::1144].tolist(), moved.pose.height[::1144].tolist())
         error = max(abs(float(exact.height_at_length(length) - height)) for length, height in some)
         row = {"design": name, "largest_residual": largest_residual(moved), "height_error": error}
-        row["by_turn_ms"] = 1e3 * report.repeat(partial(by_turn, design, turns)).least.processor
-        row["from_time_ms"] = 1e3 * report.repeat(partial(motion, design, CYLINDER, samples=POSES)).least.processor
+        row["by_turn_ms"] = 1e3 * repeat(partial(by_turn, design, turns)).least.processor
+        row["from_time_ms"] = 1e3 * repeat(partial(motion, design, CYLINDER, samples=POSES)).least.processor
         yield row
 
 
@@ -101,6 +102,29 @@ def measure_published() -> dict:
     closed_l5 = initial.l5 + equation_residuals(initial, CYLINDER.length, *STROKE)["(32) closure"]
     found = {"samples": ROUNDINGS, "least": values.min(), "most": values.max(), **sums}
     return {**found, "closed_l5_of_initial": closed_l5}
+
+
+def measure_steps() -> dict[str, Any]:
+    """How far the printed f of five lengths are met for a number n of steps, and the n for which each printed arm is best.
+
+    Least squares over n of the values on the constraints; an arm is best where f along l2 = l4 is stationary.
+    """
+    arms = {length: arm for length, arm in ARMS.items() if length not in FITTED}
+    printed = np.array([REFERENCE["table_2"][f"{length:g}"]["printed"] for length in arms])
+
+    def f(n: int, length: float, stretch: float = 1.0) -> float:
+        wanted = task(Objective("discrete", n), cylinder=Cylinder(length, CYLINDER.speed))
+        return float(Evaluator(wanted)(project(stretch * arms[length], stretch * arms[length], length, *STROKE)))
+
+    def slope(n: int, length: float) -> float:
+        return f(n, length, 1 + SLOPE_STEP) - f(n, length, 1 - SLOPE_STEP)
+
+    misses = {n: np.array([f(n, length) for length in arms]) - printed for n in range(290, 341)}
+    rms = {n: float(np.sqrt(np.mean(miss**2))) for n, miss in misses.items()}
+    best = min(rms, key=lambda n: rms[n])
+    stationary = [min(range(100, 341), key=lambda n: abs(slope(n, length))) for length in arms]
+    found = {"fitted": best, "rms_fitted": rms[best], "even": EVEN, "rms_even": rms[EVEN]}
+    return found | {"most_even": float(np.max(np.abs(misses[EVEN]) / printed)), "stationary": stationary}
 
 
 def relative_error(value: float, exact: Any) -> float:
@@ -247,10 +271,14 @@ def blocks(results: dict) -> dict[str, str]:
     scaled = [row["printed_f"] / row["speed"] ** 2 for row in table_2 if row["length"] == CYLINDER.length]
     normalized = [row for row in optima if row["kind"] == "normalized"]
     finest = [row for row in integration if (row["method"], row["setting"]) == ("RK4", "h = 0.0001 s")]
+    steps = results["steps"]
     shares = [f"{percent(share, 3)} within ±{width}" for width, share in published["share_within"].items()]
     words = {
         "rounding": f"{digits['least']:.0f} to {digits['most']:.0f} in {digits['samples']:,} random roundings",
         "lost": f"{ends([100 * (1 - row['f'] / row['f_of_published']) for row in table_2])} %",
+        "steps": f"n = {steps['fitted']} (rms {steps['rms_fitted']:.2f})",
+        "steps_even": f"{steps['rms_even']:.2f}, at most {percent(steps['most_even'])}",
+        "steps_stationary": f"{min(steps['stationary'])} to {max(steps['stationary'])}",
         "our_arms": ends([row["design"]["l2"] for row in by_length]),
         "printed_arms": ends([row["printed_l2"] for row in by_length]),
         "speed_violation": percent(max(scaled) / min(scaled) - 1),
@@ -285,6 +313,7 @@ def measure() -> Iterator[dict[str, Any]]:
         "integration": list(measure_integration()),
         "closed_form": list(measure_closed_form()),
         "published": measure_published(),
+        "steps": measure_steps(),
         "stability": measure_stability(),
         "table_2": list(measure_table_2()),
         "optima": optima,

@@ -80,10 +80,9 @@ def measure(
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The table, and what it is of."""
-    per = 1000 * results["single"] / results["requests"]
     of = (
-        f"{results['requests']:,} requests, the best of {results['rounds']} rounds; a single one takes {per:.1f} ms of the "
-        f"processor in a warm process. Other work on the machine when it began: a load of {results['load']:.1f}."
+        f"{results['requests']:,} requests, the best of {results['rounds']} rounds. Other work on the machine "
+        f"when it began: a load of {results['load']:.1f}."
     )
     return report.tables("many_requests", {"studies": results["rows"]}) | {"of": of}
 

@@ -182,8 +182,8 @@ def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[
         text = f"J {{objective:.1e}}, {{reached}} of {len(compared)} below 1e-9; "
         text += "reported J off by {disagreement:.1e} ({roundings:.0f} roundings)"
         if gaps:
-            text += f"; lengths off by up to {{length_gap:.1e}}, {{within_said}} of {len(gaps)} within what the reply says"
-            text += "; called ill-posed {ill_posed} times"
+            text += f"; lengths off by up to {{length_gap:.1e}}, {{within_said}} of {len(gaps)} within ten times what the "
+            text += "reply says; called ill-posed {ill_posed} times"
         yield row(name, len(compared), text, numbers, **place)
 
 

@@ -267,3 +267,18 @@ def test_angles_for_a_length_meet_where_the_length_is_largest() -> None:
     assert needle.lay(low) == pytest.approx(top - 1e-9, abs=1e-12)
     assert needle.lay(high) == pytest.approx(top - 1e-9, abs=1e-12)
     assert needle.angles_for_lay(top + 1e-9) == []
+
+
+# what docs/knotter.md says of the source's words
+
+
+def test_alpha2_is_an_angle_of_a_sequence_and_d6_acts_along_k() -> None:
+    """k0 in the shaft's frame: alpha3 is its angle in the plane j1 k1, alpha2 not the one in i1 k1, which is 8.81 degrees."""
+    machine = at_pair(0, 25, points={"S5": (0.0, 0.0, 0.0), "S7": (0.0, 0.0, 1.0)})
+    foot, tip = (np.array(machine.position(name, "shaft", 0.0), dtype=float) for name in ("S5", "S7"))
+    i, j, k = tip - foot
+    assert np.degrees(np.arctan2(abs(j), k)) == pytest.approx(25, abs=1e-12)
+    assert np.degrees(np.arctan2(abs(i), k)) == pytest.approx(8.8146, abs=1e-4)
+    # o1 lies d6 above the plane i0 o0 j0; tip - foot is good to the rounding of 142 mm, 3e-14, times d6
+    assert (tip - foot) @ (0 - foot) == pytest.approx(d_knotter.PUBLISHED_LENGTHS["d6"], abs=1e-11)
+    assert "8.81°" in (Path(__file__).parents[3] / "docs" / "knotter.md").read_text()
