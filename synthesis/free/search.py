@@ -176,7 +176,7 @@ class _Search:
         if family != "any":
             return self._among(family)
         # what turns fully first, so that the larger family is never worse; but an exact one of any family is seen at once
-        if self.dyads:
+        if self.dyads and (self.poses.full.size > FEW or self.poses.full.size == self.poses.samples):
             pool = next(search_motion(self.poses, family, self.found.tolerance, self.work))
             if pool.least <= self.found.tolerance:
                 self._keep_dyads(pool, family)
