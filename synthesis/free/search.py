@@ -164,7 +164,10 @@ class _Search:
         self.most = np.inf if rounds is None else rounds
         self.screens, self.windows = screens, windows
         self.seeds = 0
+        few = poses.full.size <= FEW and poses.full.size < poses.samples
         self.dyads = poses.full.size >= _FEWEST_FULL or poses.full.size == poses.samples
+        self._sampled = self.dyads and few
+        """Whether dyads are drawn at random, since infinitely many fit the few full samples."""
         if not (self.dyads or poses.ordered):
             raise FieldError(
                 "/order", "'any' needs rotation and position at three samples or more: a path has an order"
@@ -176,7 +179,7 @@ class _Search:
         if family != "any":
             return self._among(family)
         # what turns fully first, so that the larger family is never worse; but an exact one of any family is seen at once
-        if self.dyads and (self.poses.full.size > FEW or self.poses.full.size == self.poses.samples):
+        if self.dyads and not self._sampled:
             pool = next(search_motion(self.poses, family, self.found.tolerance, self.work))
             if pool.least <= self.found.tolerance:
                 self._keep_dyads(pool, family)
@@ -191,6 +194,8 @@ class _Search:
         guesses = self._guesses(near, family) if self.poses.ordered else iter(())
         begin: list[Timed] = []
         pool = None
+        if self._sampled:  # a round of theirs takes long: something is known before
+            begin += islice(guesses, 1)
         for pool in search_motion(self.poses, family, found.tolerance, work) if self.dyads else ():
             self._keep_dyads(pool, family)
             if found.reached:
