@@ -133,7 +133,6 @@ def search_free(
     for chart, pool in found.pools.items():
         solutions += solutions_of(poses, pool, chart, limits, top, tolerance)
     if len(found.pools) > 1:
-        solutions.sort(key=lambda one: max(one.errors.objective, tolerance))
         solutions = distinct(
             solutions, top, APART, order=lambda one: max(one.errors.objective, tolerance), exact=tolerance
         )
