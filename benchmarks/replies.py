@@ -104,11 +104,13 @@ class Looks:
         Work.expired, Work.__init__ = look, begin  # type: ignore[method-assign]
 
 
-def answers(atlas: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+def answers(atlas: Path, only: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
     """Each request's name and what came back."""
     Looks()
     with TestClient(create_app(Settings(atlas=atlas, index=False, prepare_positions=False))) as client:
         for asked in requests():
+            if only not in asked.name:
+                continue
             reply = client.request(asked.method, asked.path, json=asked.body if asked.method == "POST" else None)
             media = reply.headers.get("content-type", "")
             body = reply.json() if "json" in media else _undated(reply.text)
@@ -151,9 +153,9 @@ def main() -> None:
             for name, reply in answers(options.atlas):
                 file.write(json.dumps([name, reply]) + "\n")
         return
-    before = dict(json.loads(line) for line in options.file.open())
+    before = {name: reply for name, reply in map(json.loads, options.file.open()) if options.only in name}
     changed = 0
-    for name, reply in answers(options.atlas):
+    for name, reply in answers(options.atlas, options.only):
         found = list(differences(before.pop(name, None), json.loads(json.dumps(reply))))
         changed += bool(found)
         for row in found[:5]:
