@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -119,7 +118,7 @@ def answers(atlas: Path, only: str = "") -> Iterator[tuple[str, dict[str, Any]]]
 
 def _undated(text: str) -> str:
     """A file, of a DXF its entities: its head says when it was written."""
-    return re.sub(r"(?s)^  0\nSECTION\n  2\nHEADER.*?ENTITIES\n", "", text)
+    return text.split("ENTITIES\n")[-1].split("ENDSEC")[0] if text.startswith("  0\nSECTION") else text
 
 
 def differences(was: Any, now: Any, place: str = "") -> Iterator[str]:
