@@ -350,7 +350,7 @@ class Constraints:
             columns.family("family", limits.family)
         if limits.transmission_angle_min_turn:
             least = limits.transmission_angle_min_turn
-            columns.transmission("transmission_angle_min_turn", least, every=limits.family != "any")
+            columns.transmission("transmission_angle_min_turn", least, every=self.smooth and limits.family != "any")
         if limits.link_min is not None:
             columns.lengths("link_min", _EVERY, 1.0, -limits.link_min / self.scale)
         if limits.link_max is not None:
