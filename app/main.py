@@ -59,7 +59,7 @@ def create_app(
     app.add_middleware(Doors, hosts=settings.allowed_hosts)
     problems.install(app)
     app.state.turnstile = turnstile
-    computed.install(app, computing)
+    computed.install(app, computing, settings)
     _add_queries(app, motion_queries())
     questions = app.state.questions
     questions.later("/v1/function", lambda: _add_function(app))
