@@ -6,7 +6,7 @@ import asyncio
 import threading
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -21,6 +21,7 @@ from starlette.responses import Response
 from app import bodies, problems
 from app.query import RequestModel, Resources
 from app.resources import ServiceResources, give_back_memory
+from app.settings import Settings
 from app.turnstile import Turnstile
 
 SMALL = 4096
@@ -99,15 +100,71 @@ class Threads:
         return await self._turnstile.run(request, question.timed, body, self._resources, long)
 
 
+class LargeBodies:
+    """Large bodies are received a few at a time, at most half of them from one address; the others stay with their senders.
+
+    Parameters
+    ----------
+    places : int
+    seconds : float
+        In which a body must be there. Where others wait, one that has been coming for `PATIENCE` seconds and is too slow for that
+        loses its place.
+    """
+
+    PATIENCE = 1.0
+
+    def __init__(self, places: int, seconds: float) -> None:
+        self._places, self._seconds = places, seconds
+        self._coming: list[_Coming] = []
+        self._left = asyncio.Event()
+
+    async def read(self, request: Request) -> bytes:
+        """The body of a request; raises `problems.SlowBody`."""
+        here, length = request.client.host if request.client else "", request.headers.get("content-length", "")
+        while len(self._coming) >= self._places or self._of(here) >= self._places // 2:
+            self._left.clear()
+            now = asyncio.get_running_loop().time()
+            late = [one for one in self._coming if one.late(now, self._seconds) and one.begin + self.PATIENCE < now]
+            for one in sorted(late, key=lambda one: len(one.body))[:1]:
+                one.time.reschedule(now)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._left.wait(), self.PATIENCE / 4)
+        try:
+            async with asyncio.timeout(None) as time:
+                coming = _Coming(here, int(length) if length.isdecimal() else LARGE, time)
+                self._coming.append(coming)
+                async for part in request.stream():
+                    coming.body += part
+            return bytes(coming.body)
+        except TimeoutError:
+            raise problems.SlowBody from None
+        finally:
+            self._coming.remove(coming)
+            self._left.set()
+            give_back_memory(every=1.0)
+
+    def _of(self, address: str) -> int:
+        return sum(one.address == address for one in self._coming)
+
+
+class _Coming:
+    """A body that is being received."""
+
+    def __init__(self, address: str, size: int, time: asyncio.Timeout) -> None:
+        self.address, self.size, self.time = address, size, time
+        self.begin, self.body = asyncio.get_running_loop().time(), bytearray()
+
+    def late(self, now: float, seconds: float) -> bool:
+        """Whether it will not be there in so many seconds if it goes on as it came."""
+        return len(self.body) * seconds < self.size * (now - self.begin)
+
+
 async def _content(request: Request) -> bytes:
     length = request.headers.get("content-length", "")
     if length.isdecimal() and int(length) <= LARGE:
         return await request.body()
-    try:
-        async with request.app.state.large:
-            return await request.body()
-    finally:
-        give_back_memory(every=1.0)
+    content: bytes = await request.app.state.large.read(request)
+    return content
 
 
 class _QuestionRoute(APIRoute):
@@ -117,11 +174,12 @@ class _QuestionRoute(APIRoute):
         return self.endpoint  # type: ignore[return-value]
 
 
-def install(app: FastAPI, computing: Computing) -> None:
+def install(app: FastAPI, computing: Computing, settings: Settings) -> None:
     """What the routes of `add` need."""
+    bodies.Held.most = settings.reply_memory_bytes
     app.state.computing = computing
     app.state.questions = {}
-    app.state.large = asyncio.Semaphore(16)
+    app.state.large = LargeBodies(16, settings.body_seconds)
 
 
 def add(app: FastAPI, question: Question, name: str, **described: Any) -> None:

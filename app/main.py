@@ -57,7 +57,7 @@ def create_app(
     app.add_middleware(Doors, hosts=settings.allowed_hosts)
     problems.install(app)
     app.state.turnstile = turnstile
-    computed.install(app, computing)
+    computed.install(app, computing, settings)
     for query in all_queries():
         _add_query(app, query)
     export.install(app, _PROBLEM_RESPONSES, worked_example())

@@ -6,6 +6,7 @@ A reply never repeats the input, so values that JSON cannot hold (NaN, lone surr
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterable, Sequence
 from http import HTTPStatus
 from typing import Any
@@ -24,6 +25,7 @@ from starlette.types import Receive, Scope, Send
 from app.query import MAX_ERRORS, Invalid
 from linkage_atlas import AtlasError, AtlasFault, Cancelled, FieldError, OutOfTime
 
+log = logging.getLogger("uvicorn.error")
 MAX_POINTER = 200
 """Longest part of a pointer in characters: a field's name is the client's and may be of any length."""
 
@@ -51,8 +53,24 @@ SCHEMA: dict[str, Any] = {
 """JSON schema of a problem, for the API's description."""
 
 
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+"""Of every reply that does not set them itself."""
+
+
 class Overloaded(Exception):
     """More requests wait than the service lets wait."""
+
+
+class Unread(Exception):
+    """Replies that their clients do not take hold all the memory that there is for them."""
+
+
+class SlowBody(Exception):
+    """A large body that came so slowly that another took its place."""
 
 
 class Malformed(Exception):
@@ -115,7 +133,7 @@ def problem(
 
 def raw(status: int, detail: str) -> bytes:
     """A problem as the bytes of a whole HTTP reply, for what is refused before it is a request."""
-    reply = problem(status, detail, headers={"Connection": "close", "X-Content-Type-Options": "nosniff"})
+    reply = problem(status, detail, headers={"Connection": "close", **HEADERS})
     lines = [
         f"HTTP/1.1 {status} {HTTPStatus(status).phrase}".encode(),
         *(b": ".join(row) for row in reply.raw_headers),
@@ -176,6 +194,8 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     AtlasError: _atlas,
     NotFound: lambda error: problem(404, str(error)),
     Overloaded: _later(1, "too many requests are waiting"),
+    Unread: _later(2, "too many replies wait for their clients to read them"),
+    SlowBody: lambda _: problem(408, "the body came too slowly, and others wait", headers={"Connection": "close"}),
     Ending: _later(5, "the service is ending"),
     OutOfTime: _later(5, "the answer took longer than this service allows"),
     Died: _later(1, "the process that computed this answer has ended before it; the service's log says how"),
@@ -196,8 +216,12 @@ def reply_to(error: Exception) -> Response:
 def install(app: FastAPI) -> None:
     """Register the replies on an application."""
 
-    async def handle(_: Request, error: Exception) -> Response:
-        return reply_to(error)
+    async def handle(request: Request, error: Exception) -> Response:
+        reply = reply_to(error)
+        if reply.status_code == 503 and not isinstance(error, Overloaded):
+            sent = request.headers.get("content-length", "unknown")
+            log.warning("503 to %s (%s bytes): %s", request.url.path, sent, type(error).__name__)
+        return reply
 
     for kind in _REPLIES:
         app.add_exception_handler(kind, handle)

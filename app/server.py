@@ -13,7 +13,7 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
-from app.connections import BACKLOG, protocol_of
+from app.connections import BACKLOG, cut_addresses, protocol_of
 from app.doors import LOOPBACK
 from app.exits import Exit
 from app.main import create_app
@@ -130,6 +130,7 @@ def _server(settings: Settings, app: FastAPI) -> _Server:
         forwarded_allow_ips=settings.trusted_proxies or None,
         timeout_graceful_shutdown=max(1, int(settings.ending_seconds - _LAST_SECOND)),
     )
+    logging.getLogger("uvicorn.access").addFilter(cut_addresses)
     server = _Server(config)
     server.seconds = settings.ending_seconds
     return server

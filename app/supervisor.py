@@ -33,7 +33,8 @@ _LOOK_SECONDS = 0.5
 """At most, between two looks at who has ended and whether the time is up."""
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGCHLD)
+_ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_SIGNALS = (*_ENDS, signal.SIGCHLD)
 log = logging.getLogger("uvicorn.error")
 
 
@@ -66,15 +67,16 @@ class Supervisor:
         self._front: int | None = None
 
     def run(self) -> int:
-        """Until SIGINT or SIGTERM; returns the exit code."""
+        """Until SIGINT, SIGTERM or SIGHUP; returns the exit code."""
         woken, self._wake = socket.socketpair()
         for end in (woken, self._wake):
             end.setblocking(False)
         self._woken = woken
         signal.set_wakeup_fd(self._wake.fileno(), warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda *_: None)
-        for told in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(told, self._end)
+        for told in _ENDS:
+            if told != signal.SIGHUP or signal.getsignal(told) != signal.SIG_IGN:  # as nohup has it
+                signal.signal(told, self._end)
         self._start_front()
         if self._steps:  # while the front begins, which computes nothing
             self._resources.prepare()
@@ -237,6 +239,7 @@ class Supervisor:
             signal.set_wakeup_fd(-1)
             for told in _SIGNALS:
                 signal.signal(told, signal.SIG_DFL)
+            signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the supervisor tells the front, and ends the others
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
             self._wake.close()
             self._woken.close()
