@@ -21,9 +21,8 @@ from benchmarks.report import Times, ends, percent, repeat
 from synthesis.lift.loops import condition, largest_residual, smallest_condition, velocity_by_instant_centre
 from synthesis.lift.motion import acceleration, motion, stroke, velocity
 from synthesis.lift.objective import Evaluator, Objective, Task, equation_residuals, project
-from synthesis.lift.optimum import Optimum, optimize, optimize_batch
+from synthesis.lift.optimum import ARMS, FITTED, SLOPE_STEP, STROKE, Optimum, optimize, optimize_batch, published_for
 from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
-from synthesis.lift.published import ARMS, FITTED, SLOPE_STEP, STROKE, published_for
 from tests.oracles import lift as oracle
 
 ROUNDINGS = 5_000

@@ -57,7 +57,7 @@ def test_the_map_sees_an_arrow_up_and_a_circle(monkeypatch) -> None:
 def test_the_service_calls_the_front_door_and_each_scene_its_own_machine() -> None:
     for module, others in layout.module_graph().items():
         if module.startswith("app"):
-            scene = module.removeprefix("app.scenes.").partition("_")[0]
+            scene = module.removeprefix("app.scenes.")
             allowed = ("app", "linkage_atlas", f"synthesis.{scene}", "synthesis.sheet")
             own = allowed if scene in SCENES else allowed[:2]
             wrong = {other for other in others - {"synthesis"} if not other.startswith(own)}

@@ -28,9 +28,9 @@ LATER = {
     "synthesis.search.search": "for searches",
     "synthesis.free.search": "for searches",
     "app.fourbar.function": "for functions",
-    "app.scenes.lift_models": "for a scene",
-    "app.scenes.chain_models": "for a scene",
-    "app.scenes.knotter_models": "for a scene",
+    "app.scenes.lift": "for a scene",
+    "app.scenes.chain": "for a scene",
+    "app.scenes.knotter": "for a scene",
 }
 """What a service with an index is ready without, and what it is for."""
 READY = """
@@ -141,7 +141,7 @@ HEAVY = ["fastapi", "starlette", "uvicorn", "pydantic", "scipy", "h5py", "numpy"
         ("--version", HEAVY),
         (
             "lift --help",
-            ["numpy", "pydantic_settings", "starlette", "scipy", "h5py", "pywt", "ezdxf", "shtab", "tqdm"],
+            ["pydantic_settings", "starlette", "scipy", "h5py", "pywt", "ezdxf", "shtab", "tqdm"],
         ),
         (
             "synthesize --example worked_example",

@@ -11,8 +11,16 @@ import pytest
 
 from synthesis.errors import FieldError
 from synthesis.lift import constrained
-from synthesis.lift.constrained import Constrained, Space, optimize_within
-from synthesis.lift.constraints import Constraints, jerky_run, measured, rows_of, slacks
+from synthesis.lift.constraints import (
+    Constrained,
+    Constraints,
+    Space,
+    jerky_run,
+    measured,
+    optimize_within,
+    rows_of,
+    slacks,
+)
 from synthesis.lift.motion import motion
 from synthesis.lift.objective import Objective, Task
 from synthesis.lift.optimum import optimize

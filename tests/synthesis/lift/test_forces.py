@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
 from synthesis.lift.files import design_csv, design_dxf, design_svg
-from synthesis.lift.forces import BAR, Drive, forces, least_bore, newton, piston_areas
-from synthesis.lift.motion import motion
+from synthesis.lift.motion import BAR, Drive, forces, least_bore, motion, newton, piston_areas
 from synthesis.lift.pose import Cylinder, Design
 
 INITIAL = Design(300.0, 180.0, 240.0, 330.0, 480.0)

@@ -25,9 +25,8 @@ from synthesis.lift.objective import (
     equation_residuals,
     project,
 )
-from synthesis.lift.optimum import Optimum, optimize_batch
+from synthesis.lift.optimum import Optimum, optimize_batch, published_for
 from synthesis.lift.pose import Cylinder, Design, pose_at_height, pose_at_turn
-from synthesis.lift.published import published_for
 from tests.oracles import lift as oracle
 
 REFERENCE = json.loads((Path(__file__).parents[2] / "reference/lift_acceptance.json").read_text())
