@@ -376,12 +376,10 @@ def _finite(value: float) -> float | None:
 
 def sample_phases(slot: Slot, samples: int) -> Any:
     """Evenly spaced phases of the window, both ends included."""
-
     return np.linspace(slot.start, slot.end, samples)
 
 
 def _fit(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> FitReply | None:
-
     if request.fit is None:
         return None
     fit = fit_slot(slot, request.fit.kind, request.fit.order, sample_phases(slot, request.samples))
@@ -417,7 +415,6 @@ def _power(
     slot: Slot, request: SlotOptions, fit: Fit, exact: Exact, normal: float, axis: PhaseAxis
 ) -> PowerReply | None:
     """The fit by powers; no coefficients where the powers have lost the fit's digits."""
-
     pieces = power_basis(slot, fit)
     if not pieces or request.fit is None:
         return None
@@ -441,7 +438,6 @@ def common_parts(
     slot: Slot, request: SlotOptions, axis: PhaseAxis, work: Work
 ) -> tuple[Report, dict[str, Any], dict[str, Any]]:
     """The report on a slot, and the fields of reply and locus that do not depend on the kind of track."""
-
     phases = sample_phases(slot, request.samples)
     facts, points = report(slot, phases, work), slot.path(phases)
     work.go_on()
@@ -674,7 +670,6 @@ class ChainToleranceReply(ReplyModel):
 
 def answer_tolerance(request: ChainToleranceRequest, resources: Resources) -> ChainToleranceReply:
     """Pitch wear, and the corners of the tolerances."""
-
     tolerances = request.tolerances.model_dump()
     largest = LARGEST_ERROR * request.pitch
     for field, values in (
@@ -791,7 +786,6 @@ def is_long(request: SlotOptions) -> bool:
 
 
 def _crescent(request: ChainSlotRequest, work: Work) -> tuple[Crescent, Slot]:
-
     _check_size(request, request.links)
     start = request.phase_start
     return crescent_slot(
@@ -808,13 +802,11 @@ def _crescent(request: ChainSlotRequest, work: Work) -> tuple[Crescent, Slot]:
 
 def _theta(crescent: Crescent, slot: Slot) -> Callable[[Pins], Any]:
     """The pins' angles as the source counts them, rad."""
-
     return lambda pins: crescent_angles(crescent, slot, pins)
 
 
 def answer_slot(request: ChainSlotRequest, resources: Resources) -> ChainSlotReply:
     """The crescent's closure and slot."""
-
     work = resources.work()
     crescent, slot = _crescent(request, work)
     angle, axis = Angles(request.angle_unit).outward, theta1_axis(request, crescent)
@@ -855,7 +847,6 @@ def answer_slot(request: ChainSlotRequest, resources: Resources) -> ChainSlotRep
 
 
 def _track(request: ChainTrackRequest, work: Work) -> Track:
-
     if (request.stadium is None) == (request.segments is None):
         raise FieldError("/segments", "either 'segments' or 'stadium' is wanted, and not both")
     if request.stadium is not None:
@@ -877,7 +868,6 @@ def _track(request: ChainTrackRequest, work: Work) -> Track:
 
 def _track_slot(request: ChainTrackRequest, work: Work) -> tuple[Slot, int, int]:
     """The slot, and the driving and the free segment in the request's own numbering."""
-
     if request.links is not None:
         _check_size(request, request.links)
     track = _track(request, work)
@@ -952,7 +942,6 @@ def _slot_of(request: Any, resources: Resources) -> tuple[Slot, PhaseAxis, Calla
 
 def render_csv(request: Any, resources: Resources) -> bytes:
     """The slot, a roller's walls and, if asked for, all pins as a table."""
-
     slot, axis, theta = _slot_of(request, resources)
     more = pin_columns(slot, request, theta)
     return to_csv(slot, sample_phases(slot, request.samples), *axis, request.roller_radius, more).encode()
@@ -960,13 +949,11 @@ def render_csv(request: Any, resources: Resources) -> bytes:
 
 def render_svg(request: Any, resources: Resources) -> bytes:
     """Track, pins, slot and the groove of a roller as a drawing."""
-
     return to_svg(_slot_of(request, resources)[0], request.roller_radius).encode()
 
 
 def render_dxf(request: Any, resources: Resources) -> bytes:
     """The whole groove as closed contours, for CAD."""
-
     return to_dxf(_slot_of(request, resources)[0], request.roller_radius).encode()
 
 

@@ -365,7 +365,6 @@ def inward(name: str, value: float, angles: Angles) -> float:
 
 
 def _law(name: str, model: LawModel, angles: Angles) -> Any:
-
     field = f"/laws/{name}"
     kinds = [model.lead is not None or model.ratio is not None, model.table is not None, model.dwell is not None]
     if sum(kinds) != 1:
@@ -399,7 +398,6 @@ def _range(
 
 def machine_of(request: MachineRequest, angles: Angles) -> tuple[Any, dict[str, Any]]:
     """The mechanism of a request and its three conditions by name."""
-
     mechanism = d_knotter.mechanism(
         {name: inward(name, value, angles) for name, value in given_fields(request.parameters).items()},
         given_fields(request.senses),
@@ -430,7 +428,6 @@ def pair_of(alpha1: float | None, alpha3: float | None, angles: Angles) -> tuple
 
 def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
     """Which values are assumed, published and given, and the frames of the points."""
-
     given = [*given_fields(request.parameters), *given_fields(request.laws), *given_fields(request.points)]
     given += [name for name in searched if name not in given]
     given += [f"senses.{name}" for name in given_fields(request.senses)]
@@ -452,7 +449,6 @@ def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
 
 
 def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
-
     enters = result.windows[row] > 0
     opened = int(result.opened_by[row])
     sensitivity = float(result.sensitivity[row])
@@ -488,7 +484,6 @@ def condition_reply(name: str, condition: Any, result: Any, row: int, angles: An
 
 def unit_of(name: str, angles: Angles) -> float:
     """Radians in one unit of a dimension that is an angle; 1 for the others."""
-
     return angles.radian if name in ANGLES else 1.0
 
 
@@ -568,7 +563,6 @@ class CurvesReply(Provenance):
 
 def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
     """Crossings, paths and verdict of one pair."""
-
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
     pair = pair_of(request.alpha1, request.alpha3, angles)
@@ -832,7 +826,6 @@ class PatternFitReply(Provenance):
 
 def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitReply:
     """Dimensions that reproduce a pattern, and how non-unique they are."""
-
     work, angles = resources.work(request.budget_ms / 1000), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
     unit_in = 1.0 if request.angle_unit == "deg" else math.radians(1.0)
@@ -1047,7 +1040,6 @@ class KnotterToleranceReply(Provenance):
 
 def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> KnotterToleranceReply:
     """The three conditions of one pair within tolerances."""
-
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
     pair = pair_of(request.alpha1, request.alpha3, angles)
@@ -1201,7 +1193,6 @@ LONG_PAIRS, LONG_SAMPLES = 200, 300
 
 def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     """Every combination of the grid under the conditions that are asked for."""
-
     work = resources.work()
     angles = Angles(request.angle_unit, DECIMALS)
     given = given_fields(request.grid)
@@ -1254,7 +1245,6 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
 
 def answer_limit(request: LimitRequest, resources: Resources) -> LimitReply:
     """The values of one parameter at which a condition's verdict changes."""
-
     angles = Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
     condition = conditions[request.condition]
@@ -1289,7 +1279,6 @@ def answer_limit(request: LimitRequest, resources: Resources) -> LimitReply:
 
 def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
     """Clearance and length at the angle alpha2, and the angles for a given clearance or length."""
-
     angles = Angles(request.angle_unit, DECIMALS)
     alpha2 = d_knotter.ALPHA2 if request.alpha2 is None else angles.inward(request.alpha2)
     if not abs(alpha2) < math.radians(90.0):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -25,13 +26,13 @@ from app.query import (
 )
 from linkage_atlas import FieldError, Work
 from synthesis.lift import loops
-from synthesis.lift.constraints import Built, Constraints, Row, measured, optimize_within, rows_of
+from synthesis.lift.constraints import Constraints, Row, measured, optimize_within, rows_of
 from synthesis.lift.files import columns, design_csv, design_dxf, design_svg, joints
 from synthesis.lift.loops import condition, smallest_condition
 from synthesis.lift.motion import Drive, Motion, forces, least_bore, motion
-from synthesis.lift.objective import Objective, Task
-from synthesis.lift.optimum import Optimum, Published, optimize, optimize_batch, published_for
-from synthesis.lift.pose import Cylinder, Design, pose_at_height, pose_at_turn, shape, turns_at_length
+from synthesis.lift.objective import Built, Objective, Optimum, Task, rise
+from synthesis.lift.optimum import optimize, optimize_batch, published_for
+from synthesis.lift.pose import Cylinder, Design, pose_at_turn, turns_at_length
 from synthesis.sheet import csv_text
 
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
@@ -427,8 +428,7 @@ NOTES = {
 }
 
 
-def cylinder_of(model: CylinderModel) -> Cylinder:
-
+def _cylinder(model: CylinderModel) -> Cylinder:
     for name, value in (("speed", model.speed), ("acceleration", model.acceleration)):
         if 0 < abs(value) < MIN_MAGNITUDE:
             message = f"too small: 0 or at least {MIN_MAGNITUDE:g}, found {value:g}"
@@ -437,32 +437,23 @@ def cylinder_of(model: CylinderModel) -> Cylinder:
 
 
 def _task(cylinder: CylinderModel, request: OptimizeRequest | BatchRequest) -> Task:
-
     objective = Objective(**request.objective.model_dump())
-    return Task(cylinder_of(cylinder), *request.stroke, objective, request.upper_bound)
+    return Task(_cylinder(cylinder), *request.stroke, objective, request.upper_bound)
 
 
-def _optimum(optimum: Optimum, published: Published | None, cylinder: CylinderModel) -> dict[str, Any]:
+def _found(found: Optimum, task: Task) -> dict[str, Any]:
     """What a reply and a row of a batch say of an optimum."""
     return {
         "status": "optimal",
-        "design": DesignReply(**optimum.design.as_dict()),
-        "objective": optimum.objective,
-        "active": list(optimum.active),
-        "motion": OptimumMotion(
-            rise_time=optimum.duration,
-            velocity_start=optimum.velocity_bottom if cylinder.speed > 0 else 0.0,
-            velocity_bottom=optimum.velocity_bottom,
-            velocity_mean=optimum.mean_velocity,
-            dead_point_length=optimum.dead_point_length,
-        ),
-        "objective_of_published": published.objective if published else None,
+        "design": found.design,
+        "objective": found.objective,
+        "active": found.active,
+        "motion": rise(found, task),
     }
 
 
 def _constraints(request: OptimizeRequest, given: ConstraintsModel) -> Constraints:
     """The constraints of a request with what it leaves to the service."""
-
     bound, shortest = request.upper_bound, SHORTEST * request.stroke[1]
     angle = given.transmission_angle_min
     least = math.radians(TRANSMISSION) if angle is None else Unit(request.angle_unit).inward(angle)
@@ -490,143 +481,76 @@ def _constraints(request: OptimizeRequest, given: ConstraintsModel) -> Constrain
     )
 
 
-def _row(row: Row, radian: float, active: bool) -> ConstraintRow:
-    name, unit = (row.name, 1.0) if row.name != "transmission" else ("transmission_angle", radian)
-    kind = "least" if row.least else "most"
-    return ConstraintRow(name=name, value=row.value / unit, kind=kind, limit=row.limit / unit, active=active)
+def _optimum(request: OptimizeRequest, resources: Resources) -> tuple[Optimum, Task, Constraints | None]:
+    task, work = _task(request.cylinder, request), resources.work()
+    if request.constraints is None:
+        return optimize(task, work), task, None
+    limits = _constraints(request, request.constraints)
+    return optimize_within(task, limits, work), task, limits
 
 
-def _within(request: OptimizeRequest, given: ConstraintsModel, resources: Resources) -> OptimizeReply:
-    """The optimum within constraints, beside the optimum of the source's problem."""
-
-    task, limits, work = _task(request.cylinder, request), _constraints(request, given), resources.work()
-    found = optimize_within(task, limits, work)
-    built, radian = found.built, Unit(request.angle_unit).radian
-    values = measured(built, task)
-    rows = [
-        _row(row, radian, f"{row.name}{'>=min' if row.least else '<=max'}" in found.active)
-        for row in rows_of(limits, values)
-    ]
-    try:
-        free = optimize(task, work)
-    except FieldError:  # the source's problem has no design: the constraints have freed its closed length
-        free = None
-    beside = None
-    if free is not None:
-        missed = [row for row in rows_of(limits, measured(_built(free, task), task)) if not row.kept]
-        beside = UnconstrainedReply(
-            design=DesignReply(**free.design.as_dict()),
-            objective=free.objective,
-            breaks=[_row(row, radian, False) for row in missed],
-        )
-    start = pose_at_turn(built.design, built.turn)
-    moved = _moved(built, task, 2)
-    bottom = float(moved.velocity[0 if task.cylinder.speed > 0 else -1])
+def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeReply:
+    """The optimum design; of the source's problem with the published one beside it, else with that of the source's problem."""
+    found, task, limits = _optimum(request, resources)
+    published = published_for(task, found) if limits is None else None
     return OptimizeReply(
-        status="optimal",
-        design=DesignReply(**built.design.as_dict()),
-        closed_length=float(built.closed),
-        objective=found.objective,
+        **_found(found, task),
+        closed_length=float(found.built.closed),
         objective_kind=task.objective.kind,
-        active=list(found.active),
         slacks=found.slacks,
-        equations={
-            "start": float(start.height) - task.low,
-            "closed length": float(start.length) - float(built.closed),
-            "(33) stroke": float(built.design.l3 + built.design.l5) - task.high,
-        },
-        motion=OptimumMotion(
-            rise_time=values["rise_time"],
-            velocity_start=bottom if task.cylinder.speed > 0 else 0.0,
-            velocity_bottom=bottom,
-            velocity_mean=found.mean_velocity,
-            dead_point_length=float(built.closed) * (1 - values["dead_point"]),
-        ),
-        objective_of_published=None,
-        published=None,
-        constraints=rows,
-        unconstrained=beside,
-        cost=found.objective / free.objective - 1 if free is not None and free.objective > 0 else None,
+        equations=found.equations,
+        objective_of_published=published and published.objective,
+        published=published,
+        **({} if limits is None else _within(found, task, limits, Unit(request.angle_unit).radian, resources.work())),
         note=NOTES[task.objective.kind],
         evaluations=found.evaluations,
     )
 
 
-def _built(found: Optimum, task: Task) -> Built:
-    """The optimum of the source's problem as a design whose closed length is known."""
+def _within(found: Optimum, task: Task, limits: Constraints, radian: float, work: Work) -> dict[str, Any]:
+    """The limits beside what the optimum has, and the optimum of the source's problem with the limits that it breaks."""
 
-    pose = pose_at_height(found.design, task.low)
-    return Built(found.design, shape(found.design).gamma, pose.turn, task.cylinder.length)
+    def rows(built: Built, active: Sequence[str] = ()) -> list[Row]:
+        found = rows_of(limits, measured(built, task), active)
+        return [
+            replace(row, name="transmission_angle", value=row.value / radian, limit=row.limit / radian)
+            if row.name == "transmission"
+            else row
+            for row in found
+        ]
 
-
-def _moved(built: Built, task: Task, samples: int) -> Motion:
-
-    return motion(built.design, replace(task.cylinder, length=float(built.closed)), None, samples)
-
-
-def _design(request: OptimizeRequest, resources: Resources) -> tuple[Built, Task]:
-    """The optimum design alone: what the files show."""
-
-    task = _task(request.cylinder, request)
-    if request.constraints is not None:
-        limits = _constraints(request, request.constraints)
-        return optimize_within(task, limits, resources.work()).built, task
-    return _built(optimize(task, resources.work()), task), task
+    constraints = rows(found.built, found.active)
+    try:
+        free = optimize(task, work)
+    except FieldError:  # the source's problem has no design: the constraints have freed its closed length
+        return {"constraints": constraints}
+    breaks = [replace(row, active=False) for row in rows(free.built) if not row.kept]
+    return {
+        "constraints": constraints,
+        "unconstrained": UnconstrainedReply(design=free.design, objective=free.objective, breaks=breaks),
+        "cost": found.objective / free.objective - 1 if free.objective > 0 else None,
+    }
 
 
 def optimum_csv(request: OptimizeRequest, resources: Resources) -> bytes:
     """The optimum design with its motion at 201 times as comma-separated values."""
+    found, task, _ = _optimum(request, resources)
+    closed = float(found.built.closed)
+    return design_csv(motion(found.design, replace(task.cylinder, length=closed)), closed).encode()
 
-    built, task = _design(request, resources)
-    return design_csv(_moved(built, task, 201), float(built.closed)).encode()
 
-
-def optimum_svg(request: OptimizeRequest, resources: Resources) -> bytes:
+def _optimum_drawn(draw: Callable[[Design, float], str]) -> Callable[[OptimizeRequest, Resources], bytes]:
     """The optimum design at its start and its top as a drawing."""
 
-    built, _ = _design(request, resources)
-    return design_svg(built.design, float(built.turn)).encode()
+    def render(request: OptimizeRequest, resources: Resources) -> bytes:
+        built = _optimum(request, resources)[0].built
+        return draw(built.design, float(built.turn)).encode()
 
-
-def optimum_dxf(request: OptimizeRequest, resources: Resources) -> bytes:
-    """The optimum design at its start and its top for CAD."""
-
-    built, _ = _design(request, resources)
-    return design_dxf(built.design, float(built.turn)).encode()
-
-
-def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeReply:
-    """The optimum design; of the source's problem with the published one beside it."""
-
-    if request.constraints is not None:
-        return _within(request, request.constraints, resources)
-    task = _task(request.cylinder, request)
-    optimum = optimize(task, resources.work())
-    published = published_for(task, optimum)
-    beside = None
-    if published:
-        beside = PublishedReply(
-            design=DesignReply(**published.design.as_dict()),
-            objective=published.objective,
-            slope=published.slope,
-            reason=published.reason,
-            source=published.source,
-        )
-    return OptimizeReply(
-        **_optimum(optimum, published, request.cylinder),
-        closed_length=request.cylinder.length,
-        objective_kind=task.objective.kind,
-        slacks=optimum.slacks,
-        equations=optimum.equations,
-        published=beside,
-        note=NOTES[task.objective.kind],
-        evaluations=optimum.evaluations,
-    )
+    return render
 
 
 def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
     """The optimum for each cylinder; one that has none says why and does not stop the others."""
-
     if isinstance(request.objective, DiscreteObjective):
         steps = request.objective.n * len(request.cylinders)
         if steps > MAX_BATCH_STEPS:
@@ -639,7 +563,8 @@ def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
             reason = {name: found.details.get(name) for name in ("constraint", "amount")}
             row = {"status": "infeasible", "detail": found.message, **reason}
         else:
-            row = _optimum(found, published_for(task, found), cylinder)
+            published = published_for(task, found)
+            row = {**_found(found, task), "objective_of_published": published and published.objective}
         rows.append(BatchRow(cylinder=cylinder.model_dump(), **row))
     return BatchReply(status="ok", rows=rows)
 
@@ -731,16 +656,14 @@ LONG_SAMPLES = 2000
 
 
 def _move(request: MotionRequest) -> Motion:
-
     if request.times is not None and request.samples is not None:
         raise FieldError("/times", "give either `times` or `samples`, not both")
     design = Design(**request.design.model_dump())
-    return motion(design, cylinder_of(request.cylinder), request.times, request.samples or 201)
+    return motion(design, _cylinder(request.cylinder), request.times, request.samples or 201)
 
 
 def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
     """The motion that was asked for, and of the extras only those in ``include``."""
-
     work = resources.work()
     moved = _move(request)
     limits, design = moved.stroke, moved.pose.design
@@ -768,25 +691,17 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
     )
 
 
-def _drive(request: MotionRequest) -> Drive | None:
-
-    if request.pneumatics is None:
-        return None
-    if request.pneumatics.rod >= request.pneumatics.bore:
-        raise FieldError("/pneumatics/rod", "the rod must be thinner than the bore", constraint="rod")
-    return Drive(**request.pneumatics.model_dump())
-
-
 def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
-
-    drive = _drive(request)
-    if drive is None:
+    given = request.pneumatics
+    if given is None:
         return None
+    if given.rod >= given.bore:
+        raise FieldError("/pneumatics/rod", "the rod must be thinner than the bore", constraint="rod")
+    drive = Drive(**given.model_dump())
     found = forces(moved, drive)
-    lists = ("weight", "cylinder", "link", "slide", "pressure")
     most = float(found.pressure.max())
     return ForcesReply(
-        **{name: Numbers(getattr(found, name)) for name in lists},
+        **{name: Numbers(getattr(found, name)) for name in ("weight", "cylinder", "link", "slide", "pressure")},
         pivot_O=Numbers(found.pivot_o),
         pivot_D=Numbers(found.pivot_d),
         cylinder_max=float(found.cylinder.max()),
@@ -799,7 +714,6 @@ def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
 
 def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]:
     """Only what ``include`` asks for."""
-
     at, speed, design = moved.pose, moved.cylinder_speed, moved.pose.design
     radian = Unit(request.angle_unit).radian
 
@@ -843,7 +757,6 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
 
 def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
     """The motion as comma-separated values, one time a line, with the forces where they are asked for."""
-
     moved = _move(request)
     rows, found = columns(moved), _forces(request, moved)
     if found is not None:
@@ -852,18 +765,14 @@ def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
     return csv_text(rows, "\n").encode()
 
 
-def motion_svg(request: MotionRequest, resources: Resources) -> bytes:
+def _motion_drawn(draw: Callable[[Design, float], str]) -> Callable[[MotionRequest, Resources], bytes]:
     """The lift at its start and its top as a drawing."""
 
-    moved = _move(request)
-    return design_svg(moved.pose.design, float(moved.stroke.turn_bottom)).encode()
+    def render(request: MotionRequest, _: Resources) -> bytes:
+        moved = _move(request)
+        return draw(moved.pose.design, float(moved.stroke.turn_bottom)).encode()
 
-
-def motion_dxf(request: MotionRequest, resources: Resources) -> bytes:
-    """The lift at its start and its top for CAD."""
-
-    moved = _move(request)
-    return design_dxf(moved.pose.design, float(moved.stroke.turn_bottom)).encode()
+    return render
 
 
 INITIAL_DESIGN = {"l2": 300.0, "l3": 180.0, "l4": 240.0, "l5": 330.0, "b": 480.0}
@@ -904,8 +813,8 @@ QUERIES = (
         },
         exports={
             "csv": Export("text/csv; charset=utf-8", motion_csv),
-            "svg": Export("image/svg+xml", motion_svg),
-            "dxf": Export("image/vnd.dxf", motion_dxf),
+            "svg": Export("image/svg+xml", _motion_drawn(design_svg)),
+            "dxf": Export("image/vnd.dxf", _motion_drawn(design_dxf)),
         },
         is_long=lambda request: max(request.samples or 0, len(request.times or ())) > LONG_SAMPLES,
     ),
@@ -920,8 +829,8 @@ QUERIES = (
         is_long=lambda _: True,
         exports={
             "csv": Export("text/csv; charset=utf-8", optimum_csv),
-            "svg": Export("image/svg+xml", optimum_svg),
-            "dxf": Export("image/vnd.dxf", optimum_dxf),
+            "svg": Export("image/svg+xml", _optimum_drawn(design_svg)),
+            "dxf": Export("image/vnd.dxf", _optimum_drawn(design_dxf)),
         },
         examples={
             "buildable": {

@@ -13,6 +13,7 @@ whose linear rows are the slacks at all poses.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -20,7 +21,16 @@ import numpy as np
 
 from synthesis.errors import FieldError
 from synthesis.lift.motion import refusal
-from synthesis.lift.objective import OPEN_END, Evaluator, Task, angle_limit, check_task, design_from_angle
+from synthesis.lift.objective import (
+    OPEN_END,
+    Built,
+    Evaluator,
+    Optimum,
+    Task,
+    angle_limit,
+    check_task,
+    design_from_angle,
+)
 from synthesis.lift.pose import Cylinder, Design, Pose, angle_or_flat, dead_point, pose_at_turn, shape, third_side
 from synthesis.one_variable import Flags, Floats, rising_root
 from synthesis.quadratic import minimise_quadratics
@@ -60,22 +70,6 @@ class Constraints:
     transmission_min: float | None = None
     force_ratio_max: float | None = None
     start: Literal["any", "collinear"] = "any"
-
-
-@dataclass(frozen=True)
-class Built:
-    """Designs that meet the stroke, with the triangle's angle gamma at A, the turn at the start and the closed length."""
-
-    design: Design
-    gamma: Any
-    turn: Any
-    closed: Any
-
-    def taken(self, rows: Any) -> Built:
-        """Some of them."""
-        fields = (np.asarray(value)[rows] for value in (*self.design.as_tuple(), self.gamma, self.turn, self.closed))
-        *lengths, gamma, turn, closed = fields
-        return Built(Design(*lengths), gamma, turn, closed)
 
 
 @dataclass(frozen=True)
@@ -293,21 +287,22 @@ def measured(built: Built, task: Task) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Row:
-    """One limit beside what a design has: ``least`` says that the value may not be less, else not more."""
+    """One limit beside what a design has, the least or the most that it may have, and whether it holds the design."""
 
     name: str
     value: float
+    kind: Literal["least", "most"]
     limit: float
-    least: bool
+    active: bool
 
     @property
     def kept(self) -> bool:
         """Whether the design keeps to it."""
-        return self.value >= self.limit if self.least else self.value <= self.limit
+        return self.value >= self.limit if self.kind == "least" else self.value <= self.limit
 
 
-def rows_of(limits: Constraints, values: dict[str, float]) -> list[Row]:
-    """Every limit beside the value of `measured`."""
+def rows_of(limits: Constraints, values: dict[str, float], active: Sequence[str] = ()) -> list[Row]:
+    """Every limit beside the value of `measured`; ``active`` as an `Optimum` names them."""
     left, bottom, right, top = limits.envelope
     ranges: dict[str, Range] = {
         **limits.lengths,
@@ -324,10 +319,11 @@ def rows_of(limits: Constraints, values: dict[str, float]) -> list[Row]:
         "x_max": (None, right),
         "y_max": (None, top),
     }
+    ends: tuple[tuple[Literal["least", "most"], str], ...] = (("least", ">=min"), ("most", "<=max"))
     return [
-        Row(name, values[name], limit, least_end)
+        Row(name, values[name], kind, limit, name + suffix in active)
         for name, pair in ranges.items()
-        for limit, least_end in zip(pair, (True, False))
+        for limit, (kind, suffix) in zip(pair, ends)
         if limit is not None
     ]
 
@@ -406,18 +402,6 @@ class Space:
                 design = design_from_angle(l2, gamma, closed, low, high)
                 turn = np.arctan2(design.b, low) + gamma
         return Built(design, gamma, turn, np.broadcast_to(closed, l2.shape))
-
-
-@dataclass(frozen=True)
-class Constrained:
-    """The best design within constraints, the names of those that hold it, and the least slack of each."""
-
-    built: Built
-    objective: float
-    mean_velocity: float
-    active: tuple[str, ...]
-    slacks: dict[str, float]
-    evaluations: int
 
 
 class _Search:
@@ -550,7 +534,7 @@ def _updated(hessian: Floats, step: Floats, change: Floats) -> Floats:
     return np.where(good[:, None, None], fresh, hessian)
 
 
-def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -> Constrained:
+def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -> Optimum:
     """The best design of a task that keeps to constraints; deterministic.
 
     The length of the task's cylinder is not used: the closed length is one of the variables, within its range.
@@ -586,7 +570,13 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
     active = tuple(name for name, slack in mine.items() if slack <= ACTIVE)
     single = Design(*(float(field[0]) for field in one.design.as_tuple()))
     result = Built(single, float(one.gamma[0]), float(one.turn[0]), float(one.closed[0]))
-    return Constrained(result, float(value), float(mean), active, mine, search.evaluator.evaluations)
+    start = pose_at_turn(single, result.turn)
+    equations = {
+        "start": float(start.height) - task.low,
+        "closed length": float(start.length) - result.closed,
+        "(33) stroke": single.l3 + single.l5 - task.high,
+    }
+    return Optimum(result, float(value), float(mean), active, mine, equations, search.evaluator.evaluations)
 
 
 def _lifts(built: Built) -> Flags:

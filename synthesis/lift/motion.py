@@ -264,16 +264,10 @@ class Forces:
     pivot_d: Floats
 
 
-def piston_areas(drive: Drive) -> tuple[float, float]:
-    """Areas in mm^2 that push and that pull."""
-    push = 0.25 * np.pi * drive.bore**2
-    return push, push - 0.25 * np.pi * drive.rod**2
-
-
 def forces(moved: Motion, drive: Drive) -> Forces:
     """The forces over a motion.
 
-    Laws: the cylinder's force is `newton`'s; power in is power out, F v_l = P v_s; at the top the cylinder's force is 0 and
+    Laws: power in is power out, F v_l = P v_s; at the top the cylinder's force is 0 and
     the link carries the weight.
     """
     pose, design = moved.pose, moved.pose.design
@@ -284,31 +278,10 @@ def forces(moved: Motion, drive: Drive) -> Forces:
     # what the cylinder does not carry of the weight the link does; the slide takes the rest
     link = (weight - cylinder * along[:, 1]) / link_way[:, 1]
     slide = -cylinder * along[:, 0] - link * link_way[:, 0]
-    push, pull = piston_areas(drive)
+    push = 0.25 * np.pi * drive.bore**2
+    pull = push - 0.25 * np.pi * drive.rod**2
     pressure = np.where(cylinder >= 0, cylinder / push, -cylinder / pull) / BAR
     return Forces(weight, cylinder, link, slide, pressure, cylinder[:, None] * along, link[:, None] * link_way)
-
-
-def newton(moved: Motion, weight: Any) -> Floats:
-    """Cylinder, link and slide force by the equilibrium of the triangle with the platform, shape (n, 3).
-
-    A second way that shares nothing with the derivatives of a `Pose`: moments about A and forces in x and y.
-    """
-    pose, design = moved.pose, moved.pose.design
-    a = np.stack(np.broadcast_arrays(-design.b, pose.height), axis=-1)
-    b = np.stack([pose.x, pose.y], axis=-1)
-    c = np.stack([design.l3 * pose.sin_turn - design.b, pose.root], axis=-1)
-    along = b / np.linalg.norm(b, axis=-1, keepdims=True)
-    way = (c - np.array([-design.b, 0.0])) / design.l5
-    matrix = np.zeros((len(b), 3, 3))
-    matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2] = along[:, 0], way[:, 0], 1.0
-    matrix[:, 1, 0], matrix[:, 1, 1] = along[:, 1], way[:, 1]
-    for k, (point, direction) in enumerate(((b, along), (c, way))):
-        arm = point - a
-        matrix[:, 2, k] = (arm[:, 0] * direction[:, 1] - arm[:, 1] * direction[:, 0]) / design.l2
-    right = np.zeros((len(b), 3, 1))
-    right[:, 1, 0] = weight
-    return np.asarray(np.linalg.solve(matrix, right)[:, :, 0])
 
 
 def least_bore(found: Forces, drive: Drive) -> float:

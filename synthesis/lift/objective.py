@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.errors import FieldError
-from synthesis.lift.motion import check_speed, refusal, velocity
+from synthesis.lift.motion import check_speed, refusal, travel_time, velocity
 from synthesis.lift.pose import (
     Cylinder,
     Design,
     Pose,
     angle_or_flat,
     by_blocks,
+    dead_point,
     pose_at_height,
     pose_at_turn,
     shape,
@@ -144,6 +145,67 @@ def driven_speed(pose: Pose, cylinder: Cylinder) -> Any:
     rising = cylinder.speed > 0
     covered = pose.length - cylinder.length if rising else top_length(pose.design, pose.form) - pose.length
     return np.sqrt(np.maximum(speed * speed + 2 * along * covered, 0.0))
+
+
+@dataclass(frozen=True)
+class Built:
+    """Designs that meet the stroke, with the triangle's angle gamma at A, the turn at the start and the closed length."""
+
+    design: Design
+    gamma: Any
+    turn: Any
+    closed: Any
+
+    def taken(self, rows: Any) -> Built:
+        """Some of them."""
+        fields = (np.asarray(value)[rows] for value in (*self.design.as_tuple(), self.gamma, self.turn, self.closed))
+        *lengths, gamma, turn, closed = fields
+        return Built(Design(*lengths), gamma, turn, closed)
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The best design of a task, the inequalities that hold it, the slack of each, and what is left of the equations."""
+
+    built: Built
+    objective: float
+    mean_velocity: float
+    active: tuple[str, ...]
+    slacks: dict[str, float]
+    equations: dict[str, float]
+    evaluations: int
+
+    @property
+    def design(self) -> Design:
+        """The five lengths."""
+        return self.built.design
+
+
+@dataclass(frozen=True)
+class Rise:
+    """How an optimum comes up: the time it takes, the platform's speed, and the cylinder's length at the dead point below."""
+
+    rise_time: float
+    velocity_start: float
+    velocity_bottom: float
+    velocity_mean: float
+    dead_point_length: float
+
+
+def rise(found: Optimum, task: Task) -> Rise:
+    """The rise of an optimum, or where the cylinder shortens its lowering, which starts at rest at the top."""
+    built, drive = found.built, replace(task.cylinder, length=float(found.built.closed))
+    form = shape(built.design, built.gamma)
+    bottom = pose_at_turn(built.design, built.turn, form)
+    travel = top_length(built.design, form) - drive.length
+    velocity_bottom = float(velocity(bottom, np.sign(drive.speed) * driven_speed(bottom, drive)))
+    return Rise(
+        rise_time=float(travel_time(travel, drive.speed, drive.acceleration)),
+        velocity_start=velocity_bottom if drive.speed > 0 else 0.0,
+        velocity_bottom=velocity_bottom,
+        velocity_mean=found.mean_velocity,
+        dead_point_length=float(pose_at_turn(built.design, dead_point(built.design)).length),
+    )
 
 
 class Evaluator:

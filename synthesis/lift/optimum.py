@@ -20,26 +20,25 @@ from typing import Literal
 import numpy as np
 
 from synthesis.errors import FieldError
-from synthesis.lift.motion import travel_time
 from synthesis.lift.objective import (
     OPEN_END,
     SEARCH_LIMIT,
+    Built,
     Evaluator,
+    Optimum,
     Task,
     active_inequalities,
     arm_range,
     check_task,
     design_from_angle,
-    driven_speed,
     equation_residuals,
     inequality_slacks,
     infeasible,
     intervals,
     project,
     roomiest_arm,
-    travel_to_top,
 )
-from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_turn
+from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height
 from synthesis.one_variable import Floats, closer_looks
 from synthesis.work import Work
 
@@ -53,22 +52,6 @@ GLOBAL_LOOKS = 4
 """Closer looks over gamma while the valleys over l2 are only being told apart."""
 CANDIDATES = 3
 """Local optima over l2 that are followed to the end."""
-
-
-@dataclass(frozen=True)
-class Optimum:
-    """The best design of a task, its objective, the active inequalities by name and the slacks of all of them."""
-
-    design: Design
-    objective: float
-    active: tuple[str, ...]
-    slacks: dict[str, float]
-    equations: dict[str, float]
-    duration: float
-    velocity_bottom: float
-    mean_velocity: float
-    dead_point_length: float
-    evaluations: int
 
 
 def optimize(task: Task, work: Work | None = None) -> Optimum:
@@ -140,8 +123,6 @@ def _answer(found: Optimum, unit: Task, task: Task) -> Optimum:
         objective=found.objective * (1.0 if task.objective.kind == "normalized" else speed * speed),
         active=tuple(name.replace("upper_bound", bound) for name in found.active),
         slacks={name.replace("upper_bound", bound): slack for name, slack in found.slacks.items()},
-        duration=found.duration / speed,
-        velocity_bottom=found.velocity_bottom * speed,
         mean_velocity=found.mean_velocity * speed,
     )
 
@@ -167,25 +148,19 @@ def _optimize_at_unit_speed(task: Task, work: Work) -> Optimum:
     for value, arm, gamma in sorted(_narrow(arms, values, gammas, int(at), evaluator) for at in valleys):
         fields = design_from_angle(arm, gamma, drive.length, task.low, task.high).as_tuple()
         design = Design(*(float(field) for field in fields))
-        turn_dead = dead_point(design)
-        if np.isfinite(value) and turn_dead > np.arctan2(design.b, task.low) + gamma:
+        built = Built(design, gamma, float(pose_at_height(design, task.low).turn), drive.length)
+        if np.isfinite(value) and dead_point(design) > built.turn:
             break
     else:
         raise infeasible(task)
     slacks = {name: float(slack) for name, slack in inequality_slacks(design, task).items()}
-    # the start is collinear, so that B moves along the line OA
-    gain = (drive.length + design.l2) / task.low
-    bottom = pose_at_turn(design, np.arctan2(design.b, task.low) + gamma)
     return Optimum(
-        design=design,
+        built,
         objective=float(value),
+        mean_velocity=float(evaluator.moments(design, gamma)[1]),
         active=active_inequalities(slacks, gamma, design.l2, task),
         slacks=slacks,
         equations=equation_residuals(design, drive.length, task.low, task.high),
-        duration=float(travel_time(travel_to_top(design, task), drive.speed, drive.acceleration)),
-        velocity_bottom=float(np.sign(drive.speed) * driven_speed(bottom, drive) * gain),
-        mean_velocity=float(evaluator.moments(design, gamma)[1]),
-        dead_point_length=float(pose_at_turn(design, turn_dead).length),
         evaluations=evaluator.evaluations,
     )
 

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from synthesis.errors import FieldError
-from synthesis.lift import constrained
 from synthesis.lift.constraints import (
-    Constrained,
     Constraints,
     Space,
     jerky_run,
@@ -22,7 +20,7 @@ from synthesis.lift.constraints import (
     slacks,
 )
 from synthesis.lift.motion import motion
-from synthesis.lift.objective import Objective, Task
+from synthesis.lift.objective import Built, Objective, Optimum, Task
 from synthesis.lift.optimum import optimize
 from synthesis.lift.pose import Cylinder, Design
 from synthesis.work import Cancelled, Work
@@ -34,7 +32,7 @@ LOOSE = Constraints({name: (51.0, 600.0) for name in ("l2", "l3", "l4", "l5", "b
 
 
 @cache
-def found(name: str) -> Constrained:
+def found(name: str) -> Optimum:
     return optimize_within(*CASES[name])
 
 
@@ -169,7 +167,7 @@ def test_slacks_are_negative_exactly_where_a_limit_is_missed() -> None:
     task, wanted = CASES["default"]
     loose = optimize_within(task, LOOSE).built
     missed = {row.name for row in rows_of(wanted, measured(loose, task)) if not row.kept}
-    one = constrained.Built(
+    one = Built(
         Design(*(np.array([value]) for value in loose.design.as_tuple())),
         *(np.array([value]) for value in (loose.gamma, loose.turn, loose.closed)),
     )
