@@ -12,11 +12,11 @@ from typing import Any, Protocol
 
 import anyio
 import anyio.to_thread
-from starlette.applications import Starlette
+from fastapi import FastAPI, params
+from fastapi.routing import APIRoute
+from fastapi.utils import create_model_field
 from starlette.requests import Request
 from starlette.responses import Response
-from starlette.routing import BaseRoute, Match, Route, get_route_path
-from starlette.types import Receive, Scope, Send
 
 from app import bodies, problems
 from app.query import RequestModel, Resources
@@ -167,93 +167,31 @@ async def _content(request: Request) -> bytes:
     return content
 
 
-class Questions(dict[str, Question]):
-    """Questions by the path of their route; some come with the first of their kind that is asked, or with `load`.
+class _QuestionRoute(APIRoute):
+    """A POST route that FastAPI describes by its models; `app.bodies` reads the body and writes the reply."""
 
-    To import all takes a fifth of a start: models by the dozen, and searches.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._later: dict[str, Callable[[], None]] = {}
-        self._lock = threading.RLock()
-
-    def later(self, prefix: str, add: Callable[[], None]) -> None:
-        """What adds the questions whose paths begin so."""
-        self._later[prefix] = add
-
-    def load(self, path: str | None = None) -> None:
-        """Have the questions that a path may be of; all without one."""
-        for prefix in tuple(self._later):
-            if path is None or path.startswith(prefix):
-                with self._lock:  # another thread, which makes the description, may be adding them
-                    if prefix in self._later:
-                        self._later[prefix]()
-                        del self._later[prefix]
-
-    def __missing__(self, path: str) -> Question:
-        self.load(path)
-        if path not in self:
-            raise KeyError(path)
-        return self[path]
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        return self.endpoint  # type: ignore[return-value]
 
 
-class Routes(BaseRoute):
-    """All computed routes. One is found by its path at once: to try one after the other takes a tenth of a short request."""
-
-    def __init__(self, questions: Questions) -> None:
-        self._questions = questions
-        self._routes: dict[str, Route] = {}
-
-    def matches(self, scope: Scope) -> tuple[Match, Scope]:
-        if scope["type"] != "http":
-            return Match.NONE, {}
-        path = get_route_path(scope)
-        if path not in self._routes:
-            self._questions.load(path)
-        route = self._routes.get(path)
-        return (Match.NONE, {}) if route is None else route.matches(scope)
-
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        await self._routes[get_route_path(scope)].handle(scope, receive, send)
-
-    def add(self, path: str, handle: Callable[[Request], Coroutine[Any, Any, Response]]) -> None:
-        """A POST route."""
-        self._routes[path] = Route(path, handle, methods=["POST"])
-
-
-def install(app: Starlette, computing: Computing, settings: Settings) -> None:
+def install(app: FastAPI, computing: Computing, settings: Settings) -> None:
     """What the routes of `add` need."""
     bodies.Held.most = settings.reply_memory_bytes
     app.state.computing = computing
-    app.state.questions = Questions()
+    app.state.questions = {}
     app.state.large = LargeBodies(16, settings.body_seconds)
-    app.state.routes = Routes(app.state.questions)
-    app.router.routes.append(app.state.routes)
 
 
-def add(
-    app: Starlette,
-    path: str,
-    name: str,
-    model: type[RequestModel],
-    answer: Callable[[Any, Resources], Response],
-    is_long: Callable[[Any], bool],
-    **details: Any,
-) -> None:
-    """A POST route that answers requests of a model by ``answer(request, resources)``; the details are of its description."""
-    question = app.state.questions[path] = Question(path, model, answer, is_long)
+def add(app: FastAPI, question: Question, name: str, **described: Any) -> None:
+    """The route that answers a question; what is ``described`` FastAPI takes for its document."""
+    app.state.questions[question.path] = question
 
-    async def handle(request: Request) -> Response:
+    async def answer(request: Request) -> Response:
         content = await _content(request)
         if content and not problems.says_json(request.headers):
             raise problems.NotJson
         return await app.state.computing.answer(request, question, content)  # type: ignore[no-any-return]
 
-    def described(body):  # type: ignore[no-untyped-def]
-        raise NotImplementedError("only described: the route has its own handler")
-
-    described.__annotations__ = {"body": model}
-    described.__name__ = name
-    app.state.routes.add(path, handle)
-    app.state.description.add(path, described, methods=["POST"], **details)
+    route = _QuestionRoute(question.path, answer, name=name, methods=["POST"], **described)
+    route.body_field = create_model_field("body", question.model, field_info=params.Body(annotation=question.model))
+    app.router.routes.append(route)

@@ -12,8 +12,9 @@ from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
 
+from fastapi import FastAPI
+from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
-from starlette.applications import Starlette
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
@@ -164,6 +165,11 @@ def _invalid(error: Invalid) -> Response:
     return problem(422, f"{rows[0]['pointer'][2:] or 'the body'}: {rows[0]['detail']}", rows)
 
 
+def _parameter(error: RequestValidationError) -> Response:
+    """Of a route whose parameters FastAPI checks: errors are told by their names, without where they stand."""
+    return _invalid(Invalid([{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]))
+
+
 def _model(error: ValidationError) -> Response:
     rows = error_rows(error.errors(include_input=False, include_url=False))
     return problem(422, rows[0]["detail"], rows)
@@ -183,6 +189,7 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     Malformed: lambda error: problem(400, error.detail, [{"pointer": "#", "detail": error.at_place}]),
     NotJson: lambda _: problem(415, "send the body with the header `Content-Type: application/json`"),
     ValidationError: _model,
+    RequestValidationError: _parameter,
     FieldError: field_problem,
     AtlasError: _atlas,
     NotFound: lambda error: problem(404, str(error)),
@@ -206,7 +213,7 @@ def reply_to(error: Exception) -> Response:
     return next(_REPLIES[kind] for kind in type(error).__mro__ if kind in _REPLIES)(error)
 
 
-def install(app: Starlette) -> None:
+def install(app: FastAPI) -> None:
     """Register the replies on an application."""
 
     async def handle(request: Request, error: Exception) -> Response:

@@ -11,7 +11,7 @@ import threading
 from types import FrameType
 
 import uvicorn
-from starlette.applications import Starlette
+from fastapi import FastAPI
 
 from app.connections import BACKLOG, cut_addresses, protocol_of
 from app.doors import LOOPBACK
@@ -118,7 +118,7 @@ def _serve_with_processes(
     return Supervisor(front, app.state.questions, resources, listeners).run()
 
 
-def _server(settings: Settings, app: Starlette) -> _Server:
+def _server(settings: Settings, app: FastAPI) -> _Server:
     config = uvicorn.Config(
         app,
         log_level="info",

@@ -17,11 +17,11 @@ import socket
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import Any
 
-from app.computed import Questions
+from app.computed import Question
 from app.computer import Computer, packed
 from app.resources import ServiceResources
 
@@ -45,8 +45,8 @@ class Supervisor:
     ----------
     front : callable
         ``front(control)`` runs the front in its process, with its end of a socket to the supervisor, until that is told to end.
-    questions : Questions
-        What the computing processes answer.
+    questions : mapping
+        What the computing processes answer, by the path of its route.
     resources : ServiceResources
         With the atlas loaded.
     listeners : list of socket.socket
@@ -56,7 +56,7 @@ class Supervisor:
     def __init__(
         self,
         front: Callable[[socket.socket], None],
-        questions: Questions,
+        questions: Mapping[str, Question],
         resources: ServiceResources,
         listeners: list[socket.socket],
     ) -> None:
@@ -143,7 +143,6 @@ class Supervisor:
             self._tell_of_more()
 
     def _prepare_rest(self) -> bool:
-        self._questions.load()
         self._resources.prepare_rest()
         return True
 
