@@ -221,7 +221,6 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "lead": lead(runs),
         "exact": report.table(shown, **columns),
         "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in ("class", *LOOK))),
-        "grids": report.table([row for row in exact if row["method"] in GRIDS and row not in shown], **columns),
         "search": ", ".join(
             f"{row['share']:.0f} % of {row['cases']} cases with a {row['setting'].replace('budget', 'budget of')}"
             for row in exact

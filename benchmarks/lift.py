@@ -220,7 +220,6 @@ def measure_designs(optimum: dict[str, float]) -> Iterator[dict[str, Any]]:
         )
 
 
-OF_INTEGRATION = {"height": "{height_error:.1e}", "loops": "{loop_residual:.1e}", "times": "{ratio:.0f}"}
 OF_DESIGNS = {
     "l2, l3, l4, l5, b": "{l2:.1f}, {l3:.1f}, {l4:.1f}, {l5:.1f}, {b:.1f}",
     "rise time (s)": "{duration:.3f}",
@@ -239,7 +238,7 @@ def blocks(results: dict) -> dict[str, str]:
     initial, published, _ = designs
     rows = {
         **results,
-        **results["stability"],
+        "dead_point": results["stability"]["dead_point"],
         "table_2": [
             {**row, "arm": f"{row['printed_l2']:g}{mark}", "value": f"{row['printed_f']:g}{mark}"}
             for row in table_2
@@ -249,12 +248,6 @@ def blocks(results: dict) -> dict[str, str]:
         "designs": [
             {"what": what, **{row["design"]: cell.format(**row, **row["lengths"]) for row in designs}}
             for what, cell in OF_DESIGNS.items()
-        ],
-        "integration": [
-            {**row, "height": f"**diverges** at {row['stopped_at']:.2f} s", "loops": "-", "times": "-"}
-            if row["height_error"] is None
-            else {**row, **{key: cell.format(**row) for key, cell in OF_INTEGRATION.items()}}
-            for row in integration
         ],
         "optima": [
             row | {"steps": row["n"] or "-", "names": ", ".join(f"`{name}`" for name in row["active"])}
@@ -270,7 +263,7 @@ def blocks(results: dict) -> dict[str, str]:
     scaled = [row["printed_f"] / row["speed"] ** 2 for row in table_2 if row["length"] == CYLINDER.length]
     normalized = [row for row in optima if row["kind"] == "normalized"]
     finest = [row for row in integration if (row["method"], row["setting"]) == ("RK4", "h = 0.0001 s")]
-    steps = results["steps"]
+    steps, top = results["steps"], results["stability"]["top"]
     shares = [f"{percent(share, 3)} within ±{width}" for width, share in published["share_within"].items()]
     words = {
         "rounding": f"{digits['least']:.0f} to {digits['most']:.0f} in {digits['samples']:,} random roundings",
@@ -295,6 +288,10 @@ def blocks(results: dict) -> dict[str, str]:
         "finest": f"{finest[0]['height_error']:.0e} mm on the initial design takes {finest[0]['ratio']:.0f} times",
         "finest_published": f"{finest[1]['height_error']:.0e} mm",
         "dead_point_below": f"{published['above_dead_point']:.2f} mm",
+        **{
+            f"top_{way}": f"{max(row[f'{way}_error'] for row in top):.0e}"
+            for way in ("from_height", "arccos", "instant_centre")
+        },
         "time_scale": f"{1e3 * abs(published['velocity'] / published['acceleration']):.0f} ms",
         "least_condition": f"{initial['least_condition']:.2f} before, {published['least_condition']:.2f} published",
         "least_condition_time": f"{ends([row['least_condition_time'] for row in (initial, published)], 2)} s",
