@@ -20,8 +20,7 @@ from benchmarks import report as page
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links
 from synthesis.chain.fit import exact_slot, fit_error, fit_slot
-from synthesis.chain.report import chord_error, report, wheel_conflict
-from synthesis.chain.slot import Slot, find_slot
+from synthesis.chain.slot import Slot, chord_error, find_slot, report, wheel_conflict
 from synthesis.chain.track import Track
 from synthesis.errors import FieldError
 from synthesis.one_variable import bisect
