@@ -11,9 +11,9 @@ import threading
 from types import FrameType
 
 import uvicorn
-from starlette.applications import Starlette
+from fastapi import FastAPI
 
-from app.connections import BACKLOG, protocol_of
+from app.connections import BACKLOG, cut_addresses, protocol_of
 from app.doors import LOOPBACK
 from app.exits import Exit
 from app.main import create_app
@@ -118,10 +118,11 @@ def _serve_with_processes(
     return Supervisor(front, app.state.questions, resources, listeners).run()
 
 
-def _server(settings: Settings, app: Starlette) -> _Server:
+def _server(settings: Settings, app: FastAPI) -> _Server:
     config = uvicorn.Config(
         app,
         log_level="info",
+        access_log=not settings.log_json,
         http=protocol_of(settings),
         ws="none",
         backlog=BACKLOG,
@@ -130,6 +131,7 @@ def _server(settings: Settings, app: Starlette) -> _Server:
         forwarded_allow_ips=settings.trusted_proxies or None,
         timeout_graceful_shutdown=max(1, int(settings.ending_seconds - _LAST_SECOND)),
     )
+    logging.getLogger("uvicorn.access").addFilter(cut_addresses)
     server = _Server(config)
     server.seconds = settings.ending_seconds
     return server

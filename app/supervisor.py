@@ -17,11 +17,11 @@ import socket
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import Any
 
-from app.computed import Questions
+from app.computed import Question
 from app.computer import Computer, packed
 from app.resources import ServiceResources
 
@@ -33,7 +33,8 @@ _LOOK_SECONDS = 0.5
 """At most, between two looks at who has ended and whether the time is up."""
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGCHLD)
+_ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_SIGNALS = (*_ENDS, signal.SIGCHLD)
 log = logging.getLogger("uvicorn.error")
 
 
@@ -44,8 +45,8 @@ class Supervisor:
     ----------
     front : callable
         ``front(control)`` runs the front in its process, with its end of a socket to the supervisor, until that is told to end.
-    questions : Questions
-        What the computing processes answer.
+    questions : mapping
+        What the computing processes answer, by the path of its route.
     resources : ServiceResources
         With the atlas loaded.
     listeners : list of socket.socket
@@ -55,7 +56,7 @@ class Supervisor:
     def __init__(
         self,
         front: Callable[[socket.socket], None],
-        questions: Questions,
+        questions: Mapping[str, Question],
         resources: ServiceResources,
         listeners: list[socket.socket],
     ) -> None:
@@ -66,15 +67,16 @@ class Supervisor:
         self._front: int | None = None
 
     def run(self) -> int:
-        """Until SIGINT or SIGTERM; returns the exit code."""
+        """Until SIGINT, SIGTERM or SIGHUP; returns the exit code."""
         woken, self._wake = socket.socketpair()
         for end in (woken, self._wake):
             end.setblocking(False)
         self._woken = woken
         signal.set_wakeup_fd(self._wake.fileno(), warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda *_: None)
-        for told in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(told, self._end)
+        for told in _ENDS:
+            if told != signal.SIGHUP or signal.getsignal(told) != signal.SIG_IGN:  # as nohup has it
+                signal.signal(told, self._end)
         self._start_front()
         if self._steps:  # while the front begins, which computes nothing
             self._resources.prepare()
@@ -141,7 +143,6 @@ class Supervisor:
             self._tell_of_more()
 
     def _prepare_rest(self) -> bool:
-        self._questions.load()
         self._resources.prepare_rest()
         return True
 
@@ -238,6 +239,7 @@ class Supervisor:
             signal.set_wakeup_fd(-1)
             for told in _SIGNALS:
                 signal.signal(told, signal.SIG_DFL)
+            signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the supervisor tells the front, and ends the others
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
             self._wake.close()
             self._woken.close()

@@ -203,7 +203,8 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     runs = results["runs"]
     exact, columns = summarise(runs, EXACT), report.TABLES["error_vs_runtime"]["runs"]
     shown = [row for row in exact if row["method"] not in GRIDS]
-    shown += [row for method in GRIDS for row in frontier([row for row in exact if row["method"] == method])]
+    every = {method: frontier([row for row in exact if row["method"] == method]) for method in GRIDS}
+    shown += [every[ROWS][0], every[ROWS][-1], *every[REFINED]]
     best = []
     for kind in NAMES:
         rows = sorted(summarise(runs, [kind]), key=lambda row: (-row["median"], -row["ms"]))
@@ -221,7 +222,6 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "lead": lead(runs),
         "exact": report.table(shown, **columns),
         "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in ("class", *LOOK))),
-        "grids": report.table([row for row in exact if row["method"] in GRIDS and row not in shown], **columns),
         "search": ", ".join(
             f"{row['share']:.0f} % of {row['cases']} cases with a {row['setting'].replace('budget', 'budget of')}"
             for row in exact

@@ -269,10 +269,6 @@ def measure_pylinkage(asked: Asked) -> dict[str, Any]:
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/function.md."""
-    classes = [
-        row | {"times": ", ".join(report.significant(row[f"{which}_processor_ms"]) for which in ("median", "p99"))}
-        for row in results["classes"]
-    ]
     functions = [
         row
         | {
@@ -284,7 +280,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     ]
     medians = [row["median_processor_ms"] for row in results["classes"]]
     bytes_same = all(row["same_bytes"] for row in results["functions"])
-    return report.tables("function", {"classes": classes, "functions": functions, "baselines": functions}) | {
+    return report.tables("function", {"functions": functions}) | {
         "reached": report.percent(min(row["reached"] for row in results["classes"]), 4),
         "median": report.significant(float(np.median(medians))),
         "runs": f"{RUNS} runs give the same bytes for {'every' if bytes_same else 'not every'} function",

@@ -149,11 +149,11 @@ def file_figures(results: dict[str, Any]) -> str:
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """By span, the other baselines, hard requests (docs/scaling.md); figures of docs/file_format.md; headline of README.md."""
 
-    def compared(name: str, parts: dict[str, Any]) -> str:
-        columns = report.TABLES["retrieval"]["compared"]["columns"].replace("span:", f"{name}:")
-        return report.table([{"key": key, **part} for key, part in parts.items()], columns)
+    def between(parts: dict[str, Any], column: str = "ours") -> str:
+        medians = [part[column]["median"] * (1 if column == "ratio" else 1000) for part in parts.values()]
+        return report.ends(medians, 0)
 
-    flat, mass, worst, wide = (results[name] for name in ("flat_index", "stumpy_mass", "worst", "wide"))
+    flat, mass, wide = (results[name] for name in ("flat_index", "stumpy_mass", "wide"))
     ours = results["flat_requests"]["ours"]["median"]
     cores = results["made"]["machine"]["cores"]
     others, same = [["scan", ms(ours), "any span, any crank angles"]], ""
@@ -188,14 +188,10 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         )
     return {
         "sizes": f"{results['types']:,} types, {results['windows']:,} windows, the best {TOP}; wall clock on {cores} cores.",
-        "spans": compared("span", results["spans"]),
-        "joint": compared("span", results["joint"]),
-        "wide_sizes": f"{wide['types']:,} types, {wide['windows']:,} windows",
-        "wide": compared("span", wide["spans"]),
+        **report.tables("retrieval", {"spans": [{"key": key, **part} for key, part in results["spans"].items()]}),
+        "wide": f"{wide['types']:,} types in {between(wide['spans'])} ms, {between(wide['spans'], 'ratio')} times faster",
         "others": report.lines([f"at {FLAT_SPAN} degrees", "ms a request", "what it answers"], others) + same,
-        "hard": compared("kind", results["hard"]),
-        "worst": f"The worst: {worst['key']} (number {worst['seed']}), {ms(worst['ours'])} ms, "
-        f"the plain scan {ms(worst['plain'])} ms.",
+        "hard": f"{between(results['hard'])} ms, {between(results['hard'], 'ratio')} times faster",
         "headline": headline,
         "file": file_figures(results),
         "file_made": report.made_text([results["made"], results["parts"]["atlas"].get("made", results["made"])]),

@@ -14,11 +14,14 @@ from typing import Any
 
 import pytest
 import uvicorn
+from starlette.routing import Route
 
-from app import connections
+from app import bodies, connections
+from app.computed import Threads
 from app.connections import protocol_of
 from app.main import create_app
 from app.problems import Ending, Overloaded
+from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile
 
@@ -30,10 +33,10 @@ LIVEZ = b"GET /livez HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n"
 
 
 @contextmanager
-def serving(**settings: Any) -> Iterator[tuple[int, uvicorn.Server]]:
+def serving(app: Any = None, **settings: Any) -> Iterator[tuple[int, uvicorn.Server]]:
     chosen = Settings(atlas="none", **settings)
     config = uvicorn.Config(
-        create_app(chosen), log_config=None, http=protocol_of(chosen), timeout_graceful_shutdown=1, ws="none"
+        app or create_app(chosen), log_config=None, http=protocol_of(chosen), timeout_graceful_shutdown=1, ws="none"
     )
     server = uvicorn.Server(config)
     with socket.socket() as listener:
@@ -164,6 +167,109 @@ def test_an_unfinished_body_holds_no_one_up_at_the_end() -> None:
         server.should_exit = True
         everything(client)
         assert time.monotonic() - begin < 2
+
+
+def test_an_empty_line_before_a_request_and_an_address_in_absolute_form_are_taken(port) -> None:
+    for sent in (b"\r\n" + LIVEZ, LIVEZ.replace(b"/livez", b"http://a/livez")):
+        with closing(connected(port)) as client:
+            client.sendall(sent)
+            assert everything(client).startswith(b"HTTP/1.1 200")
+
+
+def test_what_is_no_request_is_told_with_the_headers_of_every_reply(port) -> None:
+    with closing(connected(port)) as client:
+        client.sendall(b"no HTTP\r\n\r\n")
+        assert b"content-security-policy: default-src 'none'" in everything(client).lower()
+
+
+def eventually(holds: Any) -> bool:
+    """Whether something holds before long."""
+    end = time.monotonic() + PATIENCE
+    while not (found := holds()) and time.monotonic() < end:
+        time.sleep(0.01)
+    return bool(found)
+
+
+@pytest.fixture
+def unread(monkeypatch) -> Iterator[tuple[int, uvicorn.Server]]:
+    """A service whose clients may be slow to read, with a large reply at /large."""
+    monkeypatch.setattr(bodies.Held, "most", bodies.Held.most)
+    with serving(max_connections=20, reply_seconds=0.5, reply_memory_bytes=100 << 20) as (port, server):
+        large = Route("/large", lambda _: bodies.Reply(b"x" * (24 << 20)))
+        server.config.app.router.routes.insert(0, large)
+        yield port, server
+
+
+def test_clients_that_do_not_read_make_room_and_are_cut_off(unread) -> None:
+    port, _ = unread
+    with ExitStack() as stack:
+        for _ in range(40):
+            client = stack.enter_context(closing(connected(port)))
+            client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\n\r\n")
+        with closing(connected(port)) as client:
+            client.sendall(LIVEZ)
+            assert everything(client).startswith(b"HTTP/1.1 200")
+        assert eventually(lambda: bodies.Held.total == 0)
+
+
+def test_replies_that_are_not_read_hold_only_so_much(unread) -> None:
+    port, _ = unread
+    with ExitStack() as stack:
+        starts = []
+        for _ in range(6):
+            client = stack.enter_context(closing(connected(port)))
+            client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\n\r\n")
+            starts.append(client.recv(12))
+        assert starts.count(b"HTTP/1.1 200") >= 4 and b"HTTP/1.1 503" in starts
+    assert eventually(lambda: bodies.Held.total == 0)
+
+
+def test_a_client_that_reads_gets_a_large_reply_whole(unread) -> None:
+    port, _ = unread
+    with closing(connected(port)) as client:
+        client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n")
+        received = everything(client)
+    assert received.partition(b"\r\n\r\n")[2] == b"x" * (24 << 20)
+
+
+def test_requests_whose_clients_have_gone_leave_their_places(monkeypatch) -> None:
+    monkeypatch.setattr(connections, "_PROBE_SECONDS", 1000.0)
+    begun = threading.Event()
+
+    class Computing(Threads):
+        async def answer(self, request, question, content):
+            async def compute(queued, cancelled):
+                begun.set()
+                while not cancelled():
+                    await asyncio.sleep(0.01)
+
+            return await self._turnstile.turn(request, compute)
+
+    settings = Settings(atlas="none", max_concurrent=1)
+    resources = ServiceResources(settings)
+    app = create_app(settings, resources, lambda turnstile: Computing(resources, turnstile))
+    with serving(app) as (port, _):
+        turnstile = app.state.turnstile
+        with closing(connected(port)) as first:
+            first.sendall(NEEDLE)
+            assert begun.wait(PATIENCE)
+            for _ in range(5):
+                with closing(connected(port)) as client:
+                    client.sendall(NEEDLE)
+                    assert eventually(lambda: turnstile.waiting == 1)
+                assert eventually(lambda: turnstile.waiting == 0)
+        assert eventually(lambda: turnstile.computing == 0)
+
+
+def test_large_bodies_that_do_not_come_keep_no_place() -> None:
+    head = NEEDLE[:-2].replace(b"Length: 2", b"Length: 900000")
+    with serving(body_seconds=1000.0) as (port, _), ExitStack() as stack:
+        for _ in range(18):
+            client = stack.enter_context(closing(connected(port)))
+            client.sendall(head + b" " * 1000)
+        with closing(connected(port)) as client:
+            client.sendall(head + b"{}".ljust(900000))
+            assert client.recv(12) == b"HTTP/1.1 200"
 
 
 # -- turns ------------------------------------------------------------------------------------------------------------
