@@ -10,23 +10,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.limits import FAMILIES, Limits, in_family
+from synthesis.fourbar.limits import FAMILIES, Limits, in_family, practical_limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.practical import practical_limits
 from synthesis.fourbar.solution import assess
-from synthesis.fourbar.within import within
+from synthesis.fourbar.within import keeps, within
 from synthesis.free.align import squared_errors
 from synthesis.free.motion import chart_of
 from synthesis.free.poses import make_poses
 from synthesis.free.rows import JointProblem
 from synthesis.function.answers import exchanged, finished, rocker_angles
-from synthesis.function.bounds import FunctionLimits
 from synthesis.function.wanted import Wanted
 from synthesis.local import poses as free
 from synthesis.local.beginning import turning_fully
 from synthesis.local.function import refine_function
 from synthesis.local.motion import refine_motion
 from synthesis.local.poses import refine_poses
+from synthesis.mechanism import Placed
 from synthesis.target import TURN, make_target
 from synthesis.work import Work
 
@@ -216,7 +215,7 @@ def test_a_function_generator_is_refined(largest: bool, sense: int) -> None:
     random, crank = np.random.default_rng(7), sense * np.linspace(0, 0.9, 12)
     output = rocker_angles([true], crank)[0]
     wanted = Wanted(crank, output)
-    for limits in (FunctionLimits(), FunctionLimits(transmission_angle_min=0.5, link_ratio_max=8.0)):
+    for limits in (Limits("any"), Limits("any", transmission_angle_min=0.5, link_ratio_max=8.0)):
         begin = moved(true, 0.01, random)
         (found,), _ = refine_function(wanted, limits, largest, begin, None, 1e-10, Work())
         links = np.array(found.linkage.links)
@@ -226,10 +225,10 @@ def test_a_function_generator_is_refined(largest: bool, sense: int) -> None:
         else:
             assert np.allclose(links / links[3], np.array(true.links) / true.links[3], rtol=1e-6)
             assert found.errors.objective < 1e-10
-        lengths = np.array([exchanged(found.linkage).links])
-        assert (
-            limits.exchanged().kept_by(lengths, np.array([found.linkage.start]), wanted.interval).all() or sense < 0
-        )
+        used = wanted.interval.after(np.array([found.linkage.start]))
+        other = exchanged(found.linkage)
+        placed = Placed(np.array([other.links]), np.array([float(other.branch)]), used)
+        assert keeps(wanted.target, limits.exchanged(), placed, 1e-12).all() or sense < 0
 
 
 @settings(max_examples=8)
@@ -240,7 +239,7 @@ def test_no_refined_generator_is_worse_than_its_beginning(seed: int) -> None:
     begins = (moved(TRUE["any"], size, random) for size in (0.3, 0.1, 0.03, 0.01, 0.0))
     begin = next(one for one in begins if one.transmission_angle_min(wanted.interval) >= 0.2)
     largest, offset = bool(seed % 2), float(random.standard_normal())
-    limits = FunctionLimits(transmission_angle_min=0.2)
+    limits = Limits("any", transmission_angle_min=0.2)
     found, report = refine_function(wanted, limits, largest, begin, offset, 1e-10, Work())
     own = finished(wanted, [begin], largest, np.array([offset]) if largest else None)[0]
     assert found[0].errors.objective <= own.errors.objective * (1 + 1e-9)
