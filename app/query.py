@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self, get_a
 from pydantic import (
     AllowInfNan,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     PlainSerializer,
@@ -62,6 +63,8 @@ Column = Annotated[SkipValidation[list[float]], PlainSerializer(_listed, return_
 Places = Annotated[
     SkipValidation[list[tuple[float, float]]], PlainSerializer(_paired, return_type=list[tuple[float, float]])
 ]
+FiniteOrNull = Annotated[float | None, BeforeValidator(lambda x: x if x is None or math.isfinite(x) else None)]
+"""A number of a result that is NaN or infinite where there is none."""
 AngleUnit = Literal["deg", "rad"]
 LengthUnit = Literal["mm", "cm", "m", "in"]
 
