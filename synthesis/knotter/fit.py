@@ -14,7 +14,7 @@ import numpy as np
 
 from synthesis.knotter.conditions import Condition
 from synthesis.knotter.mechanism import Mechanism, varied
-from synthesis.one_variable import Flags, Floats
+from synthesis.one_variable import Flags, Floats, bisect
 from synthesis.work import Work
 
 ITERATIONS, FIRST_REACH, LAST_REACH = 30, 0.15, 1e-3
@@ -216,11 +216,7 @@ def extents(pattern: Pattern, share: Floats, vectors: Floats, work: Work) -> Flo
     whole = ~broken.any(axis=1)
     inner = room * np.where(whole, 1.0, along[first] - along[0])
     outer = room * np.where(whole, 1.0, along[first])
-    for _ in range(HALVINGS):
-        middle = 0.5 * (inner + outer)
-        good = keeps(middle)
-        inner, outer = np.where(good & ~whole, middle, inner), np.where(good | whole, outer, middle)
-    return inner
+    return bisect(keeps, inner, outer, HALVINGS)[0]
 
 
 def directions(pattern: Pattern, found: Found, work: Work | None = None) -> list[Direction]:

@@ -167,12 +167,17 @@ class Spread:
     """
 
     margin: float
-    sensitivity: dict[str, float]
     linear: float
     corner: float
     factor: float
     least: float
     share: float
+    sensitivity: dict[str, float]
+
+    @property
+    def holds(self) -> bool:
+        """With the nominal dimensions."""
+        return self.margin > 0
 
 
 def spread(
