@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -60,6 +61,15 @@ def test_malformed_requests_are_the_clients_fault(query, body, client) -> None:
     assert 400 <= reply.status_code < 500, reply.text
     assert reply.headers["content-type"] == "application/problem+json"
     assert reply.json()["errors"][0]["pointer"].startswith("#")
+
+
+@pytest.mark.parametrize("query", scene_queries(), ids=lambda query: query.command)
+@pytest.mark.parametrize("literal", ["NaN", "-Infinity", "1e999", '"\\ud800"', "{}"])
+def test_numbers_that_are_none(query, literal, client) -> None:
+    text = max((json.dumps(body) for body in query.examples.values()), key=len)
+    content = re.sub(r"(?<=[\[ ])-?[0-9.]+(?=[,}\]])", lambda _: literal, text, count=1)
+    reply = client.post(query.path, content=content, headers={"content-type": "application/json"})
+    assert content != text and 400 <= reply.status_code < 500 and reply.json()["errors"]
 
 
 class Leaving:
