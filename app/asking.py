@@ -116,6 +116,7 @@ def _setting(text: str) -> tuple[list[str], Any]:
 
 
 def _run(options: argparse.Namespace, query: Query) -> int:
+    from app.replies import json_of
     from app.resources import ServiceResources
     from app.settings import atlas_of, settings_of
 
@@ -144,7 +145,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
         code = _write(written) or code
         if plot:
             _show(_file(query, request, reply, rank, "svg", unit, resources))
-    print(reply.model_dump_json(indent=2) if options.json else query.table(reply, *_units(query, request, options)))
+    print(json_of(reply, 2).decode() if options.json else query.table(reply, *_units(query, request, options)))
     return code
 
 
@@ -255,8 +256,10 @@ def _file(
 ) -> bytes:
     if query.file_of is not None:
         return query.file_of(request, reply, rank, name, length_unit)
+    from app.replies import json_of
+
     if name == "json":
-        return reply.model_dump_json(indent=2).encode()
+        return json_of(reply, 2)
     return query.exports[name].render(request, resources)
 
 

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from app import problems
+from app.replies import reply_model
 
 
 class Description:
@@ -41,6 +42,8 @@ class Description:
         with warnings.catch_warnings():  # FastAPI's own, which it keeps quiet where models are built at once
             warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
             for path, function, details in self._routes:
+                if details.get("response_model"):
+                    details = details | {"response_model": reply_model(details["response_model"])}
                 whole.add_api_route(path, function, **details)
             document = whole.openapi()
         document["components"]["schemas"]["Problem"] = problems.SCHEMA

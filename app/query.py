@@ -141,7 +141,7 @@ _NO_FIELDS: set[str] = set()
 
 
 class ReplyModel(BaseModel):
-    """Base of all replies; no number in a reply is NaN or infinite."""
+    """Base of the replies that are pydantic's; no number in a reply is NaN or infinite."""
 
     model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True)
 
@@ -209,7 +209,7 @@ class Query:
     summary : str
         One line of help.
     request, reply : type
-        The models of the two bodies.
+        The model of the request, and that of the reply or its dataclass.
     answer : callable
         ``answer(request, resources) -> reply``; raises `linkage_atlas.FieldError` on input that has no answer.
     table : callable
@@ -237,7 +237,7 @@ class Query:
     command: str
     summary: str
     request: type[RequestModel]
-    reply: type[ReplyModel]
+    reply: type
     answer: Callable[[Any, Resources], Any]
     table: Callable[..., str]
     examples: Mapping[str, dict[str, Any]]

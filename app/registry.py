@@ -21,10 +21,11 @@ def worked_example() -> dict[str, Any]:
 
 def motion_queries() -> tuple[Query, ...]:
     """The queries for a motion."""
+    import linkage_atlas as la
     from app.fourbar.answers import answer_match, answer_synthesize, is_long
     from app.fourbar.csv_request import match_from_csv, request_from_csv
     from app.fourbar.export import SYNTHESIZE_EXPORTS, synthesize_file
-    from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
+    from app.fourbar.models import MatchRequest, SynthesizeRequest
     from app.fourbar.tables import matches_table, synthesize_table
     from app.query import Query
 
@@ -36,7 +37,7 @@ def motion_queries() -> tuple[Query, ...]:
             "match",
             SUMMARIES["match"],
             MatchRequest,
-            MatchesReply,
+            la.Matches,
             answer_match,
             matches_table,
             {
@@ -53,7 +54,7 @@ def motion_queries() -> tuple[Query, ...]:
             "synthesize",
             SUMMARIES["synthesize"],
             SynthesizeRequest,
-            SynthesizeReply,
+            la.Result,
             answer_synthesize,
             synthesize_table,
             {

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, Strict
 
 import linkage_atlas as la
-from app.fourbar.answers import analysis_of, is_long, motion_of, solve
+from app.fourbar.answers import analysis_of, answer_synthesize, is_long, motion_of
 from app.fourbar.given import FarLength, GivenSolution
-from app.fourbar.models import SynthesizeReply, SynthesizeRequest
+from app.fourbar.models import SynthesizeRequest
 from app.query import Export, LengthUnit, RequestModel, Resources
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class ExportRequest(RequestModel):
 
 
 def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
-    found = solve(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
+    found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if len(found) < rank:
         raise la.FieldError(
             "/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits"
@@ -85,13 +85,11 @@ SYNTHESIZE_EXPORTS = {
 """Of /v1/synthesize: the best solution as a file."""
 
 
-def synthesize_file(
-    request: SynthesizeRequest, reply: SynthesizeReply, rank: int, name: str, length_unit: str
-) -> bytes:
+def synthesize_file(request: SynthesizeRequest, reply: la.Result, rank: int, name: str, length_unit: str) -> bytes:
     """A solution of a reply as a file; the name is the ending, or ``json``."""
     kinds = {ending: kind for kind, ending in ENDINGS.items()}
     body = {"format": kinds.get(name, name), "length_unit": length_unit, "request": request}
-    solution = GivenSolution.model_validate(reply.solutions[rank - 1].model_dump())
+    solution = GivenSolution.model_validate(reply.solutions[rank - 1].to_dict())
     return answer_export(ExportRequest(**body, solution=solution), None)[0]
 
 

@@ -11,7 +11,7 @@ from pydantic import Field
 
 import linkage_atlas as la
 from app.fourbar.csv_request import function_from_csv
-from app.fourbar.function import MEDIA_TYPES, QUERY, FunctionReply, FunctionRequest
+from app.fourbar.function import MEDIA_TYPES, QUERY, FunctionRequest
 from app.fourbar.given import GivenGenerator
 from app.query import LengthUnit, RequestModel, Resources
 from linkage_atlas.functions import read_wanted
@@ -54,9 +54,11 @@ def answer_export(body: FunctionExportRequest, resources: Resources | None) -> t
     return text.encode(), MEDIA_TYPES[body.format]
 
 
-def function_file(request: FunctionRequest, reply: FunctionReply, rank: int, name: str, length_unit: str) -> bytes:
+def function_file(
+    request: FunctionRequest, reply: la.FunctionResult, rank: int, name: str, length_unit: str
+) -> bytes:
     """A solution of a reply as a file; the name is the ending, which is the format."""
-    solution = GivenGenerator.model_validate(reply.solutions[rank - 1].model_dump())
+    solution = GivenGenerator.model_validate(reply.solutions[rank - 1].to_dict())
     body = FunctionExportRequest(request=request, solution=solution, format=name, length_unit=length_unit)
     return answer_export(body, None)[0]
 
