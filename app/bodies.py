@@ -26,7 +26,7 @@ MAX_CONTAINERS = 12_000
 MAX_VALUES = 120_000
 """Values of a body: the times of a lift's motion are at most 100,000."""
 _LISTED_AT_ONCE = 256
-PIECE_BYTES = 1 << 18
+PIECE_BYTES = 1 << 16
 """Bytes of a reply that are sent, and passed between processes, at once."""
 _DEPTH = 2
 """Levels of a reply whose fields are written one by one."""
@@ -111,6 +111,27 @@ def _gathered(pieces: Iterator[bytes]) -> Iterator[bytes]:
     yield b"".join(held)
 
 
+class Held:
+    """Bytes of a reply that its client has not yet taken; ``Held.total`` is of all replies of this process."""
+
+    total = 0
+    most = 64_000_000
+
+    def __init__(self, size: int) -> None:
+        self._left = 0
+        if Held.total + size > Held.most:
+            raise problems.Unread
+        self.take(-size)
+
+    def take(self, size: int) -> None:
+        """So many of them are sent."""
+        self._left -= size
+        Held.total -= size
+
+    def __del__(self) -> None:
+        self.take(self._left)
+
+
 class Reply(Response):
     """A reply that is sent piece by piece, as fast as its client takes it; what has been sent is given back.
 
@@ -129,21 +150,24 @@ class Reply(Response):
         else:
             pieces = list(_gathered(json_pieces(content)))
         self.pieces, self.size = pieces, sum(map(len, pieces))
+        self._held: Held | None = None
         super().__init__(None, media_type=media_type, headers={**(headers or {}), "Content-Length": str(self.size)})
 
     @classmethod
-    def relayed(cls, status: int, headers: list[tuple[bytes, bytes]], pieces: list[bytes]) -> Reply:
-        """A reply that another process has written."""
+    def relayed(cls, status: int, headers: list[tuple[bytes, bytes]], pieces: list[bytes], held: Held) -> Reply:
+        """A reply that another process has written, its bytes held already."""
         reply = cls.__new__(cls)
-        reply.pieces, reply.size = pieces, sum(map(len, pieces))
+        reply.pieces, reply.size, reply._held = pieces, sum(map(len, pieces)), held
         reply.status_code, reply.raw_headers, reply.background = status, headers, None
         return reply
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        held = self._held or Held(self.size)
         await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
         self.pieces.reverse()
         while self.pieces:
             piece = self.pieces.pop()
             await send({"type": "http.response.body", "body": piece, "more_body": bool(self.pieces)})
+            held.take(len(piece))
         if not self.size:
             await send({"type": "http.response.body", "body": b"", "more_body": False})

@@ -14,7 +14,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
 
-from starlette.applications import Starlette
+from fastapi import FastAPI
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
@@ -120,7 +120,7 @@ def scene_details(name: str) -> dict[str, Any]:
     return {"name": name, "title": scenes()[name], "queries": queries}
 
 
-def install(app: Starlette) -> None:
+def install(app: FastAPI) -> None:
     """The routes ``/``, ``/function``, ``/static/...``, one page a scene, and what those pages are made from."""
     stored, shown = static_files(), static_files("docs")
     titles = scenes()

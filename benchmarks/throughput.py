@@ -135,18 +135,12 @@ def compare(atlas: Path, bodies: dict[str, list], seconds: float) -> list[dict[s
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of requests and of too many requests in docs/scaling.md."""
+    """The table of requests in docs/scaling.md."""
     services = results["services"]
 
-    def rows(kind: str) -> list[dict[str, Any]]:
-        every = [UNKNOWN | {"service": one["service"], **load} for one in services for load in one[kind]]
-        for row in every:
-            row["refused"] = row["replies"] - row["served"] - row["others"]
-            row["then"] = "wait" if row.get("patient") else "ask again"
-        return sorted(every, key=lambda row: row["path"])  # stable: the order of services stays
-
-    tables = {"loads": rows("loads"), "overload": rows("overload"), "clients": services}
-    return report.tables("throughput", tables) | {"ratios": ratios_text(results)}
+    rows = [UNKNOWN | {"service": one["service"], **load} for one in services for load in one["loads"]]
+    rows.sort(key=lambda row: row["path"])  # stable: the order of services stays
+    return report.tables("throughput", {"loads": rows}) | {"ratios": ratios_text(results)}
 
 
 def ratios_text(results: dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ from app.fourbar.models import SynthesizeRequest
 from app.query import Export, LengthUnit, RequestModel, Resources
 
 if TYPE_CHECKING:
-    from starlette.applications import Starlette
+    from fastapi import FastAPI
 
 
 class PlatesRequest(RequestModel):
@@ -114,7 +114,7 @@ def answer_export(body: ExportRequest, resources: Resources | None) -> tuple[byt
     return text.encode(), MEDIA_TYPES[body.format]
 
 
-def install(app: Starlette, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
+def install(app: FastAPI, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
     """The route /v1/export."""
     from starlette.responses import Response
 
@@ -132,11 +132,10 @@ def install(app: Starlette, responses: dict[int | str, dict[str, Any]], example:
 
     computed.add(
         app,
-        "/v1/export",
+        computed.Question(
+            "/v1/export", ExportRequest, answer, lambda body: body.solution is None and is_long(body.request)
+        ),
         "export",
-        ExportRequest,
-        answer,
-        lambda body: body.solution is None and is_long(body.request),
         tags=["synthesize"],
         summary="A linkage as a file: JSON, CSV, SVG, DXF, plates to cut, MJCF or pylinkage's JSON.",
         response_class=Response,

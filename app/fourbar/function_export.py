@@ -18,7 +18,7 @@ from linkage_atlas.functions import read_wanted
 from linkage_atlas.generators import render_function
 
 if TYPE_CHECKING:
-    from starlette.applications import Starlette
+    from fastapi import FastAPI
 
 
 class FunctionExportRequest(RequestModel):
@@ -66,7 +66,7 @@ def function_file(
 QUERIES = (replace(QUERY, file_of=function_file, from_csv=function_from_csv),)
 
 
-def install(app: Starlette, responses: dict[int | str, dict[str, Any]]) -> None:
+def install(app: FastAPI, responses: dict[int | str, dict[str, Any]]) -> None:
     """The route /v1/function/export."""
     from starlette.responses import Response
 
@@ -92,11 +92,8 @@ def install(app: Starlette, responses: dict[int | str, dict[str, Any]]) -> None:
 
     computed.add(
         app,
-        "/v1/function/export",
+        computed.Question("/v1/function/export", FunctionExportRequest, answer, lambda _: False),
         "export_function",
-        FunctionExportRequest,
-        answer,
-        lambda _: False,
         tags=["function"],
         summary="A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
         response_class=Response,
