@@ -14,10 +14,10 @@ import pydantic_core
 from pydantic import ValidationError
 
 from app.arguments import FILE, add_atlas, whole_number
-from app.bundled import examples_of
 from app.exits import EPILOG, Exit, exit_of
 from app.progress import waiting
-from app.query import LengthUnit, Query, RequestModel, Resources, invalid
+from app.query import FILES, LengthUnit, Query, RequestModel, Resources, invalid
+from app.registry import examples_of
 from app.tables import Units
 from linkage_atlas import FieldError
 
@@ -88,7 +88,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
         parser.add_argument(
             "--plot", action="store_true", help="also draw it, and open the picture where there is a screen"
         )
-    if query.file_of is not None:
+    if query.files is not None:
         parser.add_argument(
             "--rank",
             type=whole_number(1, 100),
@@ -128,7 +128,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
     resources = ServiceResources(settings_of(options), atlas_of)
-    with waiting("searching" if query.file_of else "computing", resources.max_budget_ms / 1000):
+    with waiting("searching" if query.files else "computing", resources.max_budget_ms / 1000):
         reply = query.answer(request, resources)
     code = exit_of(request, reply)
     wanted = dict(zip(getattr(options, "export", ()), names))
@@ -253,8 +253,11 @@ def _format_of(query: Query, path: Path) -> str:
 def _file(
     query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str, resources: Resources
 ) -> bytes:
-    if query.file_of is not None:
-        return query.file_of(request, reply, rank, name, length_unit)
+    if query.files is not None:
+        kind = next(kind for kind in query.files.formats if FILES[kind].endings[0] == name)
+        solution = reply.solutions[rank - 1].model_dump()
+        body = {"request": request, "solution": solution, "format": kind, "length_unit": length_unit}
+        return query.files.render(query.files.request(**body), resources)
     if name == "json":
         return reply.model_dump_json(indent=2).encode()
     return query.exports[name].render(request, resources)

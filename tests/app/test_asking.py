@@ -13,10 +13,10 @@ from xml.etree import ElementTree
 import pytest
 
 import linkage_atlas as la
-from app import bundled, cli, progress
+from app import cli, progress
 from app.exits import Exit, exit_of
 from app.fourbar.models import SynthesizeRequest
-from app.registry import all_queries, worked_example
+from app.registry import all_examples, all_queries, worked_example
 from app.settings import Settings, atlas_of
 from linkage_atlas import cache
 
@@ -257,7 +257,7 @@ def test_the_codes_come_out_of_the_command(run) -> None:
 
 def test_every_example_is_a_request_of_its_command(run) -> None:
     listed = run("example")[1]
-    for name, example in bundled.all_examples().items():
+    for name, example in all_examples().items():
         code, out, err = run("example", name)
         assert code == Exit.OK and f"linkage-atlas {example.command} FILE" in err
         assert f"\n{name.removeprefix('synthesize-')} " in listed
@@ -269,7 +269,7 @@ def test_every_example_is_a_request_of_its_command(run) -> None:
 def test_a_question_answers_every_example_of_its_own_by_the_same_name(run, monkeypatch) -> None:
     asked = []
     monkeypatch.setattr("app.asking.read_request", lambda query, text, *rest: asked.append(text) or 1 / 0)
-    for name, example in bundled.all_examples().items():
+    for name, example in all_examples().items():
         with pytest.raises(ZeroDivisionError):
             run(*example.command.split(), "--example", name)
         assert json.loads(asked.pop()) == example.request
@@ -283,7 +283,7 @@ def test_a_machine_of_the_page_is_answered_as_the_request_that_is_printed_for_it
 
 
 def test_examples_are_laid_out_for_editing() -> None:
-    shown = bundled.pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
+    shown = cli._pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
     assert shown.splitlines() == [
         "{",
         '  "position": [',
