@@ -9,8 +9,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from app.arguments import FILE, add_atlas, whole_number
-from app.exits import EPILOG, Exit
+from app.arguments import EPILOG, FILE, Exit, add_atlas, whole_number
 from app.fourbar import QUESTIONS
 from app.registry import queries_named
 from app.scenes import SCENES

@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 import pytest
 
 import linkage_atlas as la
-from app import cli, progress
-from app.exits import Exit, exit_of
+from app import asking, cli
+from app.arguments import Exit, exit_of
 from app.fourbar.models import SynthesizeRequest
 from app.registry import all_examples, all_queries, worked_example
 from app.settings import Settings, atlas_of
@@ -343,11 +343,11 @@ class Terminal(io.StringIO):
 def test_what_takes_long_says_so_on_a_terminal_only(on_terminal, seconds, monkeypatch) -> None:
     import time
 
-    monkeypatch.setattr(progress, "DELAY", 0.02)
-    monkeypatch.setattr(progress, "STEP", 0.01)
+    monkeypatch.setattr(asking, "DELAY", 0.02)
+    monkeypatch.setattr(asking, "STEP", 0.01)
     stream = Terminal() if on_terminal else io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
-    with progress.waiting("searching", 30):
+    with asking.waiting("searching", 30):
         time.sleep(seconds)
     assert ("searching" in stream.getvalue()) == (on_terminal and seconds > 0)
     assert stream.getvalue().rstrip(" \r") == "" or "of at most 30" in stream.getvalue()
