@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -52,6 +54,11 @@ class Question:
 class Computing(Protocol):
     """Where answers are computed."""
 
+    numbers: Iterable[int]
+    """Of its processes."""
+    ends: Counter[str]
+    """How those ended that have."""
+
     def running(self) -> AbstractAsyncContextManager[None]:
         """Ready to answer, until the end of the block."""
 
@@ -67,6 +74,7 @@ class Threads:
 
     def __init__(self, resources: ServiceResources, turnstile: Turnstile) -> None:
         self._resources, self._turnstile = resources, turnstile
+        self.numbers, self.ends = [os.getpid()], Counter[str]()
         self.stop = turnstile.stop
 
     @asynccontextmanager

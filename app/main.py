@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
+from importlib import import_module
 from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI
@@ -62,6 +63,9 @@ def create_app(
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)
+    if settings.log_json or settings.metrics:
+        observed = import_module("app.observed")  # and with it the client library of Prometheus
+        observed.install(app, settings, computing)
     app.add_route("/openapi.json", _description, ["GET"], include_in_schema=False)
     return app
 

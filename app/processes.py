@@ -13,7 +13,8 @@ import os
 import pickle
 import signal
 import socket
-from collections.abc import AsyncIterator
+from collections import Counter
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -96,7 +97,13 @@ class Processes:
         self._seconds = processor_seconds(settings.max_budget_ms)
         self._age = 0
         self._alive: dict[int, _Process] = {}
+        self.ends: Counter[str] = Counter()
         self._tasks: set[asyncio.Task[None]] = set()
+
+    @property
+    def numbers(self) -> Iterable[int]:
+        """Of those that compute."""
+        return tuple(self._alive)
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -209,6 +216,8 @@ class Processes:
             while True:
                 match await message_of(self._told):
                     case ("ended", number, status):
+                        code = os.waitstatus_to_exitcode(status)
+                        self.ends[signal.Signals(-code).name if code < 0 else f"exit code {code}"] += 1
                         process = self._alive.get(number)
                         if process is not None:
                             process.status.set_result(status)

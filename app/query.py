@@ -142,9 +142,9 @@ _NO_FIELDS: set[str] = set()
 
 
 class ReplyModel(BaseModel):
-    """Base of all replies; no number in a reply is NaN or infinite."""
+    """Base of all replies; no number in a reply is NaN or infinite. A result with the fields' names may stand for one."""
 
-    model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True)
+    model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True, from_attributes=True)
 
     @classmethod
     def computed(cls, **values: Any) -> Self:

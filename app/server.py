@@ -122,6 +122,7 @@ def _server(settings: Settings, app: FastAPI) -> _Server:
     config = uvicorn.Config(
         app,
         log_level="info",
+        access_log=not settings.log_json,
         http=protocol_of(settings),
         ws="none",
         backlog=BACKLOG,

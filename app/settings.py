@@ -89,6 +89,12 @@ class Settings(BaseSettings):
         gt=0,
         description="What replies that their clients have not yet taken may hold together; for one more the answer is 503.",
     )
+    log_json: bool = Field(
+        False, description="Whether each request leaves a line of JSON in the log, in place of plain text."
+    )
+    metrics: bool = Field(
+        False, description="Whether `GET /metrics` tells Prometheus of requests, times and processes."
+    )
     ending_seconds: float = Field(
         5.0, gt=1, description="Time in which the service ends after SIGTERM or SIGINT, whatever is being computed."
     )

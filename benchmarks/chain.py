@@ -20,8 +20,7 @@ from benchmarks import report as page
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links
 from synthesis.chain.fit import exact_slot, fit_error, fit_slot
-from synthesis.chain.report import chord_error, report, wheel_conflict
-from synthesis.chain.slot import Slot, find_slot
+from synthesis.chain.slot import Slot, chord_error, find_slot, report, wheel_conflict
 from synthesis.chain.track import Track
 from synthesis.errors import FieldError
 from synthesis.one_variable import bisect
@@ -275,6 +274,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "checked_ms": page.significant(speed["checked_ms"], 2),
         "closure_ms": page.significant(speed["closure_ms"], 2),
         "agreement": f"{speed['largest_difference']:.0e}",
+        "tracks": f"{max(row[name] for row in results['tracks'] for name in ('end_step', 'chord')):.0e}",
         "chebyshev_8": next(
             f"{r['normal']:.0e}" for r in results["fits"] if (r["kind"], r["order"]) == ("chebyshev", 8)
         ),

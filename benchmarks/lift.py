@@ -20,10 +20,9 @@ from benchmarks.lift_pictures import CYLINDER, DESIGNS, POSES, REFERENCE, task
 from benchmarks.report import Times, ends, percent, repeat
 from synthesis.lift.loops import condition, largest_residual, smallest_condition, velocity_by_instant_centre
 from synthesis.lift.motion import acceleration, motion, stroke, velocity
-from synthesis.lift.objective import Evaluator, Objective, Task, equation_residuals, project
-from synthesis.lift.optimum import Optimum, optimize, optimize_batch
+from synthesis.lift.objective import Evaluator, Objective, Optimum, Task, equation_residuals, project, rise
+from synthesis.lift.optimum import ARMS, FITTED, SLOPE_STEP, STROKE, optimize, optimize_batch, published_for
 from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
-from synthesis.lift.published import ARMS, FITTED, SLOPE_STEP, STROKE, published_for
 from tests.oracles import lift as oracle
 
 ROUNDINGS = 5_000
@@ -166,7 +165,7 @@ def measure_stability() -> dict[str, list[dict]]:
 
 def optimum_row(wanted: Task, optimum: Optimum) -> dict[str, Any]:
     """An optimum, and f of the published design on the same constraints."""
-    row = {"design": optimum.design.as_dict(), "f": optimum.objective, "duration": optimum.duration}
+    row = {"design": optimum.design.as_dict(), "f": optimum.objective, "duration": rise(optimum, wanted).rise_time}
     return row | {"f_of_published": published_for(wanted, optimum).objective, "active": optimum.active}
 
 
@@ -239,7 +238,6 @@ def blocks(results: dict) -> dict[str, str]:
     initial, published, _ = designs
     rows = {
         **results,
-        "dead_point": results["stability"]["dead_point"],
         "table_2": [
             {**row, "arm": f"{row['printed_l2']:g}{mark}", "value": f"{row['printed_f']:g}{mark}"}
             for row in table_2
@@ -293,6 +291,7 @@ def blocks(results: dict) -> dict[str, str]:
             f"top_{way}": f"{max(row[f'{way}_error'] for row in top):.0e}"
             for way in ("from_height", "arccos", "instant_centre")
         },
+        "dead_point_error": f"{max(row['relative_error'] for row in results['stability']['dead_point']):.0e}",
         "time_scale": f"{1e3 * abs(published['velocity'] / published['acceleration']):.0f} ms",
         "least_condition": f"{initial['least_condition']:.2f} before, {published['least_condition']:.2f} published",
         "least_condition_time": f"{ends([row['least_condition_time'] for row in (initial, published)], 2)} s",

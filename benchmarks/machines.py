@@ -15,18 +15,22 @@ from typing import Any
 import numpy as np
 
 from app.resources import ServiceResources
-from app.scenes.chain_tolerance import ChainToleranceRequest, answer_tolerance
-from app.scenes.knotter_curves import CurvesRequest, answer_curves
-from app.scenes.knotter_fit import FIT, PatternFitRequest, answer_fit
-from app.scenes.knotter_tolerance import KnotterToleranceRequest
-from app.scenes.knotter_tolerance import answer_tolerance as answer_knotter_tolerance
+from app.scenes.chain import ChainToleranceRequest, answer_tolerance
+from app.scenes.knotter import (
+    FIT,
+    CurvesRequest,
+    KnotterToleranceRequest,
+    PatternFitRequest,
+    answer_curves,
+    answer_fit,
+)
+from app.scenes.knotter import answer_tolerance as answer_knotter_tolerance
 from app.settings import Settings
 from benchmarks.report import lines, run
 from synthesis.chain import crescent as chain
-from synthesis.chain.angles import pins_at
-from synthesis.chain.fit import exact_slot, fit_error, fit_slot
+from synthesis.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
 from synthesis.chain.groove import groove, slot_run
-from synthesis.chain.power import power_basis, power_error
+from synthesis.chain.slot import pins_at
 
 PRINTED = json.loads((Path(__file__).parents[1] / "tests" / "reference" / "knotter.json").read_text())
 DEGREES = (4, 6, 8, 12, 16, 24)

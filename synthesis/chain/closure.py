@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.chain.errors import ChordError, ChordFault, NotClosing
-from synthesis.chain.track import Motion, Place, Track
+from synthesis.chain.track import ChordError, ChordFault, Motion, NotClosing, Place, Track
 from synthesis.one_variable import Floats, closer_looks, rising_root, secant
 from synthesis.work import Work
 

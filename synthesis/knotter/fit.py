@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from synthesis.knotter.conditions import Condition
-from synthesis.knotter.dimensions import varied
-from synthesis.knotter.mechanism import Mechanism
+from synthesis.knotter.mechanism import Mechanism, varied
 from synthesis.one_variable import Flags, Floats
 from synthesis.work import Work
 

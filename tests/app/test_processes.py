@@ -224,7 +224,7 @@ def test_a_front_that_is_killed_is_replaced_and_listens_on_the_same_port(running
     until(answers)
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
 def test_the_end_is_told_to_clients_and_leaves_no_process(name, tmp_path) -> None:
     with serving(tmp_path, ending_seconds=2.5) as running:
         with closing(running.sent("/v1/lift/batch")) as busy:

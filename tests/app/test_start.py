@@ -59,7 +59,7 @@ HEAVY = ["fastapi", "starlette", "uvicorn", "pydantic", "scipy", "h5py", "numpy"
         ("--version", HEAVY),
         (
             "lift --help",
-            ["numpy", "pydantic_settings", "starlette", "scipy", "h5py", "pywt", "ezdxf", "shtab", "tqdm"],
+            ["pydantic_settings", "starlette", "scipy", "h5py", "pywt", "ezdxf", "shtab", "tqdm"],
         ),
         (
             "synthesize --example worked_example",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from synthesis.knotter.d_knotter import mechanism
-from synthesis.knotter.dimensions import dimensions
+from synthesis.knotter.mechanism import dimensions
 
 Bodies = dict[str, tuple[str, dict[str, Any]]]
 DESIGN = {"l2": 351.9, "l3": 162.8, "l4": 351.9, "l5": 347.2, "b": 535.8}

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from app import cli
-from app.scenes import knotter_models as models
+from app.scenes import knotter as models
 from synthesis.knotter.conditions import MAX_PIECES
 
 ROOT = Path(__file__).parents[3]
@@ -410,7 +410,7 @@ def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> No
 
 
 def test_fit_judges_the_defaults_and_says_how_far_they_may_move(client) -> None:
-    from app.scenes.knotter_fit import FIT
+    from app.scenes.knotter import FIT
 
     found = post(client, "fit", **FIT.examples["defaults"])
     assert found["status"] == "reproduced" and found["start_margin"] == found["margin"] == pytest.approx(

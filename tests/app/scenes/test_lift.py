@@ -9,7 +9,7 @@ import math
 import pytest
 
 from app import cli
-from app.scenes import lift_models as models
+from app.scenes import lift as models
 from synthesis.lift import loops as lift_loops
 
 DESIGN = {"l2": 300, "l3": 180, "l4": 240, "l5": 330, "b": 480}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from synthesis.chain import crescent as chain
-from synthesis.chain.angles import crescent_angles, pins_at
+from synthesis.chain.crescent import crescent_angles
+from synthesis.chain.slot import pins_at
 
 PHASES = 9001
 

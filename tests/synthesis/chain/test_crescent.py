@@ -15,8 +15,7 @@ from scipy.optimize import brentq
 
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links, highest, lowest
-from synthesis.chain.report import chord_error, report, wheel_conflict
-from synthesis.chain.slot import find_slot
+from synthesis.chain.slot import chord_error, find_slot, report, wheel_conflict
 from synthesis.errors import FieldError
 from tests.oracles.chain import Transfer, free_pin_at_100_degrees, printed_case_list
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from synthesis.chain import crescent as chain
-from synthesis.chain.fit import exact_slot, fit_error, fit_slot
-from synthesis.chain.power import power_basis, power_error
+from synthesis.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
 
 
 @pytest.fixture(scope="module")

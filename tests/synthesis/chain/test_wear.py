@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from synthesis.chain import crescent as chain
-from synthesis.chain.report import report
+from synthesis.chain.slot import report
 from synthesis.chain.wear import made_within, tightest_pitch_error, worn
 
 PRINTED = {"wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from synthesis.knotter import d_knotter
-from synthesis.knotter.curves import crossing_curve, point_paths, step_before
-from synthesis.knotter.dimensions import dimensions, varied
-from synthesis.knotter.mechanism import Linear
+from synthesis.knotter.conditions import crossing_curve, point_paths, step_before
+from synthesis.knotter.mechanism import Linear, dimensions, varied
 from synthesis.knotter.segment_triangle import Crossing, classify
 from tests.oracles.knotter import Exact
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from synthesis.knotter import d_knotter
+from synthesis.knotter.d_knotter import Needle
 from synthesis.knotter.mechanism import Linear
-from synthesis.knotter.needle import Needle
 from synthesis.knotter.segment_triangle import crossing_point
 from synthesis.knotter.study import solve, study
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from synthesis.knotter import d_knotter
-from synthesis.knotter.dimensions import ANGLES, dimensions, varied
-from synthesis.knotter.tolerance import spread
+from synthesis.knotter.mechanism import ANGLES, dimensions, varied
+from synthesis.knotter.study import spread
 
 CONDITIONS = {condition.name: condition for condition in d_knotter.conditions()}
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import mpmath
@@ -544,19 +542,3 @@ def test_braking_to_rest_at_the_top() -> None:
     moved = motion(INITIAL, Cylinder(220.0, 100.0, -(100.0**2) / (2 * travel)))
     assert moved.time[-1] == pytest.approx(2 * travel / 100.0, rel=1e-12)
     assert np.all(np.isfinite(moved.acceleration))
-
-
-def test_the_scene_costs_only_itself() -> None:
-    code = (
-        "import sys\n"
-        "from synthesis.lift import loops, motion, objective, optimum, published\n"
-        "from synthesis.lift.pose import Cylinder, Design\n"
-        "design = Design(300.0, 180.0, 240.0, 330.0, 480.0)\n"
-        "loops.smallest_condition(design, motion.motion(design, Cylinder(220.0, 100.0)).stroke)\n"
-        "heavy = {'h5py', 'pywt', 'fastapi', 'pydantic', 'scipy', 'matplotlib'} & set(sys.modules)\n"
-        "import app.scenes.lift\n"
-        "heavy |= {'h5py', 'pywt', 'fastapi', 'scipy', 'matplotlib'} & set(sys.modules)\n"
-        "sys.exit(f'imports {heavy}' if heavy else 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
