@@ -16,7 +16,8 @@ from app.fourbar.models import SynthesizeRequest
 from app.resources import ServiceResources
 from app.settings import Settings
 from benchmarks.report import Times
-from linkage_atlas.motions import Motion, read_limits
+from linkage_atlas.limits import read_limits
+from linkage_atlas.motions import Motion
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.scan import STARTS, Scan

@@ -22,10 +22,9 @@ from synthesis.fourbar.excursion import excursions
 from synthesis.fourbar.held import determinations_within
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.practical import practical_faults, size_of
 from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
 from synthesis.fourbar.verdict import Verdict as Passing
-from synthesis.fourbar.verdict import verdicts
+from synthesis.fourbar.verdict import practical_faults, size_of, verdicts
 from synthesis.free.answers import in_turn
 from synthesis.free.poses import Poses
 from synthesis.ranking import Errors, Status

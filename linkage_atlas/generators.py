@@ -14,10 +14,9 @@ from linkage_atlas.motions import Motion, radians_in
 from linkage_atlas.named import Dials
 from synthesis.errors import FieldError
 from synthesis.fourbar.determination import Determination, determinations, sensitivities
-from synthesis.fourbar.practical import practical_faults
-from synthesis.fourbar.verdict import verdicts
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.verdict import practical_faults, verdicts
 from synthesis.function.answers import Generator, exchanged, rocker_angles, turns_back
-from synthesis.function.bounds import FunctionLimits
 from synthesis.function.search import refit
 from synthesis.function.sheet import to_csv
 from synthesis.function.wanted import Wanted
@@ -241,7 +240,7 @@ class Asked:
 
 
 def described(
-    asked: Asked, found: list[Generator], limits: FunctionLimits, sensitivity: bool, curves: bool
+    asked: Asked, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
 ) -> list[FunctionSolution]:
     """Generators as a user reads them, best first."""
     if not found:

@@ -18,6 +18,7 @@ from app.fourbar.models import (
     Length,
     LinksReply,
     VerdictReply,
+    limits_request,
 )
 from app.fourbar.tables import function_table
 from app.query import (
@@ -33,6 +34,7 @@ from app.query import (
     RequestModel,
     Resources,
 )
+from linkage_atlas.limits import FUNCTION_LIMITS
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES
 
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
@@ -57,33 +59,13 @@ class FunctionOfX(RequestModel):
     )
 
 
-class LinksRequest(RequestModel):
-    """Lengths that are given."""
-
-    crank: Length | None = None
-    coupler: Length | None = None
-    rocker: Length | None = None
-    ground: Length | None = Field(None, description="Needed where others are given; default 1.")
-
-
-class FunctionLimitsRequest(RequestModel):
-    """What every linkage must keep to."""
-
-    family: Literal["any", "full_crank", "crank_rocker", "double_crank"] = Field(
-        "any", description="`any`: closes over the used interval without changing its branch."
-    )
-    transmission_angle_min: Number | None = Field(None, description="Smallest transmission angle over the interval.")
-    transmission_angle_min_turn: Number | None = Field(
-        None, description="Smallest over the whole turn, where the crank turns fully."
-    )
-    link_ratio_max: Number | None = Field(None, description="Longest link over the shortest, at most.")
-    link_min: Length | None = Field(None, description="Shortest length of any link.")
-    link_max: Length | None = Field(None, description="Longest length of any link.")
-    links: LinksRequest | None = Field(None, description="Lengths that are given; the ground is 1 otherwise.")
-    preset: Literal["practical", "none"] | None = Field(
-        None,
-        description="Transmission angle 35 degrees (15 over the turn), link ratio 10; a field beside it replaces its value.",
-    )
+FunctionLimitsRequest = limits_request(
+    "FunctionLimitsRequest",
+    "What every linkage must keep to.",
+    FUNCTION_LIMITS,
+    "any",
+    "Transmission angle 35 degrees (15 over the turn), link ratio 10; a field beside it replaces its value.",
+)
 
 
 class FunctionRequest(RequestModel):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from app.fourbar.given import GivenSolution
 from app.fourbar.study_models import AnalysisReply, AnalysisRequest, ToleranceStudyReply, ToleranceStudyRequest
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel
+from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
 
 MAX_TOP = 1000
@@ -104,47 +106,43 @@ class LinksRequest(RequestModel):
     crank: Length | None = None
     coupler: Length | None = None
     rocker: Length | None = None
-    ground: Length | None = None
+    ground: Length | None = Field(
+        None, description="Of a function generator needed where others are given; default 1."
+    )
 
 
-class LimitsRequest(RequestModel):
-    """What every solution must keep to."""
+_FORMS: dict[str, Any] = {
+    "family": Literal["full_crank", "crank_rocker", "double_crank", "any"],
+    "angle": Number | None,
+    "length": Length | None,
+    "ratio": PositiveNumber | None,
+    "links": LinksRequest | None,
+    "point": Point | None,
+    "box": Box | None,
+    "boxes": Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None,
+}
+"""What a request may hold for a limit of each kind, see `synthesis.fourbar.limits.Form`."""
 
-    transmission_angle_min: Number | None = Field(
-        None, description="Smallest transmission angle over the used interval."
-    )
-    transmission_angle_min_turn: Number | None = Field(
-        None, description="Smallest transmission angle over the whole turn, where the crank turns fully."
-    )
-    pivot_a: Point | None = Field(None, description="The crank's fixed pivot is given.")
-    pivot_b: Point | None = Field(None, description="The rocker's fixed pivot is given.")
-    pivot_box: Box | None = Field(None, description="xmin, ymin, xmax, ymax for both fixed pivots.")
-    pivot_a_box: Box | None = Field(None, description="The same for the crank's pivot.")
-    pivot_b_box: Box | None = Field(None, description="The same for the rocker's pivot.")
-    keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = Field(
-        None, description="Boxes in which no fixed pivot may lie."
-    )
-    link_min: Length | None = Field(None, description="Shortest length of any link.")
-    link_max: Length | None = Field(None, description="Longest length of any link.")
-    link_ratio_max: PositiveNumber | None = Field(None, description="Longest link over the shortest, at most.")
-    links: LinksRequest | None = Field(None, description="Lengths that are given.")
-    coupler_radius_max: Length | None = Field(
-        None, description="Farthest place of the body point from the crank pin."
-    )
-    envelope: Box | None = Field(
-        None, description="A box for all joints and the body point over the used interval: xmin, ymin, xmax, ymax."
-    )
-    family: Literal["full_crank", "crank_rocker", "double_crank", "any"] = Field(
-        "full_crank", description="`any`: closes over the used interval without changing its branch."
-    )
-    preset: Literal["practical", "none"] | None = Field(
-        None,
-        description=(
-            "`practical`: transmission angle at least 35 degrees over the used interval and 15 over the turn, longest link at "
-            "most 10 times the shortest, no link and no distance of a pivot from the motion's middle above 10 times the "
-            "motion's extent; a field given beside it replaces its value."
-        ),
-    )
+
+def limits_request(name: str, doc: str, forms: Mapping[str, Any], family: str, preset: str) -> Any:
+    """The model of limits: fields as `synthesis.fourbar.limits.Limits` states them, and a set of limits by name."""
+    fields: dict[str, Any] = {
+        one: (_FORMS[form.kind], Field(family if one == "family" else None, description=form.says))
+        for one, form in forms.items()
+    }
+    fields["preset"] = (Literal["practical", "none"] | None, Field(None, description=preset))
+    return create_model(name, __base__=RequestModel, __module__=__name__, __doc__=doc, **fields)
+
+
+LimitsRequest = limits_request(
+    "LimitsRequest",
+    "What every solution must keep to.",
+    LIMITS,
+    "full_crank",
+    "`practical`: transmission angle at least 35 degrees over the used interval and 15 over the turn, longest link at "
+    "most 10 times the shortest, no link and no distance of a pivot from the motion's middle above 10 times the "
+    "motion's extent; a field given beside it replaces its value.",
+)
 
 
 class WeightsRequest(RequestModel):
