@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from app.fourbar.models import ErrorsReply, MatchesReply, RoundedReply, SolutionReply, SynthesizeReply
 from app.tables import DEGREES, Units, columns, number
-
-if TYPE_CHECKING:
-    from app.fourbar.function import FunctionReply
 
 
 _LINKS = tuple((name, ".6g", f"links.{name}") for name in ("crank", "coupler", "rocker", "ground"))
@@ -35,7 +32,7 @@ def _elapsed(report: Any) -> str:
     return times + "".join(f"\nnote: {note}" for note in report.notes)
 
 
-def _found(reply: SynthesizeReply | FunctionReply, what: str) -> str:
+def _found(reply: Any, what: str) -> str:
     return f"{reply.status}: {len(reply.solutions)} {what}{'s' if len(reply.solutions) != 1 else ''}"
 
 
@@ -140,7 +137,7 @@ def synthesize_table(reply: SynthesizeReply, units: Units = DEGREES) -> str:
     return "\n".join(lines + _search_lines(reply.report))
 
 
-def function_table(reply: FunctionReply, units: Units = DEGREES) -> str:
+def function_table(reply: Any, units: Units = DEGREES) -> str:
     """Ranked linkages of the reply; errors in the request's unit of angle."""
     lines = [_found(reply, "linkage")]
     if reply.solutions:
