@@ -8,7 +8,6 @@ from typing import Any
 from app.fourbar.models import ErrorsReply, MatchesReply, RoundedReply, SolutionReply, SynthesizeReply
 from app.tables import DEGREES, Units, columns, number
 
-
 _LINKS = tuple((name, ".6g", f"links.{name}") for name in ("crank", "coupler", "rocker", "ground"))
 
 
