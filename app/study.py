@@ -18,9 +18,8 @@ from typing import Any
 
 from tqdm import tqdm
 
-from app.arguments import FILE, whole_number
+from app.arguments import EPILOG, FILE, Exit, whole_number
 from app.asking import NO_PRESET, read_request
-from app.exits import EPILOG, Exit
 from app.query import Query
 from app.registry import all_queries
 from app.replies import json_of, plain_of

@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from types import SimpleNamespace
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 import linkage_atlas as la
-from app.fourbar import SUMMARIES
+from app.fourbar import QUESTIONS
 from app.fourbar.answers import SHORT_MS, budget_of
+from app.fourbar.csv_request import function_from_csv
+from app.fourbar.export import as_json, exports_of, pointing
 from app.fourbar.given import GivenGenerator
 from app.fourbar.models import (
     Curve,
     Length,
     limits_request,
 )
+from app.fourbar.tables import function_table
 from app.query import (
     AngleUnit,
     Count,
-    Export,
+    Files,
     Flag,
+    LengthUnit,
     Number,
     PositiveNumber,
     Query,
     RequestModel,
     Resources,
 )
-from app.tables import DEGREES, Units, number, table
 from linkage_atlas.limits import FUNCTION_LIMITS
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES
 
-MEDIA_TYPES = {
-    "csv": "text/csv; charset=utf-8",
-    "svg": "image/svg+xml",
-    "dxf": "image/vnd.dxf",
-    "mjcf": "application/xml",
-}
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
@@ -135,75 +133,87 @@ def is_long(request: FunctionRequest) -> bool:
     return request.objective == "max" or limited or samples > 64 or request.top > 20
 
 
-def _best(name: str) -> Any:
-    def render(request: FunctionRequest, resources: Resources) -> bytes:
-        return solve_function(request, resources).render(name).encode()
+class FunctionExportRequest(RequestModel):
+    """A function, one of its linkages, and the kind of file that is wanted."""
 
-    return render
-
-
-def function_table(reply: la.FunctionResult, units: Units = DEGREES) -> str:
-    """Ranked linkages of the reply; errors in the request's unit of angle."""
-    lines = [f"{reply.status}: {len(reply.solutions)} linkage{'s' if len(reply.solutions) != 1 else ''}"]
-    rows = []
-    for s in reply.solutions:
-        links = [number(v) for v in (s.links.crank, s.links.coupler, s.links.rocker, s.links.ground)]
-        errors = [
-            f"{s.errors.rms:.3g}",
-            f"{s.errors.max:.3g}",
-            "-" if s.errors.max_y is None else f"{s.errors.max_y:.3g}",
-        ]
-        alternations = "-" if s.errors.alternations is None else str(s.errors.alternations)
-        at = (f"{s.branch:+d}", number(s.start_angle), number(s.output_offset), s.family)
-        rows.append((s.rank, *links, *at, number(s.transmission_angle_min, 4), *errors, alternations))
-    if rows:
-        head = ("rank", "crank", "coupler", "rocker", "ground", "branch", "start", "offset", "family", "transm.")
-        errors = (units.head("rms", units.angle), units.head("max", units.angle), "max y", "alt.")
-        lines += ["", table((*head, *errors), rows)]
-        best = reply.solutions[0]
-        if best.verdict.reasons:
-            lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
-        if best.rounded is not None and best.rounded.links is not None and best.rounded.errors is not None:
-            r = best.rounded.links
-            rounded = " ".join(number(v) for v in (r.crank, r.coupler, r.rocker, r.ground))
-            error = units.value(best.rounded.errors.max, units.angle)
-            lines.append(f"rounded: {rounded}, largest error {error}")
-    if trace := ", ".join(f"{ms:.1f} ms: {value:.1e}" for ms, value in reply.report.trace):
-        lines += ["", f"best objective after {trace}"]
-    elapsed = ", ".join(f"{name} {value:.1f} ms" for name, value in reply.report.elapsed_ms.items())
-    lines.append(f"stopped by {reply.report.stopped_by}; {elapsed}")
-    return "\n".join(lines) + "".join(f"\nnote: {note}" for note in reply.report.notes)
+    request: FunctionRequest = Field(description="The request of /v1/function; angles are in its unit.")
+    solution: GivenGenerator
+    format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
+    length_unit: LengthUnit = Field("mm", description="The unit of the lengths, for DXF and MJCF.")
 
 
-LOGARITHM = {"name": "log10", "x": [1, 2], "output_span": 90}
-QUERY = Query(
-    "/v1/function",
+def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
+    from linkage_atlas.functions import read_wanted
+    from linkage_atlas.generators import render_function
+
+    request, solution = body.request, body.solution
+    if body.format == "json":
+        return as_json(request, solution.model_dump(mode="json"))
+    degrees = request.angle_unit == "deg"
+    asked = None if request.function is None else request.function.model_dump(exclude_none=True)
+    with pointing(lambda field: "/request" + field):
+        wanted, _ = read_wanted(
+            request.output, request.crank_span, input=request.input, function=asked, degrees=degrees
+        )
+    links = {name: getattr(solution.links, name) for name in ("crank", "coupler", "rocker", "ground")}
+    linkage = la.FourBar(**links, branch=solution.branch, start_angle=solution.start_angle, degrees=degrees)
+    made = SimpleNamespace(linkage=linkage, output_offset=solution.output_offset)
+    return render_function(wanted, made, body.format, body.length_unit, degrees).encode()
+
+
+FUNCTION_FILES = Files(
+    "/v1/function/export",
+    "export_function",
     "function",
-    SUMMARIES["function"],
-    FunctionRequest,
-    la.FunctionResult,
-    solve_function,
-    function_table,
+    "A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
+    FunctionExportRequest,
+    _function_file,
     {
-        "logarithm": {
-            "function": LOGARITHM,
-            "crank_span": 60,
-            "objective": "max",
-            "limits": {"transmission_angle_min": 30},
-            "top": 3,
-        },
-        "five_pairs": {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90], "top": 3},
-        "square_on_given_ground": {
-            "function": {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90},
-            "crank_span": 90,
-            "limits": {"preset": "practical", "links": {"ground": 100}},
-            "round_to": 0.5,
-            "sensitivity": True,
-            "curves": True,
-            "top": 3,
+        "request": {"input": [0, 20, 50], "output": [0, 10, 30]},
+        "solution": {
+            "links": {"crank": 1, "coupler": 3, "rocker": 2.5, "ground": 3.2},
+            "branch": 1,
+            "start_angle": 40,
+            "output_offset": 0,
         },
     },
-    {name: Export(media_type, _best(name)) for name, media_type in MEDIA_TYPES.items()},
-    is_long=is_long,
-    shows_units=True,
+)
+LOGARITHM = {"name": "log10", "x": [1, 2], "output_span": 90}
+QUERIES = (
+    Query(
+        "/v1/function",
+        "function",
+        QUESTIONS["function"],
+        FunctionRequest,
+        la.FunctionResult,
+        solve_function,
+        function_table,
+        {
+            "logarithm": {
+                "function": LOGARITHM,
+                "crank_span": 60,
+                "objective": "max",
+                "limits": {"transmission_angle_min": 30},
+                "top": 3,
+            },
+            "five_pairs": {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90], "top": 3},
+            "square_on_given_ground": {
+                "function": {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90},
+                "crank_span": 90,
+                "limits": {"preset": "practical", "links": {"ground": 100}},
+                "round_to": 0.5,
+                "sensitivity": True,
+                "curves": True,
+                "top": 3,
+            },
+        },
+        exports_of(
+            ("csv", "svg", "dxf", "mjcf"),
+            lambda request, resources, kind: solve_function(request, resources).render(kind),
+        ),
+        function_from_csv,
+        is_long,
+        FUNCTION_FILES,
+        shows_units=True,
+    ),
 )

@@ -3,34 +3,50 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from app.tables import DEGREES, Units, number, table
+from app.tables import DEGREES, Units, columns, number
 from linkage_atlas import Matches, Result, Solution
-from linkage_atlas.answers import Errors, MatchReport, Report, Rounded
+from linkage_atlas.answers import Errors, Rounded
 
-
-def _elapsed(report: MatchReport | Report) -> str:
-    return ", ".join(f"{name} {value:.1f} ms" for name, value in report.elapsed_ms.items())
+_LINKS = tuple((name, ".6g", f"links.{name}") for name in ("crank", "coupler", "rocker", "ground"))
 
 
 def matches_table(reply: Matches, units: Units = DEGREES) -> str:
     """Ranked rows of the matches; errors in the request's unit of angle."""
-    rows = [
-        (
-            *(m.rank, m.type.number, " ".join(map(str, m.type.lengths)), number(m.start_angle)),
-            *(f"{m.branch:+d}", number(m.offset), f"{m.similarity:.3g}"),
-        )
-        for m in reply.matches
-    ]
-    text = table(("rank", "type", "lengths", "start", "branch", "offset", units.head("rms error", units.angle)), rows)
-    report = reply.report
-    return f"{text}\n\nbest of {report.windows:,} windows; {_elapsed(report)}" + _notes(report)
+    text = columns(
+        reply.matches,
+        ("rank", "d", "rank"),
+        ("type", "d", "type.number"),
+        ("lengths", "", lambda match: " ".join(map(str, match.type.lengths))),
+        ("start", ".6g", "start_angle"),
+        ("branch", "+d", "branch"),
+        ("offset", ".6g", "offset"),
+        (units.head("rms error", units.angle), ".3g", "similarity"),
+    )
+    return f"{text}\n\nbest of {reply.report.windows:,} windows; {_elapsed(reply.report)}"
 
 
-def _notes(report: MatchReport | Report) -> str:
-    return "".join(f"\nnote: {note}" for note in report.notes)
+def _elapsed(report: Any) -> str:
+    times = ", ".join(f"{name} {value:.1f} ms" for name, value in report.elapsed_ms.items())
+    return times + "".join(f"\nnote: {note}" for note in report.notes)
+
+
+def _found(reply: Any, what: str) -> str:
+    return f"{reply.status}: {len(reply.solutions)} {what}{'s' if len(reply.solutions) != 1 else ''}"
+
+
+def _search_lines(report: Any) -> list[str]:
+    """How a search came to its best, and why it ended."""
+    trace = ", ".join(f"{ms:.1f} ms: {objective:.1e}" for ms, objective in report.trace)
+    stopped = f"stopped by {report.stopped_by}; {_elapsed(report)}"
+    return ["", f"best objective after {trace}", stopped] if trace else [stopped]
+
+
+def _lengths(links: Any) -> str:
+    return " ".join(number(getattr(links, name)) for name, *_ in _LINKS)
 
 
 def _proof(rounded: Rounded) -> str:
@@ -45,15 +61,13 @@ def _analysis_lines(best: Solution) -> list[str]:
     """The largest values of an analysis over the used interval."""
     if best.analysis is None:
         return []
-    curve = best.analysis.curve
-    forces = None if curve.pin_forces is None else np.concatenate(curve.pin_forces)
+    curve, found = best.analysis.curve, []
     rows = {
         "velocity": curve.velocity,
         "acceleration": curve.acceleration,
         "crank torque": curve.crank_torque,
-        "pin force": forces,
+        "pin force": None if curve.pin_forces is None else np.concatenate(curve.pin_forces),
     }
-    found = []
     for name, values in rows.items():
         if values is None:
             continue
@@ -91,24 +105,22 @@ def _errors(errors: Errors, units: Units) -> str:
 
 def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
     """Ranked solutions of the reply with their largest errors, and the mounting pose and errors of the best."""
-    lines = [f"{reply.status}: {len(reply.solutions)} solution{'s' if len(reply.solutions) != 1 else ''}"]
-    rows = []
-    for s in reply.solutions:
-        links = [number(v) for v in (s.links.crank, s.links.coupler, s.links.rocker, s.links.ground)]
-        rows.append(
-            (
-                *(s.rank, *links, f"{s.branch:+d}", number(s.start_angle), s.family),
-                number(s.transmission_angle_min, 4),
-                *(units.value(error, "") for error in (s.errors.rotation_max, s.errors.position_max)),
-                f"{s.errors.objective:.2e}",
-            )
+    lines = [_found(reply, "solution")]
+    if reply.solutions:
+        text = columns(
+            reply.solutions,
+            ("rank", "d", "rank"),
+            *_LINKS,
+            ("branch", "+d", "branch"),
+            ("start", ".6g", "start_angle"),
+            ("family", "", "family"),
+            ("transm.", ".4g", "transmission_angle_min"),
+            (units.head("rot. max", units.angle), ".3g", "errors.rotation_max"),
+            (units.head("pos. max", units.length), ".3g", "errors.position_max"),
+            ("objective", ".2e", "errors.objective"),
         )
-    if rows:
-        head = ("rank", "crank", "coupler", "rocker", "ground", "branch", "start", "family", "transm.")
-        errors = (units.head("rot. max", units.angle), units.head("pos. max", units.length), "objective")
-        lines += ["", table((*head, *errors), rows)]
         best = reply.solutions[0]
-        lines += ["", f"errors of rank 1: {_errors(best.errors, units)}"]
+        lines += ["", text, "", f"errors of rank 1: {_errors(best.errors, units)}"]
         if best.mount is not None:
             m = best.mount
             lines += [
@@ -123,11 +135,34 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         if best.rounded is not None and best.rounded.closes:
             r = best.rounded
-            rounded = " ".join(number(v) for v in (r.links.crank, r.links.coupler, r.links.rocker, r.links.ground))
-            lines.append(f"rounded: {rounded}; {_errors(r.errors, units)}{_proof(r)}")
+            lines.append(f"rounded: {_lengths(r.links)}; {_errors(r.errors, units)}{_proof(r)}")
         lines += _analysis_lines(best) + _tolerance_lines(best, units)
-    trace = ", ".join(f"{ms:.1f} ms: {objective:.1e}" for ms, objective in reply.report.trace)
-    if trace:
-        lines += ["", f"best objective after {trace}"]
-    lines.append(f"stopped by {reply.report.stopped_by}; {_elapsed(reply.report)}")
-    return "\n".join(lines) + _notes(reply.report)
+    return "\n".join(lines + _search_lines(reply.report))
+
+
+def function_table(reply: Any, units: Units = DEGREES) -> str:
+    """Ranked linkages of the reply; errors in the request's unit of angle."""
+    lines = [_found(reply, "linkage")]
+    if reply.solutions:
+        text = columns(
+            reply.solutions,
+            ("rank", "d", "rank"),
+            *_LINKS,
+            ("branch", "+d", "branch"),
+            ("start", ".6g", "start_angle"),
+            ("offset", ".6g", "output_offset"),
+            ("family", "", "family"),
+            ("transm.", ".4g", "transmission_angle_min"),
+            (units.head("rms", units.angle), ".3g", "errors.rms"),
+            (units.head("max", units.angle), ".3g", "errors.max"),
+            ("max y", ".3g", "errors.max_y"),
+            ("alt.", "d", "errors.alternations"),
+        )
+        lines += ["", text]
+        best = reply.solutions[0]
+        if best.verdict.reasons:
+            lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
+        if best.rounded is not None and best.rounded.links is not None and best.rounded.errors is not None:
+            error = units.value(best.rounded.errors.max, units.angle)
+            lines.append(f"rounded: {_lengths(best.rounded.links)}, largest error {error}")
+    return "\n".join(lines + _search_lines(reply.report))
