@@ -274,6 +274,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "checked_ms": page.significant(speed["checked_ms"], 2),
         "closure_ms": page.significant(speed["closure_ms"], 2),
         "agreement": f"{speed['largest_difference']:.0e}",
+        "tracks": f"{max(row[name] for row in results['tracks'] for name in ('end_step', 'chord')):.0e}",
         "chebyshev_8": next(
             f"{r['normal']:.0e}" for r in results["fits"] if (r["kind"], r["order"]) == ("chebyshev", 8)
         ),

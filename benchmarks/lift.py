@@ -238,7 +238,6 @@ def blocks(results: dict) -> dict[str, str]:
     initial, published, _ = designs
     rows = {
         **results,
-        "dead_point": results["stability"]["dead_point"],
         "table_2": [
             {**row, "arm": f"{row['printed_l2']:g}{mark}", "value": f"{row['printed_f']:g}{mark}"}
             for row in table_2
@@ -292,6 +291,7 @@ def blocks(results: dict) -> dict[str, str]:
             f"top_{way}": f"{max(row[f'{way}_error'] for row in top):.0e}"
             for way in ("from_height", "arccos", "instant_centre")
         },
+        "dead_point_error": f"{max(row['relative_error'] for row in results['stability']['dead_point']):.0e}",
         "time_scale": f"{1e3 * abs(published['velocity'] / published['acceleration']):.0f} ms",
         "least_condition": f"{initial['least_condition']:.2f} before, {published['least_condition']:.2f} published",
         "least_condition_time": f"{ends([row['least_condition_time'] for row in (initial, published)], 2)} s",

@@ -219,11 +219,20 @@ def refusals(resources: product.ServiceResources) -> Iterator[dict[str, Any]]:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/stability.md."""
-    return {
-        part: report.table(results["parts"][part], **report.TABLES["stability"]["parts"])
-        for part in ("kinematics", "synthesis")
-    }
+    """The tables of docs/stability.md; what the software does stands in the first of the rows of which it is said."""
+    tables: dict[str, list[dict[str, Any]]] = {}
+    for part in ("kinematics", "synthesis"):
+        before = ""
+        for found in results["parts"][part]:
+            known = bool(found["numbers"].get("length_gap"))  # the linkage that the motion was made with
+            told = found["numbers"] | {
+                "does": "" if found["does"] == before else found["does"],
+                "gap": report.power(found["numbers"]["length_gap"]) if known else "-",
+                "said": f"{found['numbers']['within_said']} of {found['cases']}" if known else "-",
+            }
+            tables.setdefault(part, []).append(found | told)
+            before = found["does"]
+    return report.tables("stability", tables)
 
 
 def measure(cases: Annotated[int, "of each class of synthesis"] = 20) -> Iterator[dict[str, Any]]:

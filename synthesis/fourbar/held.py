@@ -18,10 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.constraints import Constraints
 from synthesis.fourbar.determination import FREE, Determination, derivative_matrix
-from synthesis.fourbar.kinematics import coupler_angle, grashof_excesses
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.kinematics import EXCESSES, coupler_angle, grashof_excesses
+from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four
 from synthesis.fourbar.within import placed_linkages
@@ -36,10 +35,6 @@ _CHANGE_POINT = 1e-6
 _PUSHES = 1e-6
 """Multiplier, over J squared, from which on a limit pushes."""
 _STEP = 1e-5
-
-
-_EXCESSES = np.array([[-1, 1, -1, 1], [-1, -1, 1, 1], [-1, 1, 1, -1]])
-"""Derivatives of the Grashof excesses by the lengths."""
 
 
 class _Rows(NamedTuple):
@@ -149,7 +144,7 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
     size = links.sum(axis=1)[:, None]
     excesses = np.stack(grashof_excesses(links), axis=1) / size
     edges = (np.abs(excesses) <= _CHANGE_POINT) & (limits.family != "any")
-    bounds = _EXCESSES * (links / size)[:, None] * np.sign(excesses)[:, :, None]
+    bounds = EXCESSES * (links / size)[:, None] * np.sign(excesses)[:, :, None]
     rows = np.zeros((count, slopes.shape[1] + 3, unknowns))
     rows[:, :-3, :free] = (slopes[:, :, :4] * placed.lengths[:, None])[:, :, :free]
     rows[:, -3:, :free] = bounds[:, :, :free]

@@ -17,10 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar import constraints as of_limits
-from synthesis.fourbar.constraints import Constraints
 from synthesis.fourbar.kinematics import close_loop, wrap
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.limits import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import Solution, assess, four
 from synthesis.fourbar.within import keeps, within
@@ -301,13 +299,13 @@ def _constrained(
         )
     )
     slopes = found.slopes
-    by_coupler = slopes[..., of_limits.COUPLER] - 1j * slopes[..., of_limits.COUPLER + 1]
+    by_coupler = slopes[..., COUPLER] - 1j * slopes[..., COUPLER + 1]
     derivatives = np.stack(
         [
-            slopes[..., of_limits.BEGIN] + slopes[..., of_limits.END],
-            slopes[..., of_limits.TURNED] + (by_coupler * (1j * coupler)[:, None]).real,
-            slopes[..., of_limits.PIVOT],
-            slopes[..., of_limits.PIVOT + 1],
+            slopes[..., BEGIN] + slopes[..., END],
+            slopes[..., TURNED] + (by_coupler * (1j * coupler)[:, None]).real,
+            slopes[..., PIVOT],
+            slopes[..., PIVOT + 1],
             (by_coupler * turned[:, None]).real,
             (by_coupler * (1j * turned)[:, None]).real,
         ],

@@ -10,15 +10,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from synthesis.fourbar.excursion import LEAVES_SAMPLES
+from synthesis.fourbar.limits import (
+    LINK_RATIO,
+    REACH,
+    TRANSMISSION_ANGLE,
+    TRANSMISSION_ANGLE_TURN,
+    Limits,
+    placed_by,
+)
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Flags, Passage, from_the_rocker, passage
+from synthesis.target import Samples
 
 NAMED = 3
 """A reason names as many samples, or pairs of neighbours, and counts the rest."""
+_ROUNDED = 1e-9
+"""Part by which a limit may seem broken that is kept to rounding."""
 
 
 @dataclass(frozen=True)
@@ -122,3 +135,76 @@ def _listed(names: list[str]) -> str:
     rest = len(names) - NAMED
     named, last = (names[:NAMED], f"{rest} more") if rest > 0 else (names[:-1], names[-1])
     return f"samples {', '.join(named)} and {last}"
+
+
+class Built(Protocol):
+    """What practical limits look at."""
+
+    @property
+    def linkage(self) -> Linkage:
+        """The linkage."""
+
+    @property
+    def transmission_angle_min(self) -> float:
+        """Over the used interval."""
+
+    @property
+    def transmission_angle_min_turn(self) -> float | None:
+        """Over the whole turn; None where the crank does not turn fully."""
+
+
+def practical_faults(solution: Built, samples: Samples, limits: Limits, excursion: float | None = None) -> list[str]:
+    """A sentence for each practical limit that a solution breaks; what a request limits itself is judged by its own limit.
+
+    Parameters
+    ----------
+    solution : Solution, or whatever is built like one
+    samples : Samples
+        The motion; without positions lengths are ratios, and only those are judged.
+    limits : Limits
+        Of the request.
+    excursion : float, optional
+        Of the body point between samples, see `excursion.excursions`.
+    """
+    linkage, faults = solution.linkage, []
+
+    def angle(found: float, wanted: float, where: str) -> None:
+        if found < wanted - _ROUNDED:
+            degrees = np.rad2deg([found, wanted])
+            faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
+
+    angle(
+        solution.transmission_angle_min, limits.transmission_angle_min or TRANSMISSION_ANGLE, "over the used interval"
+    )
+    if solution.transmission_angle_min_turn is not None:
+        least = limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN
+        angle(solution.transmission_angle_min_turn, least, "over the whole turn")
+    ratio, most = max(linkage.links) / min(linkage.links), limits.link_ratio_max or LINK_RATIO
+    if ratio > most * (1 + _ROUNDED):
+        faults.append(f"longest link {ratio:.3g} times the shortest, above {most:g}")
+    if samples.position is not None:
+        extent, middle = samples.extent, complex(samples.position_mean(samples.position))
+        longest = max(linkage.links)
+        if limits.link_max is None and longest > REACH * extent:
+            faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {REACH:g}")
+        pivots = {"pivot_a": linkage.pivot_a, "pivot_b": linkage.pivot_b}
+        far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
+        if far and max(far) > REACH * (1 + _ROUNDED):
+            faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {REACH:g}")
+    if excursion is not None and excursion > LEAVES_SAMPLES:
+        faults.append(
+            f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"
+        )
+    return faults
+
+
+def size_of(linkage: Linkage, samples: Samples) -> float | None:
+    """Largest of the links, the coupler point's radius and the pivots' distances from the motion's middle, over its extent.
+
+    None without positions.
+    """
+    if samples.position is None or linkage.coupler_point is None:
+        return None
+    middle = complex(samples.position_mean(samples.position))
+    reach = (abs(linkage.pivot_a - middle), abs(linkage.pivot_b - middle))
+    return float(max(*linkage.links, linkage.coupler_point[0], *reach)) / samples.extent

@@ -8,11 +8,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.constraints import Constraints
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.grashof_chart import GrashofChart, LengthsChart
 from synthesis.fourbar.kinematics import transmission_angle_over
-from synthesis.fourbar.limits import Limits, in_family
+from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import Solution
 from synthesis.mechanism import Bounded, BoundedChart, Box, Boxes, Placed
@@ -99,7 +98,7 @@ def bounded_types(family: str) -> Floats:
     return lengths[in_family(family, lengths)]
 
 
-def keeps(target: Samples, limits: Limits, placed: Placed) -> Flags:
+def keeps(target: Samples, limits: Limits, placed: Placed, rounding: float = 0.0) -> Flags:
     """Which linkages, placed in the user's unit, keep limits, (n,).
 
     Parameters
@@ -108,6 +107,8 @@ def keeps(target: Samples, limits: Limits, placed: Placed) -> Flags:
         Whose mean position and length scale the constraints are measured in.
     limits : Limits
     placed : Placed
+    rounding : float
+        Part of the longest length by which a limit may be broken.
     """
     if limits.family == "any":
         holds = transmission_angle_over(placed.lengths, placed.used) > 0
@@ -122,7 +123,7 @@ def keeps(target: Samples, limits: Limits, placed: Placed) -> Flags:
         placed = placed.over(middle, scale)
     found = Constraints(limits, middle, scale)(placed)
     size = np.maximum(placed.lengths.max(axis=1, keepdims=True), 1 + abs(middle) / scale)
-    inside = np.where(found.equal, np.abs(found.values) <= _KEPT * size, found.values >= 0)
+    inside = np.where(found.equal, np.abs(found.values) <= _KEPT * size, found.values >= -rounding * size)
     if placed.pivot is not None:  # a linkage shrunk to a point keeps many limits, and is no answer
         inside = inside & (placed.lengths[:, :1] * scale > DEGENERATE * target.extent)
     return holds & np.all(inside, axis=1)

@@ -12,9 +12,8 @@ import pytest
 from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.grashof_chart import GrashofChart
 from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.fourbar.practical import practical_limits
 from synthesis.fourbar.solution import Solution
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses

@@ -11,9 +11,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import linkage_atlas as la
-from synthesis.fourbar.constraints import Constraints
+from linkage_atlas.limits import read_limits
 from synthesis.fourbar.grashof_chart import GrashofChart, LengthsChart
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.search.constrained import Descended, Plan, descend, restored
 from synthesis.search.limited import LimitedSearch
@@ -228,7 +228,7 @@ def test_a_field_beside_the_preset_replaces_its_value() -> None:
     request = make_case("unreachable", 2, 10).request
     position = np.array(request["position"])
     motion = la.Motion.of(request["rotation"], position, request["crank_span"])
-    read = la.motions.read_limits
+    read = read_limits
     assert read({"preset": "practical"}, motion).transmission_angle_min == pytest.approx(np.radians(35))
     mine = read({"preset": "practical", "transmission_angle_min": 50, "pivot_a": [0, 0], "link_max": 7}, motion)
     assert mine.transmission_angle_min == pytest.approx(np.radians(50)) and mine.link_max == 7

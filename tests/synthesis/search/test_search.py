@@ -46,7 +46,7 @@ def tables() -> SeedTables:
 
 def ask(request: dict[str, Any], resources: ServiceResources) -> dict[str, Any]:
     reply = answer_synthesize(SynthesizeRequest.model_validate(request), resources)
-    return json.loads(reply.model_dump_json())
+    return reply.to_dict()
 
 
 def target_of(request: dict[str, Any]) -> Target:
@@ -315,6 +315,7 @@ def test_what_lies_far_from_the_motion_is_feasible_too(resources) -> None:
 # -- anytime ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.timed
 def test_the_budget_is_kept(tables) -> None:
     """Processor time, so that a busy machine does not matter."""
     target = target_of(make_case(UNREACHABLE, 6000).request)
@@ -333,7 +334,8 @@ def test_more_time_is_never_worse(tables) -> None:
     found = []
     for budget in (5, 20, 80, 320):
         work = Work(budget, clock=count().__next__)
-        solutions, _ = search(tables, target, Limits(), 1, 1e-10, work)
+        solutions, report = search(tables, target, Limits(), 1, 1e-10, work)
+        assert report.stopped_by == (StoppedBy.BUDGET if budget < 80 else report.stopped_by)
         found.append(solutions[0].errors.objective)
     assert all(later <= earlier * (1 + 1e-6) for earlier, later in pairwise(found))
 
