@@ -46,7 +46,7 @@ def tables() -> SeedTables:
 
 def ask(request: dict[str, Any], resources: ServiceResources) -> dict[str, Any]:
     reply = answer_synthesize(SynthesizeRequest.model_validate(request), resources)
-    return json.loads(reply.model_dump_json())
+    return reply.to_dict()
 
 
 def target_of(request: dict[str, Any]) -> Target:
