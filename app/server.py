@@ -14,9 +14,9 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
+from app.arguments import Exit
 from app.connections import BACKLOG, cut_addresses, protocol_of
 from app.doors import LOOPBACK
-from app.exits import Exit
 from app.main import create_app
 from app.processes import Processes
 from app.resources import ServiceResources
