@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import warnings
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from importlib import import_module
 from typing import Annotated, Any, Literal
@@ -12,16 +13,17 @@ from typing import Annotated, Any, Literal
 from fastapi import FastAPI
 from pydantic import BeforeValidator, Field
 from pydantic.warnings import UnsupportedFieldAttributeWarning
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 
 import linkage_atlas as la
 from app import computed, page, problems
 from app.bodies import Reply
 from app.doors import Doors
-from app.fourbar import export, function_export
-from app.query import Export, Query, ReplyModel
-from app.registry import all_queries, worked_example
+from app.query import FILES, Files, Query, ReplyModel
+from app.registry import all_queries
+from app.replies import reply_model
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile
@@ -61,14 +63,13 @@ def create_app(
     computed.install(app, computing, settings)
     for query in all_queries():
         _add_query(app, query)
-    export.install(app, _PROBLEM_RESPONSES, worked_example())
-    function_export.install(app, _PROBLEM_RESPONSES)
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)
     if settings.log_json or settings.metrics:
         observed = import_module("app.observed")  # and with it the client library of Prometheus
         observed.install(app, settings, computing)
+    app.state.description, app.state.describing = None, asyncio.Lock()
     app.add_route("/openapi.json", _description, ["GET"], include_in_schema=False)
     return app
 
@@ -82,8 +83,15 @@ def described(app: FastAPI) -> dict[str, Any]:
     return document
 
 
-def _description(request: Request) -> Response:  # no coroutine: made on a thread
-    return JSONResponse(described(request.app))
+async def _description(request: Request) -> Response:
+    state = request.app.state
+    if state.description is None:
+        async with state.describing:
+            state.description = state.description or await run_in_threadpool(
+                lambda: page.made_once(described(request.app))
+            )
+    reply: Response = state.description.reply(request)
+    return reply
 
 
 class AtlasReply(ReplyModel):
@@ -166,31 +174,53 @@ def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     return {status: _PROBLEM_RESPONSES[status] for status in statuses}
 
 
-def _route_details(query: Query) -> dict[str, Any]:
-    examples = {name: {"value": body} for name, body in query.examples.items()}
-    return {
-        "summary": query.summary,
+def _described(summary: str, query: Query, examples: Mapping[str, Any], *media_types: str) -> dict[str, Any]:
+    """What is said of a route beside its models; with media types it answers with a file."""
+    bodies = {name: {"value": body} for name, body in examples.items()}
+    details = {
+        "summary": summary,
         "tags": [query.command.split()[0]],
         "responses": _problems(400, 413, 415, 422, 503),
-        "openapi_extra": {"requestBody": {"content": {"application/json": {"examples": examples}}}},
+        "openapi_extra": {"requestBody": {"content": {"application/json": {"examples": bodies}}}},
     }
+    if media_types:
+        details["responses"] |= {200: {"content": {media_type: {} for media_type in media_types}}}
+        details |= {"response_class": Response, "response_model": None}
+    return details
 
 
 def _add_query(app: FastAPI, query: Query) -> None:
-    name, details = query.command.replace(" ", "_"), _route_details(query)
+    """The routes of a question: its reply, its exports, and files of the reply's solutions."""
+    name = query.command.replace(" ", "_")
 
+    def add(path: str, name: str, answer: Callable[[Any, Any], Response], **described: Any) -> None:
+        computed.add(app, computed.Question(path, query.request, answer, query.is_long), name, **described)
+
+    add(
+        query.path,
+        name,
+        lambda body, resources: Reply(query.answer(body, resources)),
+        response_model=reply_model(query.reply),
+        **_described(query.summary, query, query.examples),
+    )
+    for kind, export in query.exports.items():
+        add(
+            f"{query.path}.{kind}",
+            f"{name}_{kind}",
+            lambda body, resources, export=export: Reply(export.render(body, resources), export.media_type),
+            **_described(f"{query.summary} As {kind.upper()}.", query, query.examples, export.media_type),
+        )
+    if query.files is not None:
+        _add_files(app, query, query.files)
+
+
+def _add_files(app: FastAPI, query: Query, files: Files) -> None:
     def answer(body: Any, resources: Any) -> Response:
-        return Reply(query.answer(body, resources))
+        media_type, endings = FILES[body.format]
+        name = f'attachment; filename="{files.stem}.{endings[-1]}"'
+        return Reply(files.render(body, resources), media_type, {"Content-Disposition": name})
 
-    question = computed.Question(query.path, query.request, answer, query.is_long)
-    computed.add(app, question, name, response_model=query.reply, **details)
-    for kind, rendered in query.exports.items():
-
-        def render(body: Any, resources: Any, export: Export = rendered) -> Response:
-            return Reply(export.render(body, resources), export.media_type)
-
-        question = computed.Question(f"{query.path}.{kind}", query.request, render, query.is_long)
-        details["summary"] = f"{query.summary} As {kind.upper()}."
-        responses = {**details["responses"], 200: {"content": {rendered.media_type: {}}}}
-        file = {**details, "responses": responses, "response_class": Response, "response_model": None}
-        computed.add(app, question, f"{name}_{kind}", **file)
+    examples = {kind: {**files.example, "format": kind} for kind in files.formats}
+    media_types = [FILES[kind].media_type for kind in files.formats]
+    question = computed.Question(files.path, files.request, answer, files.is_long)
+    computed.add(app, question, files.name, **_described(files.summary, query, examples, *media_types))

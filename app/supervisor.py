@@ -14,6 +14,7 @@ import os
 import select
 import signal
 import socket
+import subprocess
 import sys
 import time
 import traceback
@@ -31,10 +32,14 @@ _QUIET_SECONDS = 0.3
 """Without a wish of the front, before something is prepared."""
 _LOOK_SECONDS = 0.5
 """At most, between two looks at who has ended and whether the time is up."""
+DRAIN_SECONDS = 60.0
+"""For the requests of a service whose successor answers already."""
+SUCCESSION = "LINKAGE_ATLAS_SUCCESSION"
+"""Environment variable of a successor: the end of a pipe to write to once it answers, and the listeners that it takes over."""
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
 _ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_SIGNALS = (*_ENDS, signal.SIGCHLD)
+_SIGNALS = (*_ENDS, signal.SIGUSR1, signal.SIGCHLD)
 log = logging.getLogger("uvicorn.error")
 
 
@@ -65,6 +70,7 @@ class Supervisor:
         self._deadline: float | None = None
         self._steps = [self._prepare_rest, self._prepare_more] if resources.wants_more else []
         self._front: int | None = None
+        self._successor: int | None = None
 
     def run(self) -> int:
         """Until SIGINT, SIGTERM or SIGHUP; returns the exit code."""
@@ -77,6 +83,7 @@ class Supervisor:
         for told in _ENDS:
             if told != signal.SIGHUP or signal.getsignal(told) != signal.SIG_IGN:  # as nohup has it
                 signal.signal(told, self._end)
+        signal.signal(signal.SIGUSR1, self._succeed)
         self._start_front()
         if self._steps:  # while the front begins, which computes nothing
             self._resources.prepare()
@@ -109,11 +116,13 @@ class Supervisor:
         if self._woken in ready:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
+        if self._successor in ready:
+            self._succeeded()
         return bool(ready)
 
-    def _ready(self, seconds: float) -> list[socket.socket]:
-        ends = [self._woken, self._control] if self._heard else [self._woken]
-        return select.select(ends, [], [], seconds)[0]
+    def _ready(self, seconds: float) -> list[socket.socket | int]:
+        ends: list[socket.socket | int] = [self._woken, self._control] if self._heard else [self._woken]
+        return select.select(ends if self._successor is None else [*ends, self._successor], [], [], seconds)[0]
 
     def _serve(self) -> None:
         """Do what the front wishes."""
@@ -194,6 +203,28 @@ class Supervisor:
         self._start_front()
         return None
 
+    def _succeed(self, number: int, frame: FrameType | None) -> None:
+        """Start the service anew, perhaps of other code or with another atlas, and end once it answers in this one's place."""
+        if self._successor is not None or self._deadline is not None:
+            return
+        self._successor, theirs = os.pipe()
+        passed = [theirs, *(listener.fileno() for listener in self._listeners)]
+        environment = os.environ | {SUCCESSION: ",".join(map(str, passed))}
+        subprocess.Popen([sys.executable, *sys.orig_argv[1:]], pass_fds=passed, env=environment)
+        os.close(theirs)
+
+    def _succeeded(self) -> None:
+        """The successor answers, or has ended before it did."""
+        assert self._successor is not None
+        answers = os.read(self._successor, 1)
+        os.close(self._successor)
+        self._successor = None
+        if not answers:
+            log.error("The service that was to take over has ended; this one goes on")
+        elif self._deadline is None:
+            self._deadline = time.monotonic() + DRAIN_SECONDS + _LATE_SECONDS
+            os.kill(self._front or 0, signal.SIGUSR1)
+
     def _end(self, number: int, frame: FrameType | None) -> None:
         if self._deadline is None:
             self._deadline = time.monotonic() + self._resources.settings.ending_seconds + _LATE_SECONDS
@@ -243,6 +274,8 @@ class Supervisor:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
             self._wake.close()
             self._woken.close()
+            if self._successor is not None:
+                os.close(self._successor)
             run()
             code = 0
         except SystemExit as end:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
+import re
+from pathlib import Path
 
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
@@ -32,6 +34,16 @@ def test_figures_count_requests_by_route_and_status() -> None:
     assert found[seconds, "/v1/knotter/needle", None] == 4
     assert found["linkage_atlas_waiting", None, None] == found["linkage_atlas_unread_reply_bytes", None, None] == 0
     assert found["linkage_atlas_process_memory_bytes", None, None] > 1e7
+
+
+def test_the_dashboard_asks_for_figures_that_there_are() -> None:
+    dashboard = (Path(__file__).parents[2] / "deploy" / "grafana.json").read_text()
+    with TestClient(create_app(Settings(atlas="none", metrics=True))) as client:
+        client.get("/livez")
+        text = client.get("/metrics").text
+    wanted = set(re.findall(r"linkage_atlas_\w+", dashboard))
+    assert len(wanted) == 7
+    assert all(name.removesuffix("_bucket").removesuffix("_total") in text for name in wanted)
 
 
 def test_without_the_setting_there_are_none(client) -> None:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import re
 import shutil
-import socket
 import subprocess
 import sys
-import threading
 import time
 
 import pytest
-import uvicorn
 
 from app.main import create_app
 from app.settings import Settings
+from tests.conftest import listening
 from tests.e2e.page import ROOT, MotionPage
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -36,18 +34,8 @@ OPTIONS = (
 @pytest.fixture(scope="session")
 def address():
     """The service on a free port, without an atlas, whatever lies in the working folder: the page needs none."""
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        server = uvicorn.Server(uvicorn.Config(create_app(Settings(with_atlas=False)), log_level="error"))
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
-        thread.start()
-        for _ in range(1200):
-            if server.started:
-                break
-            time.sleep(0.05)
-        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
-        server.should_exit = True
-        thread.join(10)
+    with listening(create_app(Settings(with_atlas=False))) as (port, _):
+        yield f"http://127.0.0.1:{port}"
 
 
 @pytest.fixture(scope="session")
@@ -123,7 +111,9 @@ def standing(pages):
 
     To load the page takes longer than most of them.
     """
-    if not pages.run("return Boolean(window.standing)"):
+    if pages.run("return Boolean(window.standing)"):
+        pages.run("window.stub = null; for (const one of document.querySelectorAll('details')) one.open = false")
+    else:
         pages.load()
         pages.run("window.standing = true")
     yield pages
