@@ -125,56 +125,43 @@ def install(app: FastAPI) -> None:
     stored, shown = static_files(), static_files("docs")
     titles = scenes()
 
-    def of_scene(request: Request) -> str:
+    def page(path: str, file: StaticFile, **headers: str) -> None:
+        async def reply(request: Request) -> Response:
+            return file.reply(request, **headers)
+
+        app.add_route(path, reply, ["GET", "HEAD"])
+
+    def folder(path: str, files: dict[str, StaticFile]) -> None:
+        def reply(request: Request) -> Response:  # no coroutine: compressed on a thread
+            name = request.path_params["name"]
+            if name not in files or name.endswith(".html"):
+                raise NotFound("the page has no such file")
+            return files[name].reply(request)
+
+        app.add_route(path, reply, ["GET", "HEAD"])
+
+    async def scene_list(request: Request) -> Response:
+        return JSONResponse([{"name": name, "title": title} for name, title in titles.items()])
+
+    def scene_of(request: Request) -> str:
         name: str = request.path_params["name"]
         if name not in titles:
             raise NotFound("there is no such scene")
         return name
 
-    def found(files: dict[str, StaticFile], request: Request) -> Response:
-        name = request.path_params["name"]
-        if name not in files or name.endswith(".html"):
-            raise NotFound("the page has no such file")
-        return files[name].reply(request)
-
-    async def page(request: Request) -> Response:
-        return stored["index.html"].reply(request)
-
-    async def function_page(request: Request) -> Response:
-        return stored["function.html"].reply(request)
-
-    async def docs(request: Request) -> Response:
-        return shown["index.html"].reply(request, **{"Content-Security-Policy": DOCS_POLICY})
-
-    def docs_file(request: Request) -> Response:  # no coroutine: compressed on a thread
-        return found(shown, request)
-
-    async def icon(request: Request) -> Response:
-        return stored["icon.svg"].reply(request)
-
-    async def static(request: Request) -> Response:
-        return found(stored, request)
-
-    async def scene_list(request: Request) -> Response:
-        return JSONResponse([{"name": name, "title": title} for name, title in titles.items()])
-
     async def scene_page(request: Request) -> Response:
-        of_scene(request)
+        scene_of(request)
         return stored["scene.html"].reply(request)
 
-    def scene_queries_of(request: Request) -> Response:  # no coroutine: the schemas are made on a thread
-        return JSONResponse(scene_details(of_scene(request)))
+    def scene_queries(request: Request) -> Response:  # no coroutine: the schemas are made on a thread
+        return JSONResponse(scene_details(scene_of(request)))
 
-    for path, endpoint in {
-        "/": page,
-        "/function": function_page,
-        "/docs": docs,
-        "/redoc": docs,
-        "/docs/{name}": docs_file,
-        "/favicon.ico": icon,
-        "/static/{name:path}": static,
-        "/scenes": scene_list,
-        "/scenes/{name}": scene_page,
-        "/scenes/{name}/queries": scene_queries_of,
-    }.items():
-        app.add_route(path, endpoint, ["GET", "HEAD"])
+    page("/", stored["index.html"])
+    page("/function", stored["function.html"])
+    page("/favicon.ico", stored["icon.svg"])
+    for path in ("/docs", "/redoc"):
+        page(path, shown["index.html"], **{"Content-Security-Policy": DOCS_POLICY})
+    folder("/static/{name:path}", stored)
+    folder("/docs/{name}", shown)
+    for path, reply in {"": scene_list, "/{name}": scene_page, "/{name}/queries": scene_queries}.items():
+        app.add_route(f"/scenes{path}", reply, ["GET", "HEAD"])
