@@ -132,6 +132,7 @@ def _setting(text: str) -> tuple[list[str], Any]:
 
 
 def _run(options: argparse.Namespace, query: Query) -> int:
+    from app.replies import json_of
     from app.resources import ServiceResources
     from app.settings import atlas_of, settings_of
 
@@ -161,7 +162,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
             _show(file("svg"))
     unit = getattr(request, "angle_unit", "deg")  # a question without angles has none
     units = (Units(unit, options.length_unit or ""),) if query.shows_units else ()
-    print(reply.model_dump_json(indent=2) if options.json else query.table(reply, *units))
+    print(json_of(reply, 2).decode() if options.json else query.table(reply, *units))
     return code
 
 
@@ -300,11 +301,13 @@ def _file(
 ) -> bytes:
     if query.files is not None:
         kind = next(kind for kind in query.files.formats if FILES[kind].endings[0] == name)
-        solution = reply.solutions[rank - 1].model_dump()
+        solution = reply.solutions[rank - 1].to_dict()
         body = {"request": request, "solution": solution, "format": kind, "length_unit": length_unit}
         return query.files.render(query.files.request(**body), resources)
+    from app.replies import json_of
+
     if name == "json":
-        return reply.model_dump_json(indent=2).encode()
+        return json_of(reply, 2)
     return query.exports[name].render(request, resources)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import warnings
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -12,8 +13,9 @@ from typing import Annotated, Any, Literal
 from fastapi import FastAPI
 from pydantic import BeforeValidator, Field
 from pydantic.warnings import UnsupportedFieldAttributeWarning
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 
 import linkage_atlas as la
 from app import computed, page, problems
@@ -21,6 +23,7 @@ from app.bodies import Reply
 from app.doors import Doors
 from app.query import FILES, Files, Query, ReplyModel
 from app.registry import all_queries
+from app.replies import reply_model
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile
@@ -66,6 +69,7 @@ def create_app(
     if settings.log_json or settings.metrics:
         observed = import_module("app.observed")  # and with it the client library of Prometheus
         observed.install(app, settings, computing)
+    app.state.description, app.state.describing = None, asyncio.Lock()
     app.add_route("/openapi.json", _description, ["GET"], include_in_schema=False)
     return app
 
@@ -79,8 +83,15 @@ def described(app: FastAPI) -> dict[str, Any]:
     return document
 
 
-def _description(request: Request) -> Response:  # no coroutine: made on a thread
-    return JSONResponse(described(request.app))
+async def _description(request: Request) -> Response:
+    state = request.app.state
+    if state.description is None:
+        async with state.describing:
+            state.description = state.description or await run_in_threadpool(
+                lambda: page.made_once(described(request.app))
+            )
+    reply: Response = state.description.reply(request)
+    return reply
 
 
 class AtlasReply(ReplyModel):
@@ -189,7 +200,7 @@ def _add_query(app: FastAPI, query: Query) -> None:
         query.path,
         name,
         lambda body, resources: Reply(query.answer(body, resources)),
-        response_model=query.reply,
+        response_model=reply_model(query.reply),
         **_described(query.summary, query, query.examples),
     )
     for kind, export in query.exports.items():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -16,8 +17,9 @@ from typing import Any
 
 from fastapi import FastAPI
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 
+from app.bodies import Held, Reply
 from app.problems import NotFound
 from app.scenes import SCENES, queries_of
 
@@ -72,7 +74,7 @@ class StaticFile:
         if accepts_gzip(request.headers.get("accept-encoding", "")):
             content = self.compressed
             headers["Content-Encoding"] = "gzip"
-        return Response(content, media_type=self.media_type, headers=headers)
+        return Reply(content, self.media_type, headers, held=Held(0))
 
 
 def accepts_gzip(accept: str) -> bool:
@@ -103,8 +105,13 @@ def scenes() -> dict[str, str]:
     return {name: SCENE_TITLES.get(name, name.capitalize()) for name in SCENES}
 
 
+def made_once(content: Any) -> StaticFile:
+    """A reply in JSON that depends on no request."""
+    return StaticFile(json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode(), MEDIA_TYPES[".json"])
+
+
 @cache
-def scene_details(name: str) -> dict[str, Any]:
+def scene_details(name: str) -> StaticFile:
     """What a scene's page is made from: its queries with the schema of their requests and their examples."""
     queries = [
         {
@@ -117,7 +124,7 @@ def scene_details(name: str) -> dict[str, Any]:
         }
         for query in queries_of(name)
     ]
-    return {"name": name, "title": scenes()[name], "queries": queries}
+    return made_once({"name": name, "title": scenes()[name], "queries": queries})
 
 
 def install(app: FastAPI) -> None:
@@ -140,9 +147,6 @@ def install(app: FastAPI) -> None:
 
         app.add_route(path, reply, ["GET", "HEAD"])
 
-    async def scene_list(request: Request) -> Response:
-        return JSONResponse([{"name": name, "title": title} for name, title in titles.items()])
-
     def scene_of(request: Request) -> str:
         name: str = request.path_params["name"]
         if name not in titles:
@@ -154,14 +158,15 @@ def install(app: FastAPI) -> None:
         return stored["scene.html"].reply(request)
 
     def scene_queries(request: Request) -> Response:  # no coroutine: the schemas are made on a thread
-        return JSONResponse(scene_details(scene_of(request)))
+        return scene_details(scene_of(request)).reply(request)
 
     page("/", stored["index.html"])
     page("/function", stored["function.html"])
     page("/favicon.ico", stored["icon.svg"])
     for path in ("/docs", "/redoc"):
         page(path, shown["index.html"], **{"Content-Security-Policy": DOCS_POLICY})
+    page("/scenes", made_once([{"name": name, "title": title} for name, title in titles.items()]))
     folder("/static/{name:path}", stored)
     folder("/docs/{name}", shown)
-    for path, reply in {"": scene_list, "/{name}": scene_page, "/{name}/queries": scene_queries}.items():
-        app.add_route(f"/scenes{path}", reply, ["GET", "HEAD"])
+    app.add_route("/scenes/{name}", scene_page, ["GET", "HEAD"])
+    app.add_route("/scenes/{name}/queries", scene_queries, ["GET", "HEAD"])

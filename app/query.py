@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self, get_a
 from pydantic import (
     AllowInfNan,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     PlainSerializer,
@@ -63,6 +64,8 @@ Column = Annotated[SkipValidation[list[float]], PlainSerializer(_listed, return_
 Places = Annotated[
     SkipValidation[list[tuple[float, float]]], PlainSerializer(_paired, return_type=list[tuple[float, float]])
 ]
+FiniteOrNull = Annotated[float | None, BeforeValidator(lambda x: x if x is None or math.isfinite(x) else None)]
+"""A number of a result that is NaN or infinite where there is none."""
 AngleUnit = Literal["deg", "rad"]
 LengthUnit = Literal["mm", "cm", "m", "in"]
 
@@ -142,7 +145,7 @@ _NO_FIELDS: set[str] = set()
 
 
 class ReplyModel(BaseModel):
-    """Base of all replies; no number in a reply is NaN or infinite. A result with the fields' names may stand for one."""
+    """Base of replies that are pydantic's; no number is NaN or infinite. A result with the fields' names may stand for one."""
 
     model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True, from_attributes=True)
 
@@ -245,7 +248,7 @@ class Query:
     summary : str
         One line of help.
     request, reply : type
-        The models of the two bodies.
+        The model of the request, and that of the reply or its dataclass.
     answer : callable
         ``answer(request, resources) -> reply``; raises `linkage_atlas.FieldError` on input that has no answer.
     table : callable
@@ -272,7 +275,7 @@ class Query:
     command: str
     summary: str
     request: type[RequestModel]
-    reply: type[ReplyModel]
+    reply: type
     answer: Callable[[Any, Resources], Any]
     table: Callable[..., str]
     examples: Mapping[str, dict[str, Any]]

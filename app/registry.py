@@ -19,10 +19,11 @@ __all__ = ["all_examples", "all_queries", "examples_of", "queries_named", "worke
 
 
 def _motion_queries() -> tuple[Query, ...]:
+    import linkage_atlas as la
     from app.fourbar.answers import answer_match, answer_synthesize, is_long
     from app.fourbar.csv_request import match_from_csv, request_from_csv
     from app.fourbar.export import LINKAGE_FILES, SYNTHESIZE_EXPORTS
-    from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
+    from app.fourbar.models import MatchRequest, SynthesizeRequest
     from app.fourbar.tables import matches_table, synthesize_table
     from app.query import Query
 
@@ -34,7 +35,7 @@ def _motion_queries() -> tuple[Query, ...]:
             "match",
             QUESTIONS["match"],
             MatchRequest,
-            MatchesReply,
+            la.Matches,
             answer_match,
             matches_table,
             {
@@ -51,7 +52,7 @@ def _motion_queries() -> tuple[Query, ...]:
             "synthesize",
             QUESTIONS["synthesize"],
             SynthesizeRequest,
-            SynthesizeReply,
+            la.Result,
             answer_synthesize,
             synthesize_table,
             {

@@ -210,9 +210,6 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/error_vs_runtime.md and README.md."""
     runs = results["runs"]
     exact, columns = summarise(runs, EXACT), report.TABLES["error_vs_runtime"]["runs"]
-    shown = [row for row in exact if row["method"] not in GRIDS]
-    every = {method: frontier([row for row in exact if row["method"] == method]) for method in GRIDS}
-    shown += [every[ROWS][0], every[ROWS][-1], *every[REFINED]]
     best = []
     for kind in NAMES:
         rows = sorted(summarise(runs, [kind]), key=lambda row: (-row["median"], -row["ms"]))
@@ -228,9 +225,8 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "cases": f"{results['cases']} seeded cases of each of {len(runs)} classes, {slow}; {points:,} measurements in "
         f"{results['minutes']:.0f} minutes. {' '.join(results['skipped'].values())}".strip(),
         "lead": lead(runs),
-        "exact": report.table(shown, **columns),
         "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in ("class", *LOOK))),
-        "headline": report.table([row for row in shown if (row["method"], row["setting"]) in HEADLINE], **columns),
+        "headline": report.table([row for row in exact if (row["method"], row["setting"]) in HEADLINE], **columns),
     }
 
 

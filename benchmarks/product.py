@@ -13,6 +13,7 @@ import numpy as np
 import linkage_atlas as la
 from app.fourbar.answers import answer_synthesize
 from app.fourbar.models import SynthesizeRequest
+from app.replies import json_of
 from app.resources import ServiceResources
 from app.settings import Settings
 from benchmarks.report import Times
@@ -56,8 +57,8 @@ def prepared_service() -> ServiceResources:
 def answer(request: dict[str, Any], resources: ServiceResources, times: Times) -> dict[str, Any]:
     """The reply of /v1/synthesize as JSON values; timed is the way from the parsed request to the reply's text."""
 
-    def reply() -> str:
-        return answer_synthesize(SynthesizeRequest.model_validate(request), resources).model_dump_json()
+    def reply() -> bytes:
+        return json_of(answer_synthesize(SynthesizeRequest.model_validate(request), resources))
 
     return json.loads(times.run(reply))
 

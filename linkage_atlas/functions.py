@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING, Report
+from linkage_atlas.answers import FINISHING
 from linkage_atlas.door import seed_tables
-from linkage_atlas.generators import Asked, FunctionResult, described, rounded
+from linkage_atlas.generators import Asked, FunctionReport, FunctionResult, described, rounded
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.motions import check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.named import Dials, read_dials
@@ -178,7 +178,7 @@ def function(
     solutions = described(asked, found, kept, sensitivity, curves)
     if round_to is not None:
         solutions = [
-            replace(one, rounded=rounded(asked, generator, round_to, watch), asked_to_round=True)
+            replace(one, rounded=rounded(asked, generator, round_to, watch))
             for one, generator in zip(solutions, found)
         ]
     notes = [*_notes(wanted), *([] if begin is None else [LOCAL])]
@@ -203,19 +203,16 @@ def function(
     total, radian = watch.elapsed, radians_in(degrees)
     stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
     stages |= {"report": total - searched, "total": total}
-    report = Report(
+    report = FunctionReport(
         elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
         trace=[(1000 * seconds, value) for seconds, value in went.trace],
         stopped_by=went.stopped_by.value,
-        length_scale=None,
         seeds=went.seeds,
-        windows=None,
-        exhaustive=None,
         notes=notes,
     )
     x, y = (None, None) if dials is None else (dials.x, dials.y)
     return FunctionResult(
-        status, solutions, report, wanted.crank / radian, wanted.output / radian, x, y, wanted, degrees
+        status, solutions, wanted.crank / radian, wanted.output / radian, x, y, report, wanted, degrees
     )
 
 

@@ -11,7 +11,7 @@ from pydantic import Field, Strict
 
 import linkage_atlas as la
 from app.fourbar import worked_example
-from app.fourbar.answers import analysis_of, is_long, motion_of, solve
+from app.fourbar.answers import analysis_of, answer_synthesize, is_long, motion_of
 from app.fourbar.given import FarLength, GivenSolution
 from app.fourbar.models import SynthesizeRequest
 from app.query import FILES, Export, Files, LengthUnit, RequestModel, Resources
@@ -38,7 +38,7 @@ class ExportRequest(RequestModel):
 
 
 def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
-    found = solve(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
+    found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if len(found) < rank:
         raise la.FieldError(
             "/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits"

@@ -16,8 +16,6 @@ from app.fourbar.given import GivenGenerator
 from app.fourbar.models import (
     Curve,
     Length,
-    LinksReply,
-    VerdictReply,
     limits_request,
 )
 from app.fourbar.tables import function_table
@@ -30,7 +28,6 @@ from app.query import (
     Number,
     PositiveNumber,
     Query,
-    ReplyModel,
     RequestModel,
     Resources,
 )
@@ -110,85 +107,8 @@ class FunctionRequest(RequestModel):
     angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
 
 
-class FunctionErrorsReply(ReplyModel):
-    rms: float = Field(description="At the samples, weighted.")
-    max: float = Field(description="Over the whole interval for objective `max`, over the samples for `rms`.")
-    alternations: int | None = Field(
-        description="Objective `max`: extremes of the error, of alternating sign, that are as large as the largest."
-    )
-    rms_y: float | None = Field(description="`rms` in units of y; null without `function`.")
-    max_y: float | None
-    objective: float = Field(description="What was made least, in radians.")
-
-
-class RoundedFunctionReply(ReplyModel):
-    closes: bool
-    links: LinksReply | None
-    start_angle: float | None
-    output_offset: float | None
-    errors: FunctionErrorsReply | None
-    transmission_angle_min: float | None = Field(description="Over the used interval; limits are not applied again.")
-
-
-class ErrorCurveReply(ReplyModel):
-    input: list[float]
-    error: list[float] = Field(description="Wanted less made.")
-
-
-class FunctionDeterminationReply(ReplyModel):
-    ill_posed: bool = Field(
-        description="A length is not even fixed to a thousandth by the function at this resolution, whatever limits hold it."
-    )
-    resolution: float = Field(description="Error that is considered: the objective, at least the tolerance.")
-    length_uncertainty: list[float | None] = Field(
-        description="Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."
-    )
-
-
-class FunctionSolutionReply(ReplyModel):
-    rank: int
-    links: LinksReply
-    branch: Literal[-1, 1]
-    start_angle: float = Field(description="Crank angle at the first sample, from the ground line A->B.")
-    output_offset: float = Field(
-        description="output = rocker angle (in -180..180 degrees at the first sample, continuous) + this."
-    )
-    errors: FunctionErrorsReply
-    verdict: VerdictReply
-    family: str
-    transmission_angle_min: float = Field(description="Over the used interval.")
-    transmission_angle_min_turn: float | None = Field(
-        description="Over the whole turn; null if the crank cannot turn."
-    )
-    condition: float = Field(description="Condition number of the output's derivatives by all unknowns.")
-    determination: FunctionDeterminationReply
-    sensitivity: list[float] | None = Field(
-        description="Rms change of the output per unit of crank, coupler, rocker, ground."
-    )
-    rounded: RoundedFunctionReply | None
-    error_curve: ErrorCurveReply | None
-
-
-class FunctionReport(ReplyModel):
-    elapsed_ms: dict[str, float]
-    trace: list[tuple[float, float]] = Field(description="[milliseconds, best objective] after each stage.")
-    stopped_by: Literal["tolerance", "converged", "budget"]
-    seeds: int = Field(description="Starting points refined.")
-    notes: list[str]
-
-
-class FunctionReply(ReplyModel):
-    status: Literal["reached", "closest", "infeasible", "unknown"]
-    solutions: list[FunctionSolutionReply]
-    input: list[float] = Field(description="Crank angle at the samples, from the first.")
-    output: list[float] = Field(description="Wanted rocker angle there.")
-    x: list[float] | None = Field(description="The samples' x and y, where a function was named.")
-    y: list[float] | None
-    report: FunctionReport
-
-
-def solve_function(request: FunctionRequest, resources: Resources, top: int | None = None) -> la.FunctionResult:
-    """The front door's answer to a request."""
+def solve_function(request: FunctionRequest, resources: Resources) -> la.FunctionResult:
+    """Linkages that make a function, best first."""
     names = ("output", "crank_span", "input", "objective", "input_zero", "output_zero", "weights", "one_way")
     names += ("tolerance", "round_to", "sensitivity", "curves")
     asked = None if request.function is None else request.function.model_dump(exclude_none=True)
@@ -197,7 +117,7 @@ def solve_function(request: FunctionRequest, resources: Resources, top: int | No
         function=asked,
         refine_from=None if request.refine_from is None else request.refine_from.model_dump(),
         limits=request.limits.model_dump(exclude_none=True),
-        top=max(request.top, top or 0),
+        top=request.top,
         budget=budget_of(request.budget_ms, resources),
         degrees=request.angle_unit == "deg",
         work=resources.work,
@@ -211,11 +131,6 @@ def is_long(request: FunctionRequest) -> bool:
     samples = 101 if request.function is not None else len(request.output or ())
     limited = not request.limits.model_fields_set <= {"family"} or request.round_to is not None or request.one_way
     return request.objective == "max" or limited or samples > 64 or request.top > 20
-
-
-def answer_function(request: FunctionRequest, resources: Resources) -> FunctionReply:
-    """Linkages that make a function, best first."""
-    return FunctionReply.model_validate(solve_function(request, resources).to_dict())
 
 
 class FunctionExportRequest(RequestModel):
@@ -270,8 +185,8 @@ QUERIES = (
         "function",
         QUESTIONS["function"],
         FunctionRequest,
-        FunctionReply,
-        answer_function,
+        la.FunctionResult,
+        solve_function,
         function_table,
         {
             "logarithm": {

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from app.fourbar.models import ErrorsReply, MatchesReply, RoundedReply, SolutionReply, SynthesizeReply
+import numpy as np
+
 from app.tables import DEGREES, Units, columns, number
+from linkage_atlas import Matches, Result, Solution
+from linkage_atlas.answers import Errors, Rounded
 
 _LINKS = tuple((name, ".6g", f"links.{name}") for name in ("crank", "coupler", "rocker", "ground"))
 
 
-def matches_table(reply: MatchesReply, units: Units = DEGREES) -> str:
+def matches_table(reply: Matches, units: Units = DEGREES) -> str:
     """Ranked rows of the matches; errors in the request's unit of angle."""
     text = columns(
         reply.matches,
@@ -46,7 +49,7 @@ def _lengths(links: Any) -> str:
     return " ".join(number(getattr(links, name)) for name, *_ in _LINKS)
 
 
-def _proof(rounded: RoundedReply) -> str:
+def _proof(rounded: Rounded) -> str:
     """Whether a choice of stock lengths is the best of all."""
     if rounded.combinations is None:
         return ""
@@ -54,34 +57,35 @@ def _proof(rounded: RoundedReply) -> str:
     return f", the best {of}" if rounded.exhaustive else f", the best of {rounded.tried:,} {of}"
 
 
-def _analysis_lines(best: SolutionReply) -> list[str]:
+def _analysis_lines(best: Solution) -> list[str]:
     """The largest values of an analysis over the used interval."""
     if best.analysis is None:
         return []
     curve, found = best.analysis.curve, []
-    for name, rows in (("velocity", curve.velocity), ("acceleration", curve.acceleration)):
-        if rows is not None and (sizes := [math.hypot(*row) for row in rows if row is not None]):
-            found.append(f"{name} {number(max(sizes), 4)}")
-    if curve.crank_torque is not None and (
-        sizes := [abs(value) for value in curve.crank_torque if value is not None]
-    ):
-        found.append(f"crank torque {number(max(sizes), 4)}")
-    if curve.pin_forces is not None:
-        rows = [row for name in type(curve.pin_forces).model_fields for row in getattr(curve.pin_forces, name)]
-        if sizes := [math.hypot(*row) for row in rows if row is not None]:
-            found.append(f"pin force {number(max(sizes), 4)}")
+    rows = {
+        "velocity": curve.velocity,
+        "acceleration": curve.acceleration,
+        "crank torque": curve.crank_torque,
+        "pin force": None if curve.pin_forces is None else np.concatenate(curve.pin_forces),
+    }
+    for name, values in rows.items():
+        if values is None:
+            continue
+        sizes = np.abs(values) if values.ndim == 1 else np.linalg.norm(values, axis=1)
+        if np.isfinite(sizes).any():
+            found.append(f"{name} {number(np.nanmax(sizes), 4)}")
     return [f"largest over the interval: {', '.join(found)}"] if found else []
 
 
-def _tolerance_lines(best: SolutionReply, units: Units) -> list[str]:
+def _tolerance_lines(best: Solution, units: Units) -> list[str]:
     """What tolerances of manufacture do at worst, and what contributes most."""
     if best.tolerance_study is None:
         return []
     study, lines = best.tolerance_study, []
     for name, unit in (("position", units.length), ("rotation", units.angle)):
         made = getattr(study, name)
-        if made is not None and made.worst.p95 is not None:
-            source = getattr(study.largest, name)
+        if made is not None and math.isfinite(made.worst.p95):
+            source = study.largest[name]
             lines.append(
                 f"as made, {name} off by at most {units.value(made.worst.p95, unit, 4)} in 95 % of {study.samples:,} linkages"
                 + (f"; most from {source}" if source else "")
@@ -89,7 +93,7 @@ def _tolerance_lines(best: SolutionReply, units: Units) -> list[str]:
     return lines
 
 
-def _errors(errors: ErrorsReply, units: Units) -> str:
+def _errors(errors: Errors, units: Units) -> str:
     """Errors at the samples in words: of rotation, of position, as far as they were asked for."""
     found = []
     for name, unit in (("rotation", units.angle), ("position", units.length)):
@@ -99,7 +103,7 @@ def _errors(errors: ErrorsReply, units: Units) -> str:
     return "; ".join(found)
 
 
-def synthesize_table(reply: SynthesizeReply, units: Units = DEGREES) -> str:
+def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
     """Ranked solutions of the reply with their largest errors, and the mounting pose and errors of the best."""
     lines = [_found(reply, "solution")]
     if reply.solutions:

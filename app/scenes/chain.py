@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import isfinite, pi
+from collections.abc import Sequence
+from math import pi
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from app.query import (
     Computed,
     Count,
     Export,
+    FiniteOrNull,
     Number,
     Query,
     ReplyModel,
@@ -26,8 +27,10 @@ from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError, Work
 from synthesis.chain.closure import STRETCH_TOLERANCE, Chain, closing_links
 from synthesis.chain.crescent import (
+    LEFT_WHEEL,
     RADIUS_RATIO,
     RIGHT_WHEEL,
+    UPPER_ARC,
     Crescent,
     crescent_angles,
     crescent_slot,
@@ -188,7 +191,7 @@ class LocusReply(ReplyModel):
     )
     free_pin: int
     depth_max: float
-    radius_min: float | None = Field(description="Smallest curvature radius of the path; null: straight.")
+    radius_min: FiniteOrNull = Field(description="Smallest curvature radius of the path; null: straight.")
     end_step: float = Field(description="Distance of the slot's ends from the bare track.")
 
 
@@ -255,10 +258,10 @@ class ChecksReply(ReplyModel):
     slack: bool = Field(description="The ends have a step: no phase has the chain exactly on the bare track.")
     chord_error_max: float = Field(description="Over all links and all samples.")
     single_valued: bool = Field(description="The slot is a function y(x) in its own frame.")
-    roller_radius_max: float | None = Field(description="The path's smallest curvature radius; null: straight.")
+    roller_radius_max: FiniteOrNull = Field(description="The path's smallest curvature radius; null: straight.")
     roller_fits: bool | None = Field(description="null: no roller was given.")
-    clearance: float | None = Field(description="Distance of the path from the segments that it does not replace.")
-    condition: float | None = Field(description="Change of the free pin per change of a link; null: without bound.")
+    clearance: FiniteOrNull = Field(description="Distance of the path from the segments that it does not replace.")
+    condition: FiniteOrNull = Field(description="Change of the free pin per change of a link; null: without bound.")
     free_pin_speed: list[float] = Field(description="Least and largest, per speed of P1.")
 
 
@@ -362,16 +365,26 @@ class PhaseAxis(NamedTuple):
     """P1's way in one unit of the reply."""
 
 
-def theta1_axis(request: ChainSlotRequest, crescent: Crescent) -> PhaseAxis:
-    """The phase as P1's angle on the left wheel."""
-    return PhaseAxis("theta1", crescent.wheel_radius * Angles(request.angle_unit).radian)
+class Shown(NamedTuple):
+    """A slot in the words of its request: the phase, the segments' names, which of them is the track's first and has the slot."""
 
+    slot: Slot
+    axis: PhaseAxis
+    segments: Sequence[str]
+    driver: int
+    free: int
+    crescent: Crescent | None = None
 
-POSITION = PhaseAxis("position", 1.0)
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None
+    def pins(self, request: SlotOptions) -> tuple[Pins, Any, Any] | None:
+        """All pins at the samples, their angles where the track's parts define any, and their links'; if they are asked for."""
+        if "pins" not in request.include:
+            return None
+        pins, radian = (
+            pins_at(self.slot, sample_phases(self.slot, request.samples)),
+            Angles(request.angle_unit).radian,
+        )
+        theta = None if self.crescent is None else crescent_angles(self.crescent, self.slot, pins) / radian
+        return pins, theta, pins.link_angle / radian
 
 
 def sample_phases(slot: Slot, samples: int) -> Any:
@@ -434,10 +447,9 @@ def _power(
     return PowerReply(pieces=None if lost else rows, max_normal=error, decimals=decimals)
 
 
-def common_parts(
-    slot: Slot, request: SlotOptions, axis: PhaseAxis, work: Work
-) -> tuple[Report, dict[str, Any], dict[str, Any]]:
+def common_parts(shown: Shown, request: SlotOptions, work: Work) -> tuple[Report, dict[str, Any], dict[str, Any]]:
     """The report on a slot, and the fields of reply and locus that do not depend on the kind of track."""
+    slot, axis = shown.slot, shown.axis
     phases = sample_phases(slot, request.samples)
     facts, points = report(slot, phases, work), slot.path(phases)
     work.go_on()
@@ -449,7 +461,10 @@ def common_parts(
         "links": slot.chain.links,
         "angle_unit": request.angle_unit,
         "fit": _fit(slot, request, axis),
-        "outline": _outline(slot, request),
+        "pins": _pins(shown, request),
+        "outline": {"left": None, "right": None, **contours(groove(slot, request.roller_radius))}
+        if "outline" in request.include
+        else None,
         "without_slot": WithoutSlotReply(
             chord_error_max=facts.held_chord_error, slack_max=max(facts.slack_max.value, 0.0)
         ),
@@ -459,10 +474,10 @@ def common_parts(
             slack=slack,
             chord_error_max=facts.chord_error,
             single_valued=facts.single_valued,
-            roller_radius_max=_finite(facts.radius_min),
+            roller_radius_max=facts.radius_min,
             roller_fits=None if roller is None else roller < facts.radius_min,
-            clearance=_finite(facts.clearance),
-            condition=_finite(facts.condition),
+            clearance=facts.clearance,
+            condition=facts.condition,
             free_pin_speed=list(facts.free_speed),
         ),
     }
@@ -472,61 +487,28 @@ def common_parts(
         "xy": [[point.real, point.imag] for point in points.tolist()],
         "free_pin": slot.free,
         "depth_max": facts.depth_max.value,
-        "radius_min": _finite(facts.radius_min),
+        "radius_min": facts.radius_min,
         "end_step": facts.end_step,
     }
     return facts, common, locus
 
 
-def _outline(slot: Slot, request: SlotOptions) -> OutlineReply | None:
-    """The closed contours that are cut, if they are asked for."""
-    if "outline" not in request.include:
+def _pins(shown: Shown, request: SlotOptions) -> PinsReply | None:
+    links = shown.slot.chain.links
+    if "pins" in request.include and request.samples * links > LISTED_PINS:
+        most = LISTED_PINS // links
+        raise FieldError("/samples", f"with {links} links at most {most} samples list all pins")
+    found = shown.pins(request)
+    if found is None:
         return None
-
-    rows = contours(groove(slot, request.roller_radius))
-    return OutlineReply(**{name: rows.get(name) for name in ("path", "left", "right")})
-
-
-def pins_reply(
-    slot: Slot, request: SlotOptions, names: list[str], theta: Callable[[Pins], Any] | None, driver: int = 0
-) -> PinsReply | None:
-    """All pins at the samples, if they are asked for.
-
-    ``theta(pins)`` gives their angles (rad) where the parts of the track define any; ``names`` are those of the request's
-    segments, of which ``driver`` is the track's first.
-    """
-    if "pins" not in request.include:
-        return None
-
-    if request.samples * slot.chain.links > LISTED_PINS:
-        most = LISTED_PINS // slot.chain.links
-        raise FieldError("/samples", f"with {slot.chain.links} links at most {most} samples list all pins")
-    pins = pins_at(slot, sample_phases(slot, request.samples))
-    radian = Angles(request.angle_unit).radian
+    pins, theta, link_angle = found
     return PinsReply(
-        segments=names,
+        segments=shown.segments,
         xy=[[[point.real, point.imag] for point in row] for row in pins.points.tolist()],
-        segment=((pins.segment + driver) % len(names)).tolist(),
-        theta=None if theta is None else (theta(pins) / radian).tolist(),
-        link_angle=(pins.link_angle / radian).tolist(),
+        segment=((pins.segment + shown.driver) % len(shown.segments)).tolist(),
+        theta=None if theta is None else theta.tolist(),
+        link_angle=link_angle.tolist(),
     )
-
-
-def pin_columns(slot: Slot, request: SlotOptions, theta: Callable[[Pins], Any] | None) -> dict[str, Any]:
-    """The same as columns of a table: x and y, the angle if there is one, and the link's direction, pin by pin."""
-    if "pins" not in request.include:
-        return {}
-
-    pins, unit = pins_at(slot, sample_phases(slot, request.samples)), request.angle_unit
-    radian, columns = Angles(unit).radian, {}
-    angles = None if theta is None else theta(pins) / radian
-    links = pins.link_angle / radian
-    for pin in range(slot.chain.links):
-        columns |= {f"P{pin + 1}_x": pins.points[:, pin].real, f"P{pin + 1}_y": pins.points[:, pin].imag}
-        if angles is not None:
-            columns[f"theta{pin + 1}_{unit}"] = angles[:, pin]
-        columns[f"link{pin + 1}_{unit}"] = links[:, pin]
-    return columns
 
 
 def _rows(rows: list[tuple[str, str]]) -> str:
@@ -636,10 +618,10 @@ class WornReply(ReplyModel):
     slack_min: float = Field(description="Least slack over the phase; negative: length that is missing.")
     slack_max: float
     stretched: bool
-    depth_max: float | None = Field(
+    depth_max: FiniteOrNull = Field(
         description="How far a taut chain lifts its free pin off the bare track; null: stretched."
     )
-    beyond_slot: float | None = Field(
+    beyond_slot: FiniteOrNull = Field(
         description="How far past the slot that is, at most: the chain is loose by it, or needs a slot that much deeper."
     )
 
@@ -691,17 +673,8 @@ def answer_tolerance(request: ChainToleranceRequest, resources: Resources) -> Ch
         slack_min=nominal.slack_min,
         slack_max=nominal.slack_max,
         pitch_error_min=tightest_pitch_error(slot, work),
-        wear=[
-            WornReply(**{name: value if isfinite(value) else None for name, value in row._asdict().items()})
-            for row in found
-        ],
-        tolerance=CornersReply(
-            sensitivity=made.sensitivity,
-            slack_min=made.slack_min,
-            slack_max=made.slack_max,
-            slack_min_linear=made.linear,
-            corners=made.corners,
-        ),
+        wear=found,
+        tolerance=made,
     )
 
 
@@ -785,37 +758,33 @@ def is_long(request: SlotOptions) -> bool:
     return request.samples > LONG_SAMPLES or (request.fit is not None and request.fit.order > LONG_SAMPLES)
 
 
-def _crescent(request: ChainSlotRequest, work: Work) -> tuple[Crescent, Slot]:
+def _crescent(request: ChainSlotRequest, work: Work) -> Shown:
     _check_size(request, request.links)
-    start = request.phase_start
-    return crescent_slot(
+    angles, start = Angles(request.angle_unit), request.phase_start
+    crescent, slot = crescent_slot(
         request.pitch,
         request.links,
         request.upper_radius,
         request.wheel_radius,
         request.lower_radius,
         request.eccentricity,
-        None if start is None else Angles(request.angle_unit).inward(start),
+        None if start is None else angles.inward(start),
         work,
     )
-
-
-def _theta(crescent: Crescent, slot: Slot) -> Callable[[Pins], Any]:
-    """The pins' angles as the source counts them, rad."""
-    return lambda pins: crescent_angles(crescent, slot, pins)
+    axis = PhaseAxis("theta1", crescent.wheel_radius * angles.radian)
+    return Shown(slot, axis, SEGMENT_NAMES, LEFT_WHEEL, UPPER_ARC, crescent)
 
 
 def answer_slot(request: ChainSlotRequest, resources: Resources) -> ChainSlotReply:
     """The crescent's closure and slot."""
     work = resources.work()
-    crescent, slot = _crescent(request, work)
-    angle, axis = Angles(request.angle_unit).outward, theta1_axis(request, crescent)
-    facts, common, locus = common_parts(slot, request, axis, work)
+    shown = _crescent(request, work)
+    slot, axis, crescent, angle = shown.slot, shown.axis, shown.crescent, Angles(request.angle_unit).outward
+    facts, common, locus = common_parts(shown, request, work)
     wheel, upper, lower = crescent.link_angles(request.pitch)
     theta1 = [crossing.phase / axis.unit for crossing in slot.crossings]
     return ChainSlotReply(
         **common,
-        pins=pins_reply(slot, request, list(SEGMENT_NAMES), _theta(crescent, slot)),
         geometry=GeometryReply(
             wheel_radius=crescent.wheel_radius,
             upper_radius=crescent.upper_radius,
@@ -866,8 +835,7 @@ def _track(request: ChainTrackRequest, work: Work) -> Track:
     return Track(rows)
 
 
-def _track_slot(request: ChainTrackRequest, work: Work) -> tuple[Slot, int, int]:
-    """The slot, and the driving and the free segment in the request's own numbering."""
+def _on_track(request: ChainTrackRequest, work: Work) -> Shown:
     if request.links is not None:
         _check_size(request, request.links)
     track = _track(request, work)
@@ -899,26 +867,26 @@ def _track_slot(request: ChainTrackRequest, work: Work) -> tuple[Slot, int, int]
     index = (free - driver) % track.count
     middle = float(turned.joints[index] + 0.5 * turned.length[index])
     side = 1 if request.side == "left" else -1
-    return find_slot(Chain(turned, request.pitch, links), middle, side, work=work), driver, free
+    slot = find_slot(Chain(turned, request.pitch, links), middle, side, work=work)
+    return Shown(slot, PhaseAxis("position", 1.0), [f"segment {k}" for k in range(track.count)], driver, free)
 
 
 def answer_track(request: ChainTrackRequest, resources: Resources) -> ChainTrackReply:
     """Closure and slot on any track."""
     work = resources.work()
-    slot, driver, free = _track_slot(request, work)
-    facts, common, locus = common_parts(slot, request, POSITION, work)
+    shown = _on_track(request, work)
+    facts, common, locus = common_parts(shown, request, work)
+    slot, driver = shown.slot, shown.driver
     track = slot.chain.track
-    names = [f"segment {index}" for index in range(track.count)]
     straight = None
     if request.stadium is not None:
         straight = max(segment.length for segment in track.segments if segment.curvature == 0)
     return ChainTrackReply(
         **common,
-        pins=pins_reply(slot, request, names, None, driver),
         track_length=track.total,
         straight=straight,
         driver_segment=driver,
-        free_segment=free,
+        free_segment=shown.free,
         replaced_segments=[(segment + driver) % track.count for segment, _ in slot.base],
         position_start=slot.start,
         crossings=[
@@ -931,36 +899,31 @@ def answer_track(request: ChainTrackRequest, resources: Resources) -> ChainTrack
     )
 
 
-def _slot_of(request: Any, resources: Resources) -> tuple[Slot, PhaseAxis, Callable[[Pins], Any] | None]:
-    """The slot of either request, how its phase is counted, and the angles of its pins."""
-    if isinstance(request, ChainSlotRequest):
-        crescent, slot = _crescent(request, resources.work())
-        axis = theta1_axis(request, crescent)._replace(name=f"theta1_{request.angle_unit}")
-        return slot, axis, _theta(crescent, slot)
-    return _track_slot(request, resources.work())[0], POSITION, None
+def _shown(request: Any, resources: Resources) -> Shown:
+    found = _crescent if isinstance(request, ChainSlotRequest) else _on_track
+    return found(request, resources.work())
 
 
 def render_csv(request: Any, resources: Resources) -> bytes:
     """The slot, a roller's walls and, if asked for, all pins as a table."""
-    slot, axis, theta = _slot_of(request, resources)
-    more = pin_columns(slot, request, theta)
-    return to_csv(slot, sample_phases(slot, request.samples), *axis, request.roller_radius, more).encode()
-
-
-def render_svg(request: Any, resources: Resources) -> bytes:
-    """Track, pins, slot and the groove of a roller as a drawing."""
-    return to_svg(_slot_of(request, resources)[0], request.roller_radius).encode()
-
-
-def render_dxf(request: Any, resources: Resources) -> bytes:
-    """The whole groove as closed contours, for CAD."""
-    return to_dxf(_slot_of(request, resources)[0], request.roller_radius).encode()
+    shown = _shown(request, resources)
+    phases, unit = sample_phases(shown.slot, request.samples), request.angle_unit
+    columns, found = {}, shown.pins(request)
+    if found is not None:
+        pins, theta, link_angle = found
+        for pin in range(shown.slot.chain.links):
+            columns |= {f"P{pin + 1}_x": pins.points[:, pin].real, f"P{pin + 1}_y": pins.points[:, pin].imag}
+            if theta is not None:
+                columns[f"theta{pin + 1}_{unit}"] = theta[:, pin]
+            columns[f"link{pin + 1}_{unit}"] = link_angle[:, pin]
+    name = shown.axis.name if shown.crescent is None else f"theta1_{unit}"
+    return to_csv(shown.slot, phases, name, shown.axis.unit, request.roller_radius, columns).encode()
 
 
 EXPORTS = {
     "csv": Export("text/csv; charset=utf-8", render_csv),
-    "svg": Export("image/svg+xml", render_svg),
-    "dxf": Export("image/vnd.dxf", render_dxf),
+    "svg": Export("image/svg+xml", lambda *asked: to_svg(_shown(*asked).slot, asked[0].roller_radius).encode()),
+    "dxf": Export("image/vnd.dxf", lambda *asked: to_dxf(_shown(*asked).slot, asked[0].roller_radius).encode()),
 }
 
 QUERIES = (

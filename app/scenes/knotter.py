@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from app.query import (
     Computed,
     Count,
     Export,
+    FiniteOrNull,
     Number,
     PositiveNumber,
     Query,
@@ -190,6 +192,17 @@ class MachineRequest(RequestModel):
     windows: Windows = Windows()
     clearance: ClearanceOptions = ClearanceOptions()
     angle_unit: AngleUnit = "deg"
+
+
+class PairRequest(MachineRequest):
+    """One pair of spatial angles."""
+
+    alpha1: Bounded | None = Field(
+        None, description="Of the disc's axis; 10 degrees.", json_schema_extra={"unit": "angle"}
+    )
+    alpha3: Bounded | None = Field(
+        None, description="Of the bill's axis; 25 degrees.", json_schema_extra={"unit": "angle"}
+    )
 
 
 class ScanRequest(MachineRequest):
@@ -418,12 +431,16 @@ def machine_of(request: MachineRequest, angles: Angles) -> tuple[Any, dict[str, 
     return mechanism, conditions
 
 
-def pair_of(alpha1: float | None, alpha3: float | None, angles: Angles) -> tuple[float, float]:
-    """The pair of spatial angles of a request in radians; the chosen pair, (10, 25) degrees, where one is left out."""
-    return (
-        math.radians(10.0) if alpha1 is None else angles.inward(alpha1),
-        math.radians(25.0) if alpha3 is None else angles.inward(alpha3),
-    )
+def pair_of(request: Any, angles: Angles) -> tuple[Any, dict[str, Any], dict[str, float], list[str]]:
+    """As `machine_of`, with the pair of spatial angles of a request (rad), and which of the two are given.
+
+    Where one is left out it is that of the chosen pair, (10, 25) degrees.
+    """
+    mechanism, conditions = machine_of(request, angles)
+    given = {name: value for name in ("alpha1", "alpha3") if (value := getattr(request, name)) is not None}
+    pair = {"alpha1": math.radians(10.0), "alpha3": math.radians(25.0)}
+    pair |= {name: angles.inward(value) for name, value in given.items()}
+    return mechanism.with_parameters(**pair), conditions, pair, list(given)
 
 
 def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
@@ -495,15 +512,9 @@ PATHS = ("S0", "S1", "S3", "S4", "S5", "S7", "S8", "S9", "S10", "O5")
 CROSSINGS = {"E1": "wrap", "E2": "bite"}
 
 
-class CurvesRequest(MachineRequest):
+class CurvesRequest(PairRequest):
     """One pair over a range of the bill's angle."""
 
-    alpha1: Bounded | None = Field(
-        None, description="Of the disc's axis; 10 degrees.", json_schema_extra={"unit": "angle"}
-    )
-    alpha3: Bounded | None = Field(
-        None, description="Of the bill's axis; 25 degrees.", json_schema_extra={"unit": "angle"}
-    )
     over: Range | None = Field(None, description="Range of the bill's angle; 0 to 360 degrees.")
     samples: Annotated[Count, Field(ge=2, le=MAX_SAMPLES)] = Field(181, description="Evenly spaced bill angles.")
     step: BoundedPositive | None = Field(
@@ -564,9 +575,7 @@ class CurvesReply(Provenance):
 def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
     """Crossings, paths and verdict of one pair."""
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
-    mechanism, conditions = machine_of(request, angles)
-    pair = pair_of(request.alpha1, request.alpha3, angles)
-    mechanism = mechanism.with_parameters(alpha1=pair[0], alpha3=pair[1])
+    mechanism, conditions, pair, given = pair_of(request, angles)
     low, high = (0.0, math.tau) if request.over is None else (angles.inward(at) for at in request.over)
     if not low < high:
         raise FieldError("/over", "the range must run from a smaller to a larger angle")
@@ -606,8 +615,7 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
     laws = {name: np.broadcast_to(law.value(driver), driver.shape) / radian for name, law in mechanism.laws.items()}
     return CurvesReply(
         status="ties" if all(result.holds[0] for result in results.values()) else "fails",
-        alpha1=angles.outward(pair[0]),
-        alpha3=angles.outward(pair[1]),
+        **{name: angles.outward(angle) for name, angle in pair.items()},
         alpha=[angles.outward(at) for at in driver.tolist()],
         beta=laws["beta"].tolist(),
         alpha4=laws["alpha4"].tolist(),
@@ -624,7 +632,7 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
             point=None if before is None else before[1].tolist(),
         ),
         **verdicts,
-        **provenance(request, [name for name in ("alpha1", "alpha3") if getattr(request, name) is not None]),
+        **provenance(request, given),
     )
 
 
@@ -848,7 +856,7 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
         if one.start is not None and not one.low <= one.start <= one.high:
             raise FieldError(f"{field}/start", "the start must lie in the range")
     starts = [one.start for one in unknowns]
-    if any(start is None for start in starts) and any(start is not None for start in starts):
+    if len({start is None for start in starts}) > 1:
         raise FieldError("/unknowns", "give a start to all unknowns or to none")
     if not unknowns or ((request.draws == 0 or request.descents == 0) and starts[0] is None):
         raise FieldError("/draws", "there is nothing to begin with: draws and descents, or a start, are wanted")
@@ -859,7 +867,7 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
     if request.pattern is None and request.clearance.over is None:
         # the source judges the clearance at one angle
         at = conditions["clearance"].at
-        conditions["clearance"] = type(conditions["clearance"])(**{**vars(conditions["clearance"]), "over": (at, at)})
+        conditions["clearance"] = replace(conditions["clearance"], over=(at, at))
     wanted, order = [], []
     for name, condition in conditions.items():
         part = [entry for entry in entries if entry.condition == name]
@@ -881,8 +889,15 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
     )
     best, after = found[0], work.extended(LONGER)
     reproduced = best.worst > 0
-    alone = single_ranges(pattern, best.share, after) if reproduced else None
-    ways = directions(pattern, best, after) if reproduced else None
+    bounds: dict[str, Any] = dict.fromkeys(("alone", "directions", "rank", "free"))
+    if reproduced:
+        alone, ways = single_ranges(pattern, best.share, after), directions(pattern, best, after)
+        bounds = {
+            "alone": {name: [low / u, high / u] for name, (low, high), u in zip(names, alone, units)},
+            "directions": [replace(way, vector=dict(zip(names, way.vector.tolist()))) for way in ways],
+            "rank": rank(ways),
+            "free": len(names) - rank(ways),
+        }
 
     def values(share: Any) -> dict[str, float]:
         return dict(zip(names, (pattern.values(share) / units).tolist()))
@@ -892,28 +907,10 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
         values=values(best.share),
         margin=best.worst,
         entries=[
-            EntryMargin(
-                condition=entry.condition,
-                alpha1=entry.alpha1,
-                alpha3=entry.alpha3,
-                wanted=entry.holds,
-                margin=float(margin),
-            )
+            {**entry.model_dump(exclude={"holds"}), "wanted": entry.holds, "margin": float(margin)}
             for entry, margin in zip(order, best.margins)
         ],
-        alone=None
-        if alone is None
-        else {name: [low / u, high / u] for name, (low, high), u in zip(names, alone, units)},
-        directions=None
-        if ways is None
-        else [
-            DirectionReply(
-                strength=way.strength, back=way.back, forth=way.forth, vector=dict(zip(names, way.vector.tolist()))
-            )
-            for way in ways
-        ],
-        rank=None if ways is None else rank(ways),
-        free=None if ways is None else len(names) - rank(ways),
+        **bounds,
         others=[SetReply(values=values(one.share), margin=one.worst) for one in found[1:]],
         draws=request.draws,
         draws_kept=kept,
@@ -984,15 +981,9 @@ FIT = Query(
 )
 
 
-class KnotterToleranceRequest(MachineRequest):
+class KnotterToleranceRequest(PairRequest):
     """One pair of a knotter that is made within tolerances."""
 
-    alpha1: Bounded | None = Field(
-        None, description="Of the disc's axis; 10 degrees.", json_schema_extra={"unit": "angle"}
-    )
-    alpha3: Bounded | None = Field(
-        None, description="Of the bill's axis; 25 degrees.", json_schema_extra={"unit": "angle"}
-    )
     lengths: BoundedPositive = Field(0.1, description="Half width of the tolerance of every length and coordinate.")
     angles: BoundedPositive | None = Field(
         None,
@@ -1012,7 +1003,7 @@ class SpreadReply(ReplyModel):
     margin: float
     linear: float = Field(description="The margin less all sensitivities times their tolerances.")
     corner: float = Field(description="The margin where every dimension is off to its worse side.")
-    factor: float | None = Field(
+    factor: FiniteOrNull = Field(
         description="The multiple of the tolerances at which that corner fails; null: beyond 64, or it fails as it is."
     )
     least: float = Field(description="The smallest margin of all samples.")
@@ -1041,9 +1032,7 @@ class KnotterToleranceReply(Provenance):
 def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> KnotterToleranceReply:
     """The three conditions of one pair within tolerances."""
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
-    mechanism, conditions = machine_of(request, angles)
-    pair = pair_of(request.alpha1, request.alpha3, angles)
-    mechanism = mechanism.with_parameters(alpha1=pair[0], alpha3=pair[1])
+    mechanism, conditions, pair, given = pair_of(request, angles)
     for condition in conditions.values():
         condition.check(mechanism)
     angular = math.radians(0.1) if request.angles is None else angles.inward(request.angles)
@@ -1056,27 +1045,19 @@ def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> 
     replies: dict[str, Any] = {}
     for name, one in found.items():
         effects = sorted(one.sensitivity, key=lambda key: -abs(one.sensitivity[key]) * tolerances[key])
-        replies[name] = SpreadReply(
-            holds=one.margin > 0,
-            margin=one.margin,
-            linear=one.linear,
-            corner=one.corner,
-            factor=one.factor if math.isfinite(one.factor) else None,
-            least=one.least,
-            share=one.share,
-            sensitivity={key: one.sensitivity[key] * unit_of(key, angles) for key in effects},
+        replies[name] = replace(
+            one, sensitivity={key: one.sensitivity[key] * unit_of(key, angles) for key in effects}
         )
     safe = share == 1.0 and all(one.corner > 0 for one in found.values())
     fails = any(one.margin <= 0 for one in found.values())
     return KnotterToleranceReply(
         status="fails" if fails else "ties" if safe else "may fail",
-        alpha1=angles.outward(pair[0]),
-        alpha3=angles.outward(pair[1]),
+        **{name: angles.outward(angle) for name, angle in pair.items()},
         share=share,
         dimensions=len(tolerances),
         samples=request.samples,
         **replies,
-        **provenance(request, [name for name in ("alpha1", "alpha3") if getattr(request, name) is not None]),
+        **provenance(request, given),
     )
 
 
@@ -1246,18 +1227,13 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
 def answer_limit(request: LimitRequest, resources: Resources) -> LimitReply:
     """The values of one parameter at which a condition's verdict changes."""
     angles = Angles(request.angle_unit, DECIMALS)
-    mechanism, conditions = machine_of(request, angles)
+    mechanism, conditions, _, given = pair_of(request, angles)
     condition = conditions[request.condition]
     low, high = (inward(request.parameter, x, angles) for x in request.between)
     if not low < high:
         raise FieldError("/between", "the range must run from a smaller to a larger value")
-    asked = {name: value for name in ("alpha1", "alpha3") if (value := getattr(request, name)) is not None}
-    if request.parameter in {*asked, *given_fields(request.parameters)}:
+    if request.parameter in {*given, *given_fields(request.parameters)}:
         raise FieldError("/parameter", f"{request.parameter} is searched for and given a value as well")
-    mechanism = mechanism.with_parameters(
-        **{"alpha1": math.radians(10.0), "alpha3": math.radians(25.0)}
-        | {name: angles.inward(value) for name, value in asked.items()}
-    )
     limits, holds = solve(mechanism, condition, request.parameter, (low, high), request.samples, resources.work())
     rows = []
     for limit in limits:
@@ -1273,7 +1249,7 @@ def answer_limit(request: LimitRequest, resources: Resources) -> LimitReply:
         status="limited" if limits else "always" if holds else "never",
         parameter=request.parameter,
         limits=rows,
-        **provenance(request, [*asked, request.parameter]),
+        **provenance(request, [*given, request.parameter]),
     )
 
 

@@ -33,25 +33,18 @@ class Crescent:
     """The paper's track.
 
     Law: all four joints are tangent for any radii and any eccentricity whose triangle exists.
-
-    Parameters
-    ----------
-    wheel_radius, upper_radius, lower_radius : float
-        R0, R1, R2.
-    eccentricity : float
-        b, height of the lower arc's centre over the upper one's.
-    alpha : float
-        Half the lower arc's sweep; xi = pi/2 - alpha.
-    eps : float
-        Polar angle of the right wheel's centre seen from the origin; 0 in the intended layout.
     """
 
     wheel_radius: float
     upper_radius: float
     lower_radius: float
+    """R0, R1, R2."""
     eccentricity: float
+    """b, height of the lower arc's centre over the upper one's."""
     alpha: float
+    """Half the lower arc's sweep; xi = pi/2 - alpha."""
     eps: float
+    """Polar angle of the right wheel's centre seen from the origin; 0 in the intended layout."""
 
     @property
     def xi(self) -> float:

@@ -37,33 +37,22 @@ DEFAULT_SAMPLES = 91
 
 @dataclass(frozen=True)
 class Fit:
-    """A representation of a slot.
+    """A representation of a slot."""
 
-    Parameters
-    ----------
-    kind : {"chebyshev", "spline", "fourier", "polynomial"}
-    order : int
-        Degree of each piece, number of knots, number of harmonics, or degree.
-    unknowns : int
-        Numbers that have to be stored, beside phases and frame.
-    condition : float
-        Condition number (2-norm) of the equations that were solved for them.
-    data : dict
-        The numbers, as plain lists, phases as arc length of P1.
-    evaluate : callable
-        ``evaluate(phase) -> points``, both of shape (n,).
-    slide : callable, optional
-        Of a curve that does not say where on it the pin is: ``slide(near, centre) -> points`` on the curve, one pitch
-        from ``centre`` and near ``near``, all of shape (n,).
-    """
-
-    kind: str
+    kind: FitKind
     order: int
+    """Degree of each piece, number of knots, number of harmonics, or degree."""
     unknowns: int
+    """Numbers that have to be stored, beside phases and frame."""
     condition: float
+    """Condition number (2-norm) of the equations that were solved for them."""
     data: dict[str, Any]
+    """The numbers, as plain lists, phases as arc length of P1."""
     evaluate: Callable[[Floats], Points]
+    """``evaluate(phase) -> points``, both of shape (n,)."""
     slide: Callable[[Points, Points], Points] | None = None
+    """Of a curve that does not say where on it the pin is: ``slide(near, centre) -> points`` on the curve, one pitch
+    from ``centre`` and near ``near``, all of shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -277,19 +266,13 @@ def _polynomial(slot: Slot, degree: int, phases: Floats) -> Fit:
 
 @dataclass(frozen=True)
 class PowerPiece:
-    """x and y of a piece of the track are ``sum c_k t^k`` with t from 0 to 1.
-
-    Attributes
-    ----------
-    phase : (float, float) or None
-        Phases at t = 0 and 1, in proportion between them; None where t counts x and not the phase.
-    x, y : ndarray, shape (degree + 1,)
-        Coefficients in the drawing's coordinates, lowest power first.
-    """
+    """x and y of a piece of the track are ``sum c_k t^k`` with t from 0 to 1."""
 
     phase: tuple[float, float] | None
+    """Phases at t = 0 and 1, in proportion between them; None where t counts x and not the phase."""
     x: Floats
     y: Floats
+    """Coefficients in the drawing's coordinates, lowest power first, shape (degree + 1,)."""
 
 
 def power_basis(slot: Slot, fit: Fit, decimals: int | None = None) -> list[PowerPiece]:

@@ -45,23 +45,16 @@ class Slot:
 
     Law: the free pin is one pitch from both its neighbours, at every phase.
     Law: where the slack at the window's ends is 0 the slot starts and ends on the track, tangent to it.
-
-    Parameters
-    ----------
-    chain : Chain
-        Chain and track.
-    free : int
-        Number k of the free pin; P1 drives, P2..P(k-1) follow ahead of it, P(k+1)..PN behind it.
-    side : int
-        1 where the free pin lies to the left of the chord from P(k-1) to P(k+1), -1 to the right.
-    start : float
-        Phase of the window's start; its end is one period on.
     """
 
     chain: Chain
+    """Chain and track."""
     free: int
+    """Number k of the free pin; P1 drives, P2..P(k-1) follow ahead of it, P(k+1)..PN behind it."""
     side: int
+    """1 where the free pin lies to the left of the chord from P(k-1) to P(k+1), -1 to the right."""
     start: float
+    """Phase of the window's start; its end is one period on."""
 
     @property
     def end(self) -> float:

@@ -96,7 +96,7 @@ class Made(NamedTuple):
     """The least over all corners of the tolerances; negative: some of these tracks stretch the chain."""
     slack_max: float
     corners: int
-    linear: float
+    slack_min_linear: float
     """What the sensitivities say of the least: nominal less the sum of their sizes times the tolerances."""
 
 

@@ -49,7 +49,9 @@ class Sensitivity:
     """Change of the motion per unit of each length, everything else held: rms over the samples, (4,) each."""
 
     rotation: Floats | None
+    """Rms change of rotation per unit of crank, coupler, rocker, ground."""
     position: Floats | None
+    """Rms change of position per unit of crank, coupler, rocker, ground."""
 
 
 class _Motion:

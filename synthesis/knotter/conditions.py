@@ -66,43 +66,18 @@ class Result:
 
 @dataclass(frozen=True)
 class Reach(Result):
-    """How far a point comes past a plane or into a disc.
-
-    Attributes
-    ----------
-    value : ndarray
-        At the condition's own driver angle; positive is past the plane or inside.
-    worst, worst_driver : ndarray
-        The largest over the range and the driver angle (rad) where it is reached.
-    """
+    """How far a point comes past a plane or into a disc."""
 
     value: Floats
+    """At the condition's own driver angle; positive is past the plane or inside."""
     worst: Floats
     worst_driver: Floats
+    """The largest over the range and the driver angle (rad) where it is reached."""
 
 
 @dataclass(frozen=True)
 class Clearance:
     """A point must keep to one side of a disc's plane, or out of the disc and what lies behind it.
-
-    Parameters
-    ----------
-    name : str
-    point : str
-    frame : str
-        Frame of the disc: it lies in the plane through the origin across ``axis``.
-    axis : int
-        0, 1, 2 for i, j, k.
-    side : int
-        The side that is free: -1 for negative coordinates.
-    at : float
-        Driver angle of ``value``, rad.
-    over : (float, float)
-        Range of the driver in which the worst is sought, rad; the two may be equal.
-    radius : float
-        Of the disc; infinite for the whole plane.
-    locked : str or None
-        A law that is held at its value at ``at``, for a body that is locked during the passage.
 
     Notes
     -----
@@ -113,12 +88,19 @@ class Clearance:
     name: str
     point: str
     frame: str
+    """Frame of the disc: it lies in the plane through the origin across ``axis``."""
     axis: int
+    """0, 1, 2 for i, j, k."""
     side: int
+    """The side that is free: -1 for negative coordinates."""
     at: float
+    """Driver angle of ``value``, rad."""
     over: tuple[float, float]
+    """Range of the driver in which the worst is sought, rad; the two may be equal."""
     radius: float = np.inf
+    """Of the disc; infinite for the whole plane."""
     locked: str | None = None
+    """A law that is held at its value at ``at``, for a body that is locked during the passage."""
 
     def frames(self, mechanism: Mechanism) -> set[str]:
         """Frames that the condition moves the point between."""
@@ -182,17 +164,11 @@ class Clearance:
 
 @dataclass(frozen=True)
 class Scalar:
-    """A number made from the parameters must be positive.
-
-    Parameters
-    ----------
-    name : str
-    function : callable
-        Takes the mapping of parameters; vectorised over them.
-    """
+    """A number made from the parameters must be positive."""
 
     name: str
     function: Callable[[Mapping[str, Floats | float]], Floats | float]
+    """Takes the mapping of parameters; vectorised over them."""
 
     def check(self, mechanism: Mechanism) -> None:
         """A number needs no law and no point."""
@@ -262,60 +238,34 @@ class Found(Verdict):
 
 @dataclass(frozen=True)
 class Entry(Result):
-    """How a segment enters a triangle; NaN (and -1 for the edge) where ``found`` says that there is no such thing.
-
-    Attributes
-    ----------
-    found : ndarray of int
-        Values of `Found`.
-    enter, leave : ndarray
-        Driver angles (rad) of the first window; ``leave`` is the range's end if the segment stays inside.
-    opened_by : ndarray of int
-        0, 1: an end of the segment came through the plane; 2, 3, 4: the edge of entry, from its first vertex;
-        -1: inside at the start or never inside.
-    point : ndarray, shape (items, 3)
-        The crossing at ``enter``.
-    fraction : ndarray
-        Where ``point`` lies along the entry edge, 0 at its first vertex.
-    windows : ndarray of int
-        Number of separate windows in the range.
-    sensitivity : ndarray
-        By how much ``enter`` moves when the edge of entry (or the segment's end) is moved by one unit of length, rad
-        per length: the condition number of the event. It grows without bound as the entry becomes tangential.
-    nearest : ndarray
-        Where the segment never enters: the driver angle (rad) at which it comes nearest to the triangle.
-    nearest_case : ndarray of int
-        How it lies to the triangle there, values of `segment_triangle.Crossing`; -1 where it enters.
-    """
+    """How a segment enters a triangle; NaN (and -1 for the edge) where ``found`` says that there is no such thing."""
 
     found: Integers
+    """Values of `Found`."""
     enter: Floats
     leave: Floats
+    """Driver angles (rad) of the first window; ``leave`` is the range's end if the segment stays inside."""
     opened_by: Integers
+    """0, 1: an end of the segment came through the plane; 2, 3, 4: the edge of entry, from its first vertex; -1:
+    inside at the start or never inside."""
     point: Floats
+    """The crossing at ``enter``, shape (items, 3)."""
     fraction: Floats
+    """Where ``point`` lies along the entry edge, 0 at its first vertex."""
     windows: Integers
+    """Number of separate windows in the range."""
     sensitivity: Floats
+    """By how much ``enter`` moves when the edge of entry (or the segment's end) is moved by one unit of length, rad
+    per length: the condition number of the event. It grows without bound as the entry becomes tangential."""
     nearest: Floats
+    """Where the segment never enters: the driver angle (rad) at which it comes nearest to the triangle."""
     nearest_case: Integers
+    """How it lies to the triangle there, values of `segment_triangle.Crossing`; -1 where it enters."""
 
 
 @dataclass(frozen=True)
 class SegmentHitsTriangle:
     """A segment must first enter a triangle through one named edge, within a range of the driver.
-
-    Parameters
-    ----------
-    name : str
-    segment : (str, str)
-    triangle : (str, str, str)
-        Names of points.
-    frame : str
-        Frame in which the crossing is reported.
-    window : (float, float)
-        Range of the driver, rad.
-    enter : int
-        The wanted edge: 0, 1, 2 for the edges from the first, second and third vertex.
 
     Notes
     -----
@@ -327,9 +277,13 @@ class SegmentHitsTriangle:
     name: str
     segment: tuple[str, str]
     triangle: tuple[str, str, str]
+    """Names of points."""
     frame: str
+    """Frame in which the crossing is reported."""
     window: tuple[float, float]
+    """Range of the driver, rad."""
     enter: int
+    """The wanted edge: 0, 1, 2 for the edges from the first, second and third vertex."""
 
     @property
     def edge_names(self) -> tuple[str, str, str]:

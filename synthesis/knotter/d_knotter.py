@@ -150,17 +150,6 @@ def conditions() -> list[Condition]:
 class Needle:
     """The needle beside the jaw's cam, over the angle alpha2 of the bill's axis.
 
-    Parameters
-    ----------
-    S1x, S1y : float
-        Where the needle lays the rope, from the bill's axis along i4 and from o4 along k4.
-    r0, D0 : float
-        Largest radius of the jaw's cam and thickness of the needle, positive.
-    d6, r1 : float
-        From o1 to the plane i0 o0 k0, and radius of the holding point S0 about the disc's axis.
-    beta0 : float
-        Initial phase of the disc, rad.
-
     Notes
     -----
     All angles alpha2 lie between -90 and 90 degrees, where ``cos alpha2`` is positive. There the clearance is concave
@@ -169,11 +158,15 @@ class Needle:
 
     S1x: float = PUBLISHED_LENGTHS["S1x"]
     S1y: float = PUBLISHED_LENGTHS["S1y"]
+    """Where the needle lays the rope, from the bill's axis along i4 and from o4 along k4."""
     r0: float = PUBLISHED_LENGTHS["r0"]
     D0: float = PUBLISHED_LENGTHS["D0"]
+    """Largest radius of the jaw's cam and thickness of the needle, positive."""
     d6: float = PUBLISHED_LENGTHS["d6"]
     r1: float = PUBLISHED_LENGTHS["r1"]
+    """From o1 to the plane i0 o0 k0, and radius of the holding point S0 about the disc's axis."""
     beta0: float = BETA0
+    """Initial phase of the disc, rad."""
 
     def clearance(self, alpha2: Floats | float) -> Any:
         """``L(alpha2)`` of eq 4, the least distance of needle and cam; the needle is free where it is positive."""

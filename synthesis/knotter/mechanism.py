@@ -59,16 +59,6 @@ class Linear:
 class Table:
     """A law through given points: straight between them, or a monotone cubic (pchip).
 
-    Parameters
-    ----------
-    driver, angle : sequence of float
-        Knots in radians; ``driver`` strictly increasing, at least two.
-    kind : {"linear", "pchip"}
-        Pchip keeps the monotony of the points and has a continuous rate.
-    outside : {"hold", "error"}
-        Before the first and after the last knot: a dwell at that angle, or no law at all. A table that holds must
-        still share a driver angle with the range it is asked for: one that lies wholly elsewhere is a mistake.
-
     Raises
     ------
     ValueError
@@ -81,8 +71,12 @@ class Table:
 
     driver: tuple[float, ...]
     angle: tuple[float, ...]
+    """Knots in radians; ``driver`` strictly increasing, at least two."""
     kind: Literal["linear", "pchip"] = "linear"
+    """Pchip keeps the monotony of the points and has a continuous rate."""
     outside: Literal["hold", "error"] = "hold"
+    """Before the first and after the last knot: a dwell at that angle, or no law at all. A table that holds must
+    still share a driver angle with the range it is asked for: one that lies wholly elsewhere is a mistake."""
 
     def __post_init__(self) -> None:
         if len(self.driver) != len(self.angle) or len(self.driver) < 2:
@@ -175,17 +169,6 @@ class Chain:
 class Mechanism:
     """Frames joined by chains, points fixed in frames, and the values that place them.
 
-    Parameters
-    ----------
-    parameters : mapping of str to float or ndarray, shape (items,)
-        Lengths and angles by name. Arrays, here and in laws and points, make one mechanism stand for many.
-    laws : mapping of str to Law
-        Angles that follow the driver.
-    chains : tuple of Chain
-        A tree over the frames.
-    points : mapping of str to (frame, (x, y, z))
-        Each point in the frame that it is fixed in.
-
     Notes
     -----
     Law: carrying a point to another frame and back gives the point, to rounding; distances between points of one
@@ -193,9 +176,13 @@ class Mechanism:
     """
 
     parameters: Mapping[str, float | Floats]
+    """Lengths and angles by name. Arrays of shape (items,), here and in laws and points, make one mechanism stand for many."""
     laws: Mapping[str, Law]
+    """Angles that follow the driver."""
     chains: tuple[Chain, ...]
+    """A tree over the frames."""
     points: Mapping[str, tuple[str, Vector]]
+    """Each point in the frame that it is fixed in."""
 
     def with_parameters(self, **values: float | Floats) -> Mechanism:
         """The same mechanism with other values of some parameters."""

@@ -16,23 +16,15 @@ from synthesis.work import Work
 
 @dataclass(frozen=True)
 class StudyResult:
-    """The verdicts over a grid.
-
-    Attributes
-    ----------
-    grid : mapping of str to ndarray, shape (items,)
-        Each item's value of every grid parameter; the last parameter varies fastest.
-    conditions : mapping of str to Result
-    feasible : ndarray of bool, shape (items,)
-        Where all conditions hold.
-    margin : ndarray, shape (items,)
-        The smallest margin of all conditions.
-    """
+    """The verdicts over a grid."""
 
     grid: Mapping[str, Floats]
+    """Each item's value of every grid parameter; the last parameter varies fastest, shape (items,)."""
     conditions: Mapping[str, Result]
     feasible: Flags
+    """Where all conditions hold, shape (items,)."""
     margin: Floats
+    """The smallest margin of all conditions, shape (items,)."""
 
 
 def study(
@@ -76,21 +68,14 @@ def study(
 
 @dataclass(frozen=True)
 class Limit:
-    """A parameter's value at which a verdict changes.
-
-    Attributes
-    ----------
-    value : float
-        The last value at which the condition holds, to rounding.
-    holds_above : bool
-        Whether it holds on the upper side.
-    result : Result
-        The condition at ``value``, arrays of one item.
-    """
+    """A parameter's value at which a verdict changes."""
 
     value: float
+    """The last value at which the condition holds, to rounding."""
     holds_above: bool
+    """Whether it holds on the upper side."""
     result: Result
+    """The condition at ``value``, arrays of one item."""
 
 
 def solve(
@@ -145,34 +130,28 @@ HALVINGS = 24
 
 @dataclass(frozen=True)
 class Spread:
-    """One condition within the tolerances.
-
-    Attributes
-    ----------
-    margin : float
-        Of the nominal dimensions; positive where the condition holds.
-    sensitivity : dict of str to float
-        Change of the margin per unit of each dimension that has a tolerance.
-    linear : float
-        The margin less the sum of the sizes of all sensitivities times their tolerances.
-    corner : float
-        The margin where every dimension is at the end of its tolerance that the sensitivity names.
-    factor : float
-        The multiple of the tolerances at which that corner's verdict changes; infinite beyond `LARGEST_FACTOR`, NaN where the
-        condition fails as it is.
-    least : float
-        The smallest margin of all samples.
-    share : float
-        The share of the samples in which the condition holds.
-    """
+    """One condition within the tolerances."""
 
     margin: float
-    sensitivity: dict[str, float]
+    """Of the nominal dimensions; positive where the condition holds."""
     linear: float
+    """The margin less the sum of the sizes of all sensitivities times their tolerances."""
     corner: float
+    """The margin where every dimension is at the end of its tolerance that the sensitivity names."""
     factor: float
+    """The multiple of the tolerances at which that corner's verdict changes; infinite beyond `LARGEST_FACTOR`, NaN
+    where the condition fails as it is."""
     least: float
+    """The smallest margin of all samples."""
     share: float
+    """The share of the samples in which the condition holds."""
+    sensitivity: dict[str, float]
+    """Change of the margin per unit of each dimension that has a tolerance."""
+
+    @property
+    def holds(self) -> bool:
+        """With the nominal dimensions."""
+        return self.margin > 0
 
 
 def spread(

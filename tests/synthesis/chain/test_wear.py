@@ -75,5 +75,5 @@ def test_corners_of_the_printed_roundings_are_those_of_the_reference(printed) ->
         "pitch": 0.058,
     }
     assert per_hundredth == pytest.approx(wanted, abs=0.003)
-    assert made.slack_min == pytest.approx(made.linear, abs=0.01)
+    assert made.slack_min == pytest.approx(made.slack_min_linear, abs=0.01)
     assert made_within(*printed, {}).corners == 1

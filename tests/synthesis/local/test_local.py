@@ -123,6 +123,17 @@ def test_no_refinement_is_worse_than_its_beginning_and_each_keeps_the_limits(see
     assert not found or report.trace[-1][1] == found[0].errors.objective
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_mirrored_request_gives_the_mirrored_linkage(seed: int) -> None:
+    """Its limits are mirrored too: a box, a pivot."""
+    asked, limits, begin = asked_and_begun(seed, keeps=True)
+    target = make_target(**asked, crank_angle=CRANK)
+    (one,), _ = refine_motion(target, limits, begin, 1e-10, Work())
+    (other,), _ = refine_motion(target.mirrored(), limits.mirrored(), begin.mirrored(), 1e-10, Work())
+    assert np.allclose(other.linkage.links, one.linkage.links) and other.linkage.branch == -one.linkage.branch
+    assert np.isclose(other.linkage.pivot_a, np.conj(one.linkage.pivot_a))
+
+
 @settings(max_examples=4)
 @given(st.integers(0, 10**6))
 def test_the_same_holds_where_crank_angles_are_free(seed: int) -> None:
