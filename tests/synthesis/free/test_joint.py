@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from synthesis.fourbar.charts import FullCrankChart
-from synthesis.fourbar.grashof_chart import GrashofChart
+from synthesis.fourbar.charts import FullCrankChart, GrashofChart
 from synthesis.free import align, joint
 from synthesis.free.joint import JointProblem, Timed, refine
 from synthesis.free.poses import Poses
