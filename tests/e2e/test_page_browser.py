@@ -451,17 +451,6 @@ def test_a_path_is_solved_and_its_samples_are_passed(standing) -> None:
     assert "-160°" in standing.text("numbers")
 
 
-def test_a_drawn_path_is_solved_by_the_service(standing) -> None:
-    standing.mode("path")
-    ring = [(round(150 * np.cos(t)), round(-80 * np.sin(t))) for t in np.linspace(0, 2 * np.pi, 30)]
-    standing.trace(ring)
-    standing.solve_soon()
-    assert standing.count("#marks .mark") == 24
-    assert standing.count("#solutions .verdict") >= 1
-    standing.slide(0)
-    assert standing.text("at-sample") == "sample 1"
-
-
 def test_samples_in_any_order_are_marked_where_they_are_passed(standing) -> None:
     angles = np.array([0, 340, 30, 355, 60])
     joints = FREE.joints(angles)

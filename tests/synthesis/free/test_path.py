@@ -9,8 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from synthesis.fourbar.charts import FullCrankChart
-from synthesis.fourbar.grashof_chart import GrashofChart
+from synthesis.fourbar.charts import FullCrankChart, GrashofChart
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.limits import FAMILIES, Limits, in_family, practical_limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.solution import assess
-from synthesis.fourbar.within import keeps, within
+from synthesis.fourbar.solution import assess, keeps, within
 from synthesis.free.align import squared_errors
 from synthesis.free.motion import chart_of
 from synthesis.free.poses import make_poses

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import linkage_atlas as la
 from linkage_atlas.limits import read_limits
-from synthesis.fourbar.grashof_chart import GrashofChart, LengthsChart
+from synthesis.fourbar.charts import GrashofChart, LengthsChart
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.search.constrained import Descended, Plan, descend, restored
