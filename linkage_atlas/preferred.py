@@ -17,8 +17,8 @@ import numpy as np
 from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits, Reach
+from synthesis.fourbar.passage import size_of
 from synthesis.fourbar.solution import Solution
-from synthesis.fourbar.verdict import size_of
 from synthesis.free.poses import Poses
 from synthesis.ranking import APART, distinct
 from synthesis.target import MIN_SPAN

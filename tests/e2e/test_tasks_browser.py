@@ -408,14 +408,14 @@ def test_texts_are_free_of_jargon(page) -> None:
     assert "determination" not in page.run("return document.body.innerText")
 
 
-def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(page) -> None:
+def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(standing) -> None:
     request = path_request([0, 60, 120])
-    page.answered(request, [0, 60, 120])
-    cards = page.cards()
+    standing.answered(request, [0, 60, 120])
+    cards = standing.cards()
     assert "broken" in cards[1].get_attribute("class") and "transmission angle 21.9° over" in cards[1].text
     assert "broken" not in cards[0].get_attribute("class")
-    assert "Position error, largest" in page.text("numbers") and "mm at pose" in page.text("numbers")
-    assert page.count("#canvas .worst") == 1
+    assert "Position error, largest" in standing.text("numbers") and "mm at pose" in standing.text("numbers")
+    assert standing.count("#canvas .worst") == 1
 
 
 @pytest.mark.parametrize(
@@ -429,20 +429,20 @@ def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(page) -> None:
         ),
     ],
 )
-def test_no_linkage_is_said_without_a_claim_that_was_not_proved(page, status, notes, said) -> None:
+def test_no_linkage_is_said_without_a_claim_that_was_not_proved(standing, status, notes, said) -> None:
     request = {**path_request([0, 60, 120]), "limits": {"link_min": 99}}
-    page.take(request)
-    page.stub(request, [0, 60, 120], [])
-    page.run("window.stub.status = arguments[0]; window.stub.report.notes = arguments[1]", status, notes)
-    page.click("solve")
-    page.wait(IDLE)
-    assert said in page.text("status")
+    standing.take(request)
+    standing.stub(request, [0, 60, 120], [])
+    standing.run("window.stub.status = arguments[0]; window.stub.report.notes = arguments[1]", status, notes)
+    standing.click("solve")
+    standing.wait(IDLE)
+    assert said in standing.text("status")
     if notes:
-        button = page.pick("#suggestions button")
+        button = standing.pick("#suggestions button")
         assert button.text == "Set links at least to 42.5"
         button.click()
-        page.wait(IDLE)
-        assert page.asked()["limits"]["link_min"] == 42.5
+        standing.wait(IDLE)
+        assert standing.asked()["limits"]["link_min"] == 42.5
 
 
 def test_a_linkage_is_changed_by_hand(page) -> None:
@@ -480,6 +480,7 @@ def test_a_linkage_is_changed_by_hand(page) -> None:
 
 
 def test_a_link_brings_the_chosen_card_back(page) -> None:
+    page.choose("worked")
     Select(page.find("length-unit")).select_by_visible_text("cm")
     page.solve()
     page.cards()[1].click()

@@ -88,7 +88,9 @@ def test_no_type_is_further_from_its_representative_than_the_radius(cells, seed)
         for level, its_cells in enumerate(tree.levels):
             radius = arcs.radius(its_cells, np.arange(len(its_cells.error)))
             for cell in rng.choice(len(its_cells.cells.rows), 3):
-                differences = tree.bucket.periodic[types_below(tree, level, cell)] - its_cells.cells.periodic[cell]
+                below = types_below(tree, level, cell)
+                assert np.all(tree.bucket.error[below] <= its_cells.error[cell])
+                differences = tree.bucket.periodic[below] - its_cells.cells.periodic[cell]
                 for window in rng.choice(2 * STARTS, 8):
                     start = np.deg2rad(window % STARTS) + target.crank
                     values = series_at(differences, start if window < STARTS else -start)
