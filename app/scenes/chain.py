@@ -23,6 +23,7 @@ from app.query import (
     RequestModel,
     Resources,
 )
+from app.replies import reply_model
 from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError, Work
 from synthesis.chain.closure import STRETCH_TOLERANCE, Chain, closing_links
@@ -43,7 +44,7 @@ from synthesis.chain.fit import Exact, Fit, exact_slot, fit_error, fit_slot, pow
 from synthesis.chain.groove import contours, groove, to_csv, to_dxf, to_svg
 from synthesis.chain.slot import Pins, Report, Slot, find_slot, pins_at, report, wheel_conflict
 from synthesis.chain.track import ChordError, Track, arc, line
-from synthesis.chain.wear import made_within, tightest_pitch_error, worn
+from synthesis.chain.wear import Corners, Worn, made_within, tightest_pitch_error, worn
 from synthesis.sheet import csv_text
 
 MAX_LINKS = 1000
@@ -611,29 +612,7 @@ class ChainToleranceRequest(RequestModel):
     tolerances: Tolerances = Tolerances()
 
 
-class WornReply(ReplyModel):
-    """A chain of one pitch error on the track and in the slot that were made for the nominal one."""
-
-    pitch_error: float
-    slack_min: float = Field(description="Least slack over the phase; negative: length that is missing.")
-    slack_max: float
-    stretched: bool
-    depth_max: FiniteOrNull = Field(
-        description="How far a taut chain lifts its free pin off the bare track; null: stretched."
-    )
-    beyond_slot: FiniteOrNull = Field(
-        description="How far past the slot that is, at most: the chain is loose by it, or needs a slot that much deeper."
-    )
-
-
-class CornersReply(ReplyModel):
-    """The layouts at all corners of the tolerances."""
-
-    sensitivity: dict[str, float] = Field(description="Change of the least slack per change of each length.")
-    slack_min: float = Field(description="The least over all corners; negative: some such layouts stretch the chain.")
-    slack_max: float
-    slack_min_linear: float = Field(description="The same by the sensitivities alone.")
-    corners: int
+WornReply, CornersReply = reply_model(Worn), reply_model(Corners)
 
 
 class ChainToleranceReply(ReplyModel):

@@ -286,7 +286,7 @@ def measured(built: Built, task: Task) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Row:
+class ConstraintRow:
     """One limit beside what a design has, the least or the most that it may have, and whether it holds the design."""
 
     name: str
@@ -301,7 +301,7 @@ class Row:
         return self.value >= self.limit if self.kind == "least" else self.value <= self.limit
 
 
-def rows_of(limits: Constraints, values: dict[str, float], active: Sequence[str] = ()) -> list[Row]:
+def rows_of(limits: Constraints, values: dict[str, float], active: Sequence[str] = ()) -> list[ConstraintRow]:
     """Every limit beside the value of `measured`; ``active`` as an `Optimum` names them."""
     left, bottom, right, top = limits.envelope
     ranges: dict[str, Range] = {
@@ -321,7 +321,7 @@ def rows_of(limits: Constraints, values: dict[str, float], active: Sequence[str]
     }
     ends: tuple[tuple[Literal["least", "most"], str], ...] = (("least", ">=min"), ("most", "<=max"))
     return [
-        Row(name, values[name], kind, limit, name + suffix in active)
+        ConstraintRow(name, values[name], kind, limit, name + suffix in active)
         for name, pair in ranges.items()
         for limit, (kind, suffix) in zip(pair, ends)
         if limit is not None
