@@ -19,7 +19,7 @@ from tqdm import tqdm
 from data_build.batch import BuildLocked, build_atlas
 from data_build.executors import dask_executor, local_executor
 from synthesis.atlas.file import load_atlas
-from synthesis.atlas.prepared import temporary
+from synthesis.atlas.index import check_index, temporary_arrays
 from synthesis.atlas.table import MIN_SAMPLES, SCHEMA, Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types
@@ -164,13 +164,14 @@ def _load(file: Path) -> Atlas:
     """The atlas of a file, its arrays on disk beside it, or else in memory."""
     most = MAX_BUILD_BYTES // MIN_SAMPLES // 4
     with contextlib.suppress(OSError):
-        return load_atlas(file, max_types=most, new=temporary(file.parent))
+        return load_atlas(file, max_types=most, new=temporary_arrays(file.parent))
     return load_atlas(file, max_types=most)
 
 
 def _verify(options: argparse.Namespace) -> int:
     atlas = _load(options.file)
-    _print({"file": str(options.file), "status": "sound", **describe(atlas)}, options.json)
+    indexed = check_index(options.file.with_name(options.file.name + ".index"))
+    _print({"file": str(options.file), "status": "sound", "index_files": indexed, **describe(atlas)}, options.json)
     return EXIT_OK
 
 
