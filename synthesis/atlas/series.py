@@ -1,7 +1,7 @@
 """Trigonometric series of a table's curves: what the scan holds of every type, made once.
 
 The formulae and the bounds are those of `scan`; here is how they are laid out. A *group* holds the types of one winding whose
-series are equally long. The cosine and the sine of a harmonic stand side by side, so a shorter series is a prefix of a longer one.
+series are equally long. Cosine and sine of a harmonic stand side by side, so a shorter series is a prefix of a longer one.
 """
 
 from __future__ import annotations

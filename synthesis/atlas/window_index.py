@@ -1,9 +1,9 @@
 """An index of windows of short spans: types by interval of the turn, as points whose coordinates are Legendre coefficients.
 
 `Intervals` of half width w = (span + step) / 2 lie about every step of the turn, so that a window of that span, wherever it
-begins, lies inside the interval whose middle is nearest to its own. An *entry* is a type and an interval: the Legendre coefficients
-a_1 .. a_K of theta2 there, and a *remainder* that no value of the curve is further from them. There are as many entries for one
-start as for all of them.
+begins, lies inside the interval whose middle is nearest to its own. An *entry* is a type and an interval: the Legendre
+coefficients a_1 .. a_K of theta2 there, and a *remainder* that no value of the curve is further from them. There are as many
+entries for one start as for all of them.
 
 Coefficients. With p(x) = Re sum_h c_h e^{ihx} and x = c + w v, -1 <= v <= 1, the plane wave's expansion (DLMF 10.60.7)
 
@@ -26,8 +26,8 @@ behind those of a small one. Each `LEAF` of them have a *box*: middle and half w
 remainder; each `CHILDREN` boxes one above. An entry is kept as one byte a coefficient within the box of its leaf.
 
 Making. A sample of the entries tells which bits tell most, and where the order is to be cut into runs. Then all entries are
-written to a file for each run, and run after run is read, sorted and boxed. So in memory is one run, and the index is the same however
-long a run is.
+written to a file for each run, and run after run is read, sorted and boxed. So in memory is one run, and the index is the same
+however long a run is.
 """
 
 from __future__ import annotations

@@ -21,8 +21,7 @@ from synthesis.atlas.file import (
     load_atlas,
 )
 from synthesis.atlas.header import HEADER_BYTES, MAGIC, check_bytes
-from synthesis.atlas.prepared import temporary
-from synthesis.atlas.series import in_memory
+from synthesis.atlas.index import temporary_arrays
 from synthesis.atlas.table import COLUMNS, Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -235,9 +234,9 @@ def test_arrays_on_disk_are_the_same_and_take_no_memory(tmp_path) -> None:
     atlas = make_atlas(AtlasRule(TypeRule(260, 2), 128))
     (tmp_path / "atlas.h5").write_bytes(encode_atlas(atlas))
     peaks = []
-    for new in (temporary(tmp_path), in_memory):
+    for others in ({"new": temporary_arrays(tmp_path)}, {}):
         tracemalloc.start()
-        loaded = load_atlas(tmp_path / "atlas.h5", new=new)
+        loaded = load_atlas(tmp_path / "atlas.h5", **others)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         for name in ARRAYS:
