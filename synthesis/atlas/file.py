@@ -43,8 +43,6 @@ CHUNK_BYTES = 1 << 20
 _LIBVER = ("v110", "v110")
 _FILTERS = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32)
 """Of the arrays, in the order in which they are written."""
-_FILTER_BYTES = 1 << 16
-"""By how much a chunk that cannot be compressed may grow."""
 MAX_REST_BYTES = 1 << 20
 """Most bytes of a file beside its arrays: names, attributes, and where the chunks are."""
 MAX_TEXT = 4096
@@ -176,14 +174,15 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> ND
     if not complete:  # HDF5 would fill the gap silently
         refuse(AtlasFault.CONTENT, f"{name} lacks a part of its data")
     if dataset.chunks:
-        largest = math.prod(dataset.chunks) * dataset.dtype.itemsize + _FILTER_BYTES
+        largest = int(math.prod(dataset.chunks) * dataset.dtype.itemsize * 1.01) + 64  # one that cannot be compressed
         sizes: list[int] = []
         dataset.id.chunk_iter(lambda chunk: sizes.append(chunk.size))
         if max(sizes, default=0) > largest:  # it would inflate to more than a chunk
             refuse(AtlasFault.SCHEMA, f"{name} has a chunk of {max(sizes):,} bytes, at most {largest:,}")
     values = new(name, COLUMNS[name], shape)
     if values.size:
-        rows = dataset.chunks[0] if dataset.chunks else len(values)
+        rows = dataset.chunks[0] if dataset.chunks else 1
+        rows *= max(1, CHUNK_BYTES // (rows * values[:1].nbytes))
         for first in range(0, len(values), rows):
             part = np.s_[first : first + rows]
             dataset.read_direct(values, part, part)

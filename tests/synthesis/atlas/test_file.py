@@ -311,13 +311,6 @@ def deflate_bomb(file: h5py.File, values: np.ndarray, **filters: bool) -> None:
     chunks.id.write_direct_chunk((0,), bomb)
 
 
-def trailing(file: h5py.File, values: np.ndarray, **filters: bool) -> None:
-    chunks = file.create_dataset(
-        "average", values.shape, values.dtype, chunks=values.shape, compression="gzip", **filters
-    )
-    chunks.id.write_direct_chunk((0,), zlib.compress(values.tobytes()) + b"hidden" * 100)
-
-
 BOMBS = {
     "deflate_bomb": swap("average", deflate_bomb),
     "deflate_bomb_as_written": swap("average", lambda f, v: deflate_bomb(f, v, shuffle=True, fletcher32=True)),
@@ -376,10 +369,6 @@ HOSTILE = {
     "generator_with_an_escape_in_a_name": set_attribute("generator", json.dumps({"\x9b2J": "2"})),
     "generator_that_writes_backwards": set_attribute("generator", json.dumps({"numpy": "\u202e2"})),
     "generator_of_bytes": set_attribute("generator", b'{"numpy": "\xff"}'),
-    "text_hidden_behind_a_chunk": swap("average", lambda f, v: trailing(f, v)),
-    "text_hidden_behind_a_chunk_as_written": swap(
-        "average", lambda f, v: trailing(f, v, shuffle=True, fletcher32=True)
-    ),
 }
 
 
