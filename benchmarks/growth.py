@@ -169,7 +169,7 @@ def foretold(rows: Sequence[dict[str, Any]], row: dict[str, Any]) -> str:
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of growth and the arithmetic of a billion types in docs/scaling.md."""
     every, wide = results["rows"], results["wide"]
-    rows = [row for row in every if "spans_bytes" in row]
+    rows = [row for row in every if "short_spans_bytes" in row]
     (requests,) = {len(row["ms"]) for row in (*every, wide)}
     shares = [{f"{name}_a_type": row[f"{name}_bytes"] / row["types"] for name in ("file", "disk")} for row in every]
     told = [row | share for row, share in zip(every, shares)]

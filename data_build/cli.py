@@ -94,7 +94,7 @@ def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     build.set_defaults(run=_build)
 
     for name, text in (
-        ("verify", "read a whole file and say whether it is sound"),
+        ("verify", "read a whole file, and the index beside it, and say whether they are sound"),
         ("info", "say what a file holds"),
     ):
         command = commands.add_parser(name, help=text, description=text.capitalize() + ".")
@@ -170,8 +170,9 @@ def _load(file: Path) -> Atlas:
 
 def _verify(options: argparse.Namespace) -> int:
     atlas = _load(options.file)
-    indexed = check_index(options.file.with_name(options.file.name + ".index"))
-    _print({"file": str(options.file), "status": "sound", "index_files": indexed, **describe(atlas)}, options.json)
+    count = check_index(options.file.with_name(options.file.name + ".index"))
+    index = {"index_files": count} if count else {}
+    _print({"file": str(options.file), "status": "sound", **index, **describe(atlas)}, options.json)
     return EXIT_OK
 
 

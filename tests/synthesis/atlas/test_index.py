@@ -203,7 +203,7 @@ def test_a_small_table_has_an_index(tmp_path, rule) -> None:
 
 
 class Recorded(InMemory):
-    """Parts in memory, of which a digest is taken: of sums to six digits, as the last bits differ from one processor to another."""
+    """Parts in memory and a digest of them: of sums to six digits, as the last bits differ from one processor to another."""
 
     def __init__(self) -> None:
         self.digest = hashlib.sha256()
