@@ -13,7 +13,7 @@ PORT ?= 8000
 help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
 	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
-	@echo "make test       style and the default tests (about seven minutes)"
+	@echo "make test       style and the default tests (about seven minutes), the slowest fifty listed"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
 	@echo "make fault      what it withstands: kills, bit flips, changed bodies, hostile clients: docs/reliability.md (hours)"
 	@echo "make audit      known weaknesses of the locked parts (asks a database over the network)"
@@ -58,7 +58,7 @@ test: style
 	@$(MAKE) --no-print-directory -j 2 tests types  # types are checked beside the tests
 
 tests: $(READY)  # compiled modules are kept, whatever the environment says: the tests start many processes
-	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=50
 
 fault: $(READY) $(ATLAS)
 	$(BIN)/python -m pytest -m fault

@@ -6,27 +6,43 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, get_args
 
 import pydantic_core
 from pydantic import ValidationError
 
-from app.arguments import FILE, add_atlas, whole_number
-from app.bundled import examples_of
-from app.exits import EPILOG, Exit, exit_of
-from app.progress import waiting
-from app.query import LengthUnit, Query, RequestModel, Resources, invalid
+from app.arguments import EPILOG, FILE, Exit, add_atlas, exit_of, whole_number
+from app.query import FILES, LengthUnit, Query, RequestModel, Resources, invalid
+from app.registry import examples_of
 from app.tables import Units
 from linkage_atlas import FieldError
 
 NO_PRESET = ((["limits", "preset"], "none"),)
 """Field and value that turn the practical limits off."""
+DELAY = 1.0
+"""Seconds before a line says that a command still works: most answers are there sooner."""
+STEP = 0.2
+"""Seconds between two drawings of that line."""
 _FILE_HELP = (
     "the request as JSON; - or nothing: standard input",
     "the request as JSON, or its samples as a table (CSV, or pasted from a spreadsheet); - or nothing: standard input",
 )
+
+
+_LACKING: dict[str, Any] = {
+    "no_preset": False,
+    "refine_from": None,
+    "unwrap": False,
+    "export": [],
+    "plot": False,
+    "rank": 1,
+    "length_unit": None,
+}
+"""Values of options that a question does not have."""
 
 
 def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
@@ -88,7 +104,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
         parser.add_argument(
             "--plot", action="store_true", help="also draw it, and open the picture where there is a screen"
         )
-    if query.file_of is not None:
+    if query.files is not None:
         parser.add_argument(
             "--rank",
             type=whole_number(1, 100),
@@ -101,7 +117,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             choices=get_args(LengthUnit),
             help="the unit of the request's lengths, for heads of tables and for DXF and MJCF files (mm)",
         )
-    parser.set_defaults(run=lambda options: _run(options, query), examples=examples)
+    parser.set_defaults(run=lambda options: _run(options, query), examples=examples, **_LACKING)
 
 
 def _setting(text: str) -> tuple[list[str], Any]:
@@ -116,36 +132,71 @@ def _setting(text: str) -> tuple[list[str], Any]:
 
 
 def _run(options: argparse.Namespace, query: Query) -> int:
+    from app.replies import json_of
     from app.resources import ServiceResources
     from app.settings import atlas_of, settings_of
 
-    names = [_format_of(query, path) for path in getattr(options, "export", ())]
-    also = [*options.set, *(NO_PRESET if getattr(options, "no_preset", False) else ())]
-    if getattr(options, "refine_from", None) is not None:
+    wanted = {path: _format_of(query, path) for path in options.export}
+    also = [*options.set, *(NO_PRESET if options.no_preset else ())]
+    if options.refine_from is not None:
         also = [*also, (["refine_from"], _solution_in(options.refine_from))]
-    request = read_request(query, _text(options, query), also, getattr(options, "unwrap", False))
-    rank = getattr(options, "rank", 1)
+    request, rank = read_request(query, _text(options, query), also, options.unwrap), options.rank
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
     resources = ServiceResources(settings_of(options), atlas_of)
-    with waiting("searching" if query.file_of else "computing", resources.max_budget_ms / 1000):
+    with waiting("searching" if query.files else "computing", resources.max_budget_ms / 1000):
         reply = query.answer(request, resources)
     code = exit_of(request, reply)
-    wanted = dict(zip(getattr(options, "export", ()), names))
-    plot = getattr(options, "plot", False)
     found = len(getattr(reply, "solutions", [None] * rank))
-    if found < rank and (wanted or plot or rank > 1):
+
+    def file(name: str) -> bytes:
+        return _file(query, request, reply, rank, name, options.length_unit or "mm", resources)
+
+    if found < rank and (wanted or options.plot or rank > 1):
         there = "there is 1 solution" if found == 1 else f"there are {found} solutions"
         print(f"no solution of rank {rank}: {there}", file=sys.stderr)
         code = code or Exit.USAGE
-    elif wanted or plot:
-        unit = getattr(options, "length_unit", None) or "mm"
-        written = {path: _file(query, request, reply, rank, name, unit, resources) for path, name in wanted.items()}
-        code = _write(written) or code
-        if plot:
-            _show(_file(query, request, reply, rank, "svg", unit, resources))
-    print(reply.model_dump_json(indent=2) if options.json else query.table(reply, *_units(query, request, options)))
+    else:
+        code = _write({path: file(name) for path, name in wanted.items()}) or code
+        if options.plot:
+            _show(file("svg"))
+    unit = getattr(request, "angle_unit", "deg")  # a question without angles has none
+    units = (Units(unit, options.length_unit or ""),) if query.shows_units else ()
+    print(json_of(reply, 2).decode() if options.json else query.table(reply, *units))
     return code
+
+
+@contextmanager
+def waiting(words: str, most: float | None = None) -> Iterator[None]:
+    """Show words and seconds on standard error while the block runs, of at most so many; only on a terminal.
+
+    A thread draws: what computes need not know of it.
+    """
+    if sys.stderr is None or not sys.stderr.isatty():
+        yield
+        return
+    limit = "" if most is None else f" of at most {most:g}"
+    done = threading.Event()
+
+    def draw() -> None:
+        if done.wait(DELAY):
+            return
+        from tqdm import tqdm
+
+        with tqdm(
+            file=sys.stderr, leave=False, bar_format=f"{words}: {{postfix[0]:.0f}} s{limit}", postfix=[DELAY]
+        ) as bar:
+            while not done.wait(STEP):
+                bar.postfix[0] += STEP
+                bar.refresh()
+
+    drawing = threading.Thread(target=draw, daemon=True)
+    drawing.start()
+    try:
+        yield
+    finally:
+        done.set()
+        drawing.join()
 
 
 def _write(files: Mapping[Path, bytes]) -> Exit:
@@ -236,11 +287,6 @@ def decoded(text: bytes) -> str:
         return text.decode("cp1252", "replace")
 
 
-def _units(query: Query, request: Any, options: argparse.Namespace) -> tuple[Units, ...]:
-    unit = getattr(request, "angle_unit", "deg")  # a question without angles has none
-    return (Units(unit, options.length_unit or ""),) if query.shows_units else ()
-
-
 def _format_of(query: Query, path: Path) -> str:
     """The format that the name of a file means; of two that fit the longer: plates.dxf before dxf."""
     formats = [*query.exports, "json"]
@@ -253,10 +299,15 @@ def _format_of(query: Query, path: Path) -> str:
 def _file(
     query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str, resources: Resources
 ) -> bytes:
-    if query.file_of is not None:
-        return query.file_of(request, reply, rank, name, length_unit)
+    if query.files is not None:
+        kind = next(kind for kind in query.files.formats if FILES[kind].endings[0] == name)
+        solution = reply.solutions[rank - 1].to_dict()
+        body = {"request": request, "solution": solution, "format": kind, "length_unit": length_unit}
+        return query.files.render(query.files.request(**body), resources)
+    from app.replies import json_of
+
     if name == "json":
-        return reply.model_dump_json(indent=2).encode()
+        return json_of(reply, 2)
     return query.exports[name].render(request, resources)
 
 

@@ -17,6 +17,7 @@ from starlette.types import Receive, Scope, Send
 
 from app import problems
 from app.query import Invalid, Numbers, RequestModel, invalid
+from linkage_atlas.records import names_of, plain
 
 MAX_KEYS = 2_000
 """Keys of a body: the largest request has a few hundred."""
@@ -25,7 +26,7 @@ MAX_CONTAINERS = 12_000
 MAX_VALUES = 120_000
 """Values of a body: the times of a lift's motion are at most 100,000."""
 _LISTED_AT_ONCE = 256
-PIECE_BYTES = 1 << 18
+PIECE_BYTES = 1 << 16
 """Bytes of a reply that are sent, and passed between processes, at once."""
 _DEPTH = 2
 """Levels of a reply whose fields are written one by one."""
@@ -74,25 +75,28 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return values
 
 
-def json_pieces(value: Any, depth: int = _DEPTH) -> Iterator[bytes]:
-    """The JSON of a reply in pieces; together they are what pydantic writes at once."""
+def json_pieces(value: Any, depth: int = _DEPTH, of_record: bool = False) -> Iterator[bytes]:
+    """The JSON of a reply in pieces; together they are what is written at once."""
     if isinstance(value, BaseModel):
         value = value.__dict__
+    elif names := names_of(type(value)):
+        value, of_record = {name: getattr(value, name) for name in names}, True
     if isinstance(value, dict) and depth:
         mark = b"{"
         for name, part in value.items():
             yield mark + to_json(name) + b":"
-            yield from json_pieces(part, depth - 1)
+            yield from json_pieces(part, depth - 1, of_record)
             mark = b","
         yield b"}" if value else b"{}"
     elif isinstance(value, Numbers) or (isinstance(value, (list, tuple)) and len(value) > _LISTED_AT_ONCE):
         mark = b"["
         for first in range(0, len(value), _LISTED_AT_ONCE):
-            yield mark + to_json(value[first : first + _LISTED_AT_ONCE], inf_nan_mode="strings")[1:-1]
+            some = value[first : first + _LISTED_AT_ONCE]
+            yield mark + to_json(plain(some) if of_record else some, inf_nan_mode="strings")[1:-1]
             mark = b","
         yield b"]" if value else b"[]"
     else:
-        yield to_json(value, inf_nan_mode="strings")
+        yield to_json(plain(value) if of_record else value, inf_nan_mode="strings")
 
 
 def _gathered(pieces: Iterator[bytes]) -> Iterator[bytes]:
@@ -107,6 +111,30 @@ def _gathered(pieces: Iterator[bytes]) -> Iterator[bytes]:
     yield b"".join(held)
 
 
+class Held:
+    """Bytes of a reply that its client has not yet taken; ``Held.total`` is of all replies of this process.
+
+    Raises `problems.Unread` where they would be more than ``Held.most``; a short reply is always sent.
+    """
+
+    total = 0
+    most = 64_000_000
+
+    def __init__(self, size: int) -> None:
+        self._left = 0
+        if size > PIECE_BYTES and Held.total + size > Held.most:
+            raise problems.Unread
+        self.take(-size)
+
+    def take(self, size: int) -> None:
+        """So many of them are sent."""
+        self._left -= size
+        Held.total -= size
+
+    def __del__(self) -> None:
+        self.take(self._left)
+
+
 class Reply(Response):
     """A reply that is sent piece by piece, as fast as its client takes it; what has been sent is given back.
 
@@ -115,31 +143,41 @@ class Reply(Response):
     content : model or bytes
     media_type : str
     headers : dict, optional
+    held : Held, optional
+        What is held of it from now on; default: all of it, once it is sent.
     """
 
     def __init__(
-        self, content: Any, media_type: str = "application/json", headers: dict[str, str] | None = None
+        self,
+        content: Any,
+        media_type: str = "application/json",
+        headers: dict[str, str] | None = None,
+        held: Held | None = None,
     ) -> None:
         if isinstance(content, bytes):
-            pieces = [content[k : k + PIECE_BYTES] for k in range(0, len(content), PIECE_BYTES)]
+            whole = memoryview(content)
+            pieces = [whole[k : k + PIECE_BYTES] for k in range(0, len(content), PIECE_BYTES)]
         else:
             pieces = list(_gathered(json_pieces(content)))
         self.pieces, self.size = pieces, sum(map(len, pieces))
+        self._held = held
         super().__init__(None, media_type=media_type, headers={**(headers or {}), "Content-Length": str(self.size)})
 
     @classmethod
-    def relayed(cls, status: int, headers: list[tuple[bytes, bytes]], pieces: list[bytes]) -> Reply:
-        """A reply that another process has written."""
+    def relayed(cls, status: int, headers: list[tuple[bytes, bytes]], pieces: list[bytes], held: Held) -> Reply:
+        """A reply that another process has written, its bytes held already."""
         reply = cls.__new__(cls)
-        reply.pieces, reply.size = pieces, sum(map(len, pieces))
+        reply.pieces, reply.size, reply._held = pieces, sum(map(len, pieces)), held
         reply.status_code, reply.raw_headers, reply.background = status, headers, None
         return reply
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        held = self._held or Held(self.size)
         await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
         self.pieces.reverse()
         while self.pieces:
             piece = self.pieces.pop()
             await send({"type": "http.response.body", "body": piece, "more_body": bool(self.pieces)})
+            held.take(len(piece))
         if not self.size:
             await send({"type": "http.response.body", "body": b"", "more_body": False})

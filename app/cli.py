@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-from app.arguments import FILE, add_atlas, whole_number
-from app.exits import EPILOG, Exit
-from app.fourbar import SUMMARIES
+from app.arguments import EPILOG, FILE, Exit, add_atlas, whole_number
+from app.fourbar import QUESTIONS
 from app.registry import queries_named
 from app.scenes import SCENES
 from linkage_atlas import (
@@ -122,23 +123,36 @@ def _completion(options: argparse.Namespace) -> int:
 
 
 def _add_example(parser: argparse.ArgumentParser, name: str) -> None:
-    from app import bundled
+    from app.registry import all_examples
 
     parser.description = "Prints a bundled request as JSON, to be edited and answered; without a name, all names."
-    parser.add_argument("name", nargs="?", choices=tuple(bundled.all_examples()), metavar="NAME")
+    parser.add_argument("name", nargs="?", choices=tuple(all_examples()), metavar="NAME")
     parser.set_defaults(run=_example)
 
 
 def _example(options: argparse.Namespace) -> int:
-    from app import bundled
+    from app.registry import all_examples
+    from app.tables import left_table
 
     if options.name is None:
-        print(bundled.listed())
+        rows = [(name, *example) for name, example in all_examples().items() if not name.startswith("synthesize-")]
+        print(left_table(("name", "answered by", "what it is"), [(name, by, about) for name, by, _, about in rows]))
         return Exit.OK
-    example = bundled.all_examples()[options.name]
-    print(bundled.pretty(example.request))
+    example = all_examples()[options.name]
+    print(_pretty(example.request))
     print(f"answered by: linkage-atlas {example.command} FILE", file=sys.stderr)
     return Exit.OK
+
+
+def _pretty(value: Any, indent: str = "") -> str:
+    """JSON to edit: a field a line, but what holds only numbers, such as a pose, on one line."""
+    inner = indent + "  "
+    if isinstance(value, Mapping) and value:
+        rows = [f"{inner}{json.dumps(name)}: {_pretty(one, inner)}" for name, one in value.items()]
+        return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
+    if isinstance(value, list) and any(isinstance(one, (list, Mapping)) for one in value):
+        return "[\n" + ",\n".join(inner + _pretty(one, inner) for one in value) + f"\n{indent}]"
+    return json.dumps(value)
 
 
 def _add_index(parser: argparse.ArgumentParser, name: str) -> None:
@@ -198,10 +212,10 @@ def _serve(options: argparse.Namespace) -> int:
 
 
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
-    "synthesize": (SUMMARIES["synthesize"], _add_questions),
-    "function": (SUMMARIES["function"], _add_questions),
+    "synthesize": (QUESTIONS["synthesize"], _add_questions),
+    "function": (QUESTIONS["function"], _add_questions),
     **{scene: (f"the {scene} scene", _add_questions) for scene in SCENES},
-    "match": (SUMMARIES["match"], _add_questions),
+    "match": (QUESTIONS["match"], _add_questions),
     "study": ("answer many requests, a line each", _add_study),
     "example": ("print a request to edit, or the list of examples", _add_example),
     "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),

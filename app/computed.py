@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import anyio
 import anyio.to_thread
-from starlette.applications import Starlette
+from fastapi import FastAPI, params
+from fastapi.routing import APIRoute
+from fastapi.utils import create_model_field
 from starlette.requests import Request
 from starlette.responses import Response
-from starlette.routing import BaseRoute, Match, Route, get_route_path
-from starlette.types import Receive, Scope, Send
 
 from app import bodies, problems
 from app.query import RequestModel, Resources
 from app.resources import ServiceResources, give_back_memory
+from app.settings import Settings
 from app.turnstile import Turnstile
 
 SMALL = 4096
@@ -51,6 +54,11 @@ class Question:
 class Computing(Protocol):
     """Where answers are computed."""
 
+    numbers: Iterable[int]
+    """Of its processes."""
+    ends: Counter[str]
+    """How those ended that have."""
+
     def running(self) -> AbstractAsyncContextManager[None]:
         """Ready to answer, until the end of the block."""
 
@@ -66,6 +74,7 @@ class Threads:
 
     def __init__(self, resources: ServiceResources, turnstile: Turnstile) -> None:
         self._resources, self._turnstile = resources, turnstile
+        self.numbers, self.ends = [os.getpid()], Counter[str]()
         self.stop = turnstile.stop
 
     @asynccontextmanager
@@ -99,103 +108,98 @@ class Threads:
         return await self._turnstile.run(request, question.timed, body, self._resources, long)
 
 
+class LargeBodies:
+    """Large bodies are received a few at a time, at most half of them from one address; the others stay with their senders.
+
+    Parameters
+    ----------
+    places : int
+    seconds : float
+        In which a body must be there. Where others wait, one that has been coming for `PATIENCE` seconds and is too slow for that
+        loses its place.
+    """
+
+    PATIENCE = 1.0
+
+    def __init__(self, places: int, seconds: float) -> None:
+        self._places, self._seconds = places, seconds
+        self._coming: list[_Coming] = []
+        self._left = asyncio.Event()
+
+    async def read(self, request: Request) -> bytes:
+        """The body of a request; raises `problems.SlowBody`."""
+        here, length = request.client.host if request.client else "", request.headers.get("content-length", "")
+        while len(self._coming) >= self._places or self._of(here) >= self._places // 2:
+            self._left.clear()
+            now = asyncio.get_running_loop().time()
+            late = [one for one in self._coming if one.late(now, self._seconds) and one.begin + self.PATIENCE < now]
+            for one in sorted(late, key=lambda one: len(one.body))[:1]:
+                one.time.reschedule(now)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._left.wait(), self.PATIENCE / 4)
+        try:
+            async with asyncio.timeout(None) as time:
+                coming = _Coming(here, int(length) if length.isdecimal() else LARGE, time)
+                self._coming.append(coming)
+                async for part in request.stream():
+                    coming.body += part
+            return bytes(coming.body)
+        except TimeoutError:
+            raise problems.SlowBody from None
+        finally:
+            self._coming.remove(coming)
+            self._left.set()
+            give_back_memory(every=1.0)
+
+    def _of(self, address: str) -> int:
+        return sum(one.address == address for one in self._coming)
+
+
+class _Coming:
+    """A body that is being received."""
+
+    def __init__(self, address: str, size: int, time: asyncio.Timeout) -> None:
+        self.address, self.size, self.time = address, size, time
+        self.begin, self.body = asyncio.get_running_loop().time(), bytearray()
+
+    def late(self, now: float, seconds: float) -> bool:
+        """Whether it will not be there in so many seconds if it goes on as it came."""
+        return len(self.body) * seconds < self.size * (now - self.begin)
+
+
 async def _content(request: Request) -> bytes:
     length = request.headers.get("content-length", "")
     if length.isdecimal() and int(length) <= LARGE:
         return await request.body()
-    try:
-        async with request.app.state.large:
-            return await request.body()
-    finally:
-        give_back_memory(every=1.0)
+    content: bytes = await request.app.state.large.read(request)
+    return content
 
 
-class Questions(dict[str, Question]):
-    """Questions by the path of their route; some come with the first of their kind that is asked, or with `load`.
+class _QuestionRoute(APIRoute):
+    """A POST route that FastAPI describes by its models; `app.bodies` reads the body and writes the reply."""
 
-    To import all takes a fifth of a start: models by the dozen, and searches.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._later: dict[str, Callable[[], None]] = {}
-        self._lock = threading.RLock()
-
-    def later(self, prefix: str, add: Callable[[], None]) -> None:
-        """What adds the questions whose paths begin so."""
-        self._later[prefix] = add
-
-    def load(self, path: str | None = None) -> None:
-        """Have the questions that a path may be of; all without one."""
-        for prefix in tuple(self._later):
-            if path is None or path.startswith(prefix):
-                with self._lock:  # another thread, which makes the description, may be adding them
-                    if prefix in self._later:
-                        self._later[prefix]()
-                        del self._later[prefix]
-
-    def __missing__(self, path: str) -> Question:
-        self.load(path)
-        if path not in self:
-            raise KeyError(path)
-        return self[path]
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        return self.endpoint  # type: ignore[return-value]
 
 
-class Routes(BaseRoute):
-    """All computed routes. One is found by its path at once: to try one after the other takes a tenth of a short request."""
-
-    def __init__(self, questions: Questions) -> None:
-        self._questions = questions
-        self._routes: dict[str, Route] = {}
-
-    def matches(self, scope: Scope) -> tuple[Match, Scope]:
-        if scope["type"] != "http":
-            return Match.NONE, {}
-        path = get_route_path(scope)
-        if path not in self._routes:
-            self._questions.load(path)
-        route = self._routes.get(path)
-        return (Match.NONE, {}) if route is None else route.matches(scope)
-
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        await self._routes[get_route_path(scope)].handle(scope, receive, send)
-
-    def add(self, path: str, handle: Callable[[Request], Coroutine[Any, Any, Response]]) -> None:
-        """A POST route."""
-        self._routes[path] = Route(path, handle, methods=["POST"])
-
-
-def install(app: Starlette, computing: Computing) -> None:
+def install(app: FastAPI, computing: Computing, settings: Settings) -> None:
     """What the routes of `add` need."""
+    bodies.Held.most = settings.reply_memory_bytes
     app.state.computing = computing
-    app.state.questions = Questions()
-    app.state.large = asyncio.Semaphore(16)
-    app.state.routes = Routes(app.state.questions)
-    app.router.routes.append(app.state.routes)
+    app.state.questions = {}
+    app.state.large = LargeBodies(16, settings.body_seconds)
 
 
-def add(
-    app: Starlette,
-    path: str,
-    name: str,
-    model: type[RequestModel],
-    answer: Callable[[Any, Resources], Response],
-    is_long: Callable[[Any], bool],
-    **details: Any,
-) -> None:
-    """A POST route that answers requests of a model by ``answer(request, resources)``; the details are of its description."""
-    question = app.state.questions[path] = Question(path, model, answer, is_long)
+def add(app: FastAPI, question: Question, name: str, **described: Any) -> None:
+    """The route that answers a question; what is ``described`` FastAPI takes for its document."""
+    app.state.questions[question.path] = question
 
-    async def handle(request: Request) -> Response:
+    async def answer(request: Request) -> Response:
         content = await _content(request)
         if content and not problems.says_json(request.headers):
             raise problems.NotJson
         return await app.state.computing.answer(request, question, content)  # type: ignore[no-any-return]
 
-    def described(body):  # type: ignore[no-untyped-def]
-        raise NotImplementedError("only described: the route has its own handler")
-
-    described.__annotations__ = {"body": model}
-    described.__name__ = name
-    app.state.routes.add(path, handle)
-    app.state.description.add(path, described, methods=["POST"], **details)
+    route = _QuestionRoute(question.path, answer, name=name, methods=["POST"], **described)
+    route.body_field = create_model_field("body", question.model, field_info=params.Body(annotation=question.model))
+    app.router.routes.append(route)

@@ -1,13 +1,17 @@
 """Connections of the service: how many there are, and how long a client may take to say what it wants.
 
-uvicorn has no limit of idle connections and none of the time of a request's header and body; this adds them to its protocol.
-It also answers a client that has closed only its own side, and says what is wrong with a request that is no HTTP as problem+json.
+uvicorn has no limit of idle connections and none of the time of a request's header and body, nor of the time that a client takes
+to read a reply; this adds them to its protocol. It also answers a client that has closed only its own side, takes addresses in
+absolute form and an empty line before a request (RFC 9112), and says as problem+json what is wrong with what is no HTTP.
 """
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import resource
+from collections.abc import Iterator
+from itertools import chain, repeat
 from typing import Any, ClassVar
 
 import h11
@@ -19,15 +23,31 @@ from app.settings import Settings
 BACKLOG = 128
 """Connections that the system accepts before the service sees the first of them."""
 _OTHER_FILES = 96
+_PROBES = (0.01, 0.005, 0.02, 0.1)
+"""Seconds before the first signs of life to a client that has closed its side: one that has gone altogether answers the first
+with a reset, which the second finds."""
 _PROBE_SECONDS = 0.4
-"""Between two signs of life to a client that has closed its side: one that has gone altogether answers them with a reset."""
+"""Between all further ones."""
+_MOST_LOGGED = 500
+"""Characters of an address in the log."""
+
+
+def cut_addresses(record: logging.LogRecord) -> bool:
+    """A filter of uvicorn's log of requests: no line is longer than it needs to be."""
+    if isinstance(record.args, tuple):
+        record.args = tuple(
+            f"{part[:_MOST_LOGGED]}..." if isinstance(part, str) and len(part) > _MOST_LOGGED else part
+            for part in record.args
+        )
+    return True
 
 
 def protocol_of(settings: Settings) -> type[H11Protocol]:
     """The protocol of a service with these settings, for uvicorn's ``http``."""
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     most = max(16, min(settings.max_connections, files - BACKLOG - _OTHER_FILES))
-    limits = {"most": most, "seconds": {"header": settings.header_seconds, "body": settings.body_seconds}}
+    seconds = {phase: getattr(settings, f"{phase}_seconds") for phase in ("header", "body", "reply")}
+    limits = {"most": most, "seconds": seconds}
     return type("Connection", (Connection,), limits)
 
 
@@ -39,6 +59,8 @@ class Connection(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
+        transport.set_write_buffer_limits(high=0)  # told of whatever the client has not yet taken
+        self._unread: asyncio.TimerHandle | None = None
         self._phase: str | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._since = self.loop.time()
@@ -48,6 +70,7 @@ class Connection(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._expect(None)
+        self._read()
         super().connection_lost(exc)
 
     @property
@@ -56,15 +79,40 @@ class Connection(H11Protocol):
         return self.cycle is not None and not self.cycle.response_complete
 
     @property
+    def _computes(self) -> bool:
+        """Whether its client waits for an answer that is being computed, or for its turn."""
+        return self._answers and not self.cycle.response_started and self.scope["method"] == "POST"
+
+    @property
     def _idle_since(self) -> tuple[bool, float]:
         return self._phase == "body", self._since
 
     def _make_room(self) -> None:
-        """Close the connection that has said nothing for the longest time; this one where all others are being answered."""
-        slow = [one for one in self.connections if isinstance(one, Connection) and one._phase and one is not self]
-        (min(slow, key=lambda one: one._idle_since) if slow else self).transport.abort()
+        """Close the oldest connection that no answer is being computed for; this one where there is none."""
+        others = [one for one in self.connections if isinstance(one, Connection) and one is not self]
+        free = [one for one in others if one._phase or not one._computes]
+        (min(free, key=lambda one: one._idle_since) if free else self).transport.abort()
+
+    def pause_writing(self) -> None:
+        super().pause_writing()
+        self._read()
+        if self._phase is None:
+            self._since = self.loop.time()
+        self._unread = self.loop.call_later(self.seconds["reply"], self.transport.abort)
+
+    def resume_writing(self) -> None:
+        super().resume_writing()
+        self._read()
+
+    def _read(self) -> None:
+        """The client has taken all that was sent."""
+        if self._unread is not None:
+            self._unread.cancel()
+            self._unread = None
 
     def data_received(self, data: bytes) -> None:
+        if self._phase == "header" and not self.conn.trailing_data[0]:
+            data = data.lstrip(b"\r\n")
         super().data_received(data)
         if self._answers:
             self._expect("body" if self.cycle.more_body else None)
@@ -116,12 +164,13 @@ class Connection(H11Protocol):
         if not self._answers or self.cycle.more_body:
             return None
         self.cycle.keep_alive = False
-        self.loop.call_later(_PROBE_SECONDS, self._probe)
+        seconds = chain(_PROBES, repeat(_PROBE_SECONDS))
+        self.loop.call_later(next(seconds), self._probe, seconds)
         return True
 
-    def _probe(self) -> None:
+    def _probe(self, seconds: Iterator[float]) -> None:
         """A sign of life, which a client ignores that is there; without it no one learns that it has gone."""
         if self._answers and not self.transport.is_closing():
             if not self.cycle.response_started:
                 self.transport.write(self.conn.send(h11.InformationalResponse(status_code=100, headers=[])) or b"")
-            self.loop.call_later(_PROBE_SECONDS, self._probe)
+            self.loop.call_later(next(seconds), self._probe, seconds)

@@ -8,16 +8,10 @@ from urllib.parse import urlsplit
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.problems import problem
+from app.problems import HEADERS, problem
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 """Hosts of a service that only its own machine reaches."""
-HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-}
-"""Of every reply that does not set them itself."""
 
 
 def host_of(value: str) -> str:
@@ -56,6 +50,12 @@ class Doors:
                     headers.setdefault(name, value)
             await send(message)
 
+        if scope["path"].lower().startswith(("http://", "https://")):  # a target in absolute form
+            scope = {
+                **scope,
+                "path": _path_of(scope["path"]),
+                "raw_path": _path_of(scope["raw_path"].decode()).encode(),
+            }
         headers = Headers(scope=scope)
         refused = self._refused(scope["method"], headers)
         if refused is None:
@@ -74,6 +74,11 @@ class Doors:
         if origin is not None and method not in ("GET", "HEAD", "OPTIONS") and not _same(origin, host):
             return 403, "requests from pages of other origins are not answered"
         return None
+
+
+def _path_of(target: str) -> str:
+    """The path of a target in absolute form, whose host says nothing that the Host header does not."""
+    return "/" + target.partition("://")[2].partition("/")[2]
 
 
 def _same(origin: str, host: str) -> bool:

@@ -1,32 +1,30 @@
-"""The HTTP service: one route a query, health, and the OpenAPI description."""
+"""The HTTP service: one route a query, files, the atlas, health, the page, and the OpenAPI description."""
 
 from __future__ import annotations
 
+import asyncio
 import re
-from collections.abc import AsyncIterator, Callable
+import warnings
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from functools import cache
 from importlib import import_module
-from inspect import iscoroutinefunction
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
-from starlette.applications import Starlette
+from fastapi import FastAPI
+from pydantic import BeforeValidator, Field
+from pydantic.warnings import UnsupportedFieldAttributeWarning
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
-from starlette.routing import Route
+from starlette.responses import Response
 
 import linkage_atlas as la
 from app import computed, page, problems
 from app.bodies import Reply
-from app.description import Description
 from app.doors import Doors
-from app.fourbar import export
-from app.query import Export, Invalid, Query, ReplyModel
-from app.registry import function_queries, motion_queries, worked_example
+from app.query import FILES, Files, Query, ReplyModel
+from app.registry import all_queries
+from app.replies import reply_model
 from app.resources import ServiceResources
-from app.scenes import SCENES, queries_of
 from app.settings import Settings
 from app.turnstile import Turnstile
 
@@ -35,7 +33,7 @@ def create_app(
     settings: Settings | None = None,
     resources: ServiceResources | None = None,
     make_computing: Callable[[Turnstile], computed.Computing] | None = None,
-) -> Starlette:
+) -> FastAPI:
     """The application; settings come from the environment unless given, resources are made from them unless given.
 
     Answers are computed by threads unless ``make_computing`` says otherwise.
@@ -46,42 +44,54 @@ def create_app(
     computing = make_computing(turnstile) if make_computing else computed.Threads(resources, turnstile)
 
     @asynccontextmanager
-    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         async with computing.running():
             yield
 
-    app = Starlette(lifespan=lifespan)
-    app.router.redirect_slashes = False
-    app.state.description = Description(
-        title="linkage-atlas", version=la.__version__, summary="Finds planar linkages for a required motion."
+    app = FastAPI(
+        title="linkage-atlas",
+        version=la.__version__,
+        summary="Finds planar linkages for a required motion.",
+        lifespan=lifespan,
+        redirect_slashes=False,
+        openapi_url=None,  # its own route would make the document on the event loop
     )
     app.add_middleware(problems.BodyLimit, max_body_size=settings.max_body_bytes)
     app.add_middleware(Doors, hosts=settings.allowed_hosts)
     problems.install(app)
     app.state.turnstile = turnstile
-    computed.install(app, computing)
-    _add_queries(app, motion_queries())
-    questions = app.state.questions
-    questions.later("/v1/function", lambda: _add_function(app))
-    for scene in SCENES:
-        questions.later(f"/v1/{scene}/", lambda scene=scene: _add_queries(app, queries_of(scene)))
-    export.install(app, _PROBLEM_RESPONSES, worked_example())
+    computed.install(app, computing, settings)
+    for query in all_queries():
+        _add_query(app, query)
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources)
+    if settings.log_json or settings.metrics:
+        observed = import_module("app.observed")  # and with it the client library of Prometheus
+        observed.install(app, settings, computing)
+    app.state.description, app.state.describing = None, asyncio.Lock()
     app.add_route("/openapi.json", _description, ["GET"], include_in_schema=False)
     return app
 
 
-def described(app: Starlette) -> dict[str, Any]:
+def described(app: FastAPI) -> dict[str, Any]:
     """The OpenAPI document of all routes."""
-    app.state.questions.load()
-    document: dict[str, Any] = app.state.description.document
+    with warnings.catch_warnings():  # FastAPI's own, which it keeps quiet where models are built at once
+        warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
+        document = app.openapi()
+    document["components"]["schemas"]["Problem"] = problems.SCHEMA
     return document
 
 
-def _description(request: Request) -> Response:  # no coroutine: made on a thread
-    return JSONResponse(described(request.app))
+async def _description(request: Request) -> Response:
+    state = request.app.state
+    if state.description is None:
+        async with state.describing:
+            state.description = state.description or await run_in_threadpool(
+                lambda: page.made_once(described(request.app))
+            )
+    reply: Response = state.description.reply(request)
+    return reply
 
 
 class AtlasReply(ReplyModel):
@@ -116,59 +126,32 @@ def _written_plainly(number: str) -> str:
 TypeNumber = Annotated[int, Field(ge=1, le=2**53), BeforeValidator(_written_plainly)]
 
 
-@cache
-def _type_number() -> TypeAdapter[int]:
-    return TypeAdapter(TypeNumber)
-
-
-def _add_atlas_routes(app: Starlette, resources: ServiceResources) -> None:
+def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
+    @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_problems(503))
     async def atlas() -> AtlasReply:
         return AtlasReply(**resources.describe_atlas())
 
+    @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=_problems(404, 422, 503))
     def dimension_type(number: TypeNumber) -> AtlasTypeReply:
         """Lengths, family and the Haar average and details of the coupler rotation over the whole turn."""
         try:
-            row = _type_number().validate_python(number)
-        except ValidationError as error:
-            raise Invalid([{**entry, "loc": ("number",)} for entry in error.errors()]) from None
-        try:
-            return AtlasTypeReply(**resources.atlas.details_of(row))
+            return AtlasTypeReply(**resources.atlas.details_of(number))
         except la.FieldError as error:
             raise problems.NotFound(error.message) from None
 
-    _add_get(app, "/v1/atlas", atlas, tags=["atlas"], summary="What is loaded.", responses=_problems(503))
-    answers = _problems(404, 422, 503)
-    _add_get(
-        app, "/v1/types/{number}", dimension_type, tags=["atlas"], summary="One dimension type.", responses=answers
-    )
 
-
-def _add_health_routes(app: Starlette, resources: ServiceResources) -> None:
+def _add_health_routes(app: FastAPI, resources: ServiceResources) -> None:
+    @app.get("/livez", tags=["health"], summary="The process answers.")
     async def livez() -> dict[str, str]:
         return {"status": "ok"}
 
+    whole = "The atlas is loaded and verified."
+
+    @app.get("/readyz", tags=["health"], summary=whole, responses=_problems(503))
     async def readyz() -> dict[str, str]:
         if resources.settings.with_atlas:
             _ = resources.atlas
         return {"status": "ready"}
-
-    _add_get(app, "/livez", livez, tags=["health"], summary="The process answers.")
-    whole = "The atlas is loaded and verified."
-    _add_get(app, "/readyz", readyz, tags=["health"], summary=whole, responses=_problems(503))
-
-
-def _add_get(app: Starlette, path: str, function: Callable[..., Any], **details: Any) -> None:
-    """A GET route that answers with what a function of its path's parameters returns; one that is no coroutine has a thread."""
-
-    async def answer(request: Request) -> Response:
-        if iscoroutinefunction(function):
-            return Reply(await function(**request.path_params))
-        return Reply(await run_in_threadpool(function, **request.path_params))
-
-    route = Route(path, answer, methods=["GET"])
-    route.methods = {"GET"}  # Starlette would add HEAD, which the description does not have
-    app.router.routes.append(route)
-    app.state.description.add(path, function, **details)
 
 
 _PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -191,52 +174,53 @@ def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     return {status: _PROBLEM_RESPONSES[status] for status in statuses}
 
 
-def _route_details(query: Query) -> dict[str, Any]:
-    examples = {name: {"value": body} for name, body in query.examples.items()}
-    return {
-        "summary": query.summary,
+def _described(summary: str, query: Query, examples: Mapping[str, Any], *media_types: str) -> dict[str, Any]:
+    """What is said of a route beside its models; with media types it answers with a file."""
+    bodies = {name: {"value": body} for name, body in examples.items()}
+    details = {
+        "summary": summary,
         "tags": [query.command.split()[0]],
         "responses": _problems(400, 413, 415, 422, 503),
-        "openapi_extra": {"requestBody": {"content": {"application/json": {"examples": examples}}}},
+        "openapi_extra": {"requestBody": {"content": {"application/json": {"examples": bodies}}}},
     }
+    if media_types:
+        details["responses"] |= {200: {"content": {media_type: {} for media_type in media_types}}}
+        details |= {"response_class": Response, "response_model": None}
+    return details
 
 
-def _add_function(app: Starlette) -> None:
-    _add_queries(app, function_queries())
-    import_module("app.fourbar.function_export").install(app, _PROBLEM_RESPONSES)
-
-
-def _add_queries(app: Starlette, queries: tuple[Query, ...]) -> None:
-    for query in queries:
-        _add_query(app, query)
-        for name, rendered in query.exports.items():
-            _add_export(app, query, name, rendered)
-
-
-def _add_query(app: Starlette, query: Query) -> None:
-    def answer(body: Any, resources: Any) -> Response:
-        return Reply(query.answer(body, resources))
-
+def _add_query(app: FastAPI, query: Query) -> None:
+    """The routes of a question: its reply, its exports, and files of the reply's solutions."""
     name = query.command.replace(" ", "_")
-    computed.add(
-        app,
+
+    def add(path: str, name: str, answer: Callable[[Any, Any], Response], **described: Any) -> None:
+        computed.add(app, computed.Question(path, query.request, answer, query.is_long), name, **described)
+
+    add(
         query.path,
         name,
-        query.request,
-        answer,
-        query.is_long,
-        response_model=query.reply,
-        **_route_details(query),
+        lambda body, resources: Reply(query.answer(body, resources)),
+        response_model=reply_model(query.reply),
+        **_described(query.summary, query, query.examples),
     )
+    for kind, export in query.exports.items():
+        add(
+            f"{query.path}.{kind}",
+            f"{name}_{kind}",
+            lambda body, resources, export=export: Reply(export.render(body, resources), export.media_type),
+            **_described(f"{query.summary} As {kind.upper()}.", query, query.examples, export.media_type),
+        )
+    if query.files is not None:
+        _add_files(app, query, query.files)
 
 
-def _add_export(app: Starlette, query: Query, name: str, export: Export) -> None:
+def _add_files(app: FastAPI, query: Query, files: Files) -> None:
     def answer(body: Any, resources: Any) -> Response:
-        return Reply(export.render(body, resources), export.media_type)
+        media_type, endings = FILES[body.format]
+        name = f'attachment; filename="{files.stem}.{endings[-1]}"'
+        return Reply(files.render(body, resources), media_type, {"Content-Disposition": name})
 
-    route = f"{query.command.replace(' ', '_')}_{name}"
-    details = _route_details(query)
-    details["summary"] = f"{query.summary} As {name.upper()}."
-    details["responses"] = {**details["responses"], 200: {"content": {export.media_type: {}}}}
-    details |= {"response_class": Response, "response_model": None}
-    computed.add(app, f"{query.path}.{name}", route, query.request, answer, query.is_long, **details)
+    examples = {kind: {**files.example, "format": kind} for kind in files.formats}
+    media_types = [FILES[kind].media_type for kind in files.formats]
+    question = computed.Question(files.path, files.request, answer, files.is_long)
+    computed.add(app, question, files.name, **_described(files.summary, query, examples, *media_types))

@@ -6,13 +6,15 @@ A reply never repeats the input, so values that JSON cannot hold (NaN, lone surr
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterable, Sequence
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
 
+from fastapi import FastAPI
+from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
-from starlette.applications import Starlette
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
@@ -23,6 +25,7 @@ from starlette.types import Receive, Scope, Send
 from app.query import MAX_ERRORS, Invalid
 from linkage_atlas import AtlasError, AtlasFault, Cancelled, FieldError, OutOfTime
 
+log = logging.getLogger("uvicorn.error")
 MAX_POINTER = 200
 """Longest part of a pointer in characters: a field's name is the client's and may be of any length."""
 
@@ -50,8 +53,24 @@ SCHEMA: dict[str, Any] = {
 """JSON schema of a problem, for the API's description."""
 
 
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+"""Of every reply that does not set them itself."""
+
+
 class Overloaded(Exception):
     """More requests wait than the service lets wait."""
+
+
+class Unread(Exception):
+    """Replies that their clients do not take hold all the memory that there is for them."""
+
+
+class SlowBody(Exception):
+    """A large body that came so slowly that another took its place."""
 
 
 class Malformed(Exception):
@@ -114,7 +133,7 @@ def problem(
 
 def raw(status: int, detail: str) -> bytes:
     """A problem as the bytes of a whole HTTP reply, for what is refused before it is a request."""
-    reply = problem(status, detail, headers={"Connection": "close", "X-Content-Type-Options": "nosniff"})
+    reply = problem(status, detail, headers={"Connection": "close", **HEADERS})
     lines = [
         f"HTTP/1.1 {status} {HTTPStatus(status).phrase}".encode(),
         *(b": ".join(row) for row in reply.raw_headers),
@@ -146,6 +165,11 @@ def _invalid(error: Invalid) -> Response:
     return problem(422, f"{rows[0]['pointer'][2:] or 'the body'}: {rows[0]['detail']}", rows)
 
 
+def _parameter(error: RequestValidationError) -> Response:
+    """Of a route whose parameters FastAPI checks: errors are told by their names, without where they stand."""
+    return _invalid(Invalid([{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]))
+
+
 def _model(error: ValidationError) -> Response:
     rows = error_rows(error.errors(include_input=False, include_url=False))
     return problem(422, rows[0]["detail"], rows)
@@ -165,10 +189,13 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     Malformed: lambda error: problem(400, error.detail, [{"pointer": "#", "detail": error.at_place}]),
     NotJson: lambda _: problem(415, "send the body with the header `Content-Type: application/json`"),
     ValidationError: _model,
+    RequestValidationError: _parameter,
     FieldError: field_problem,
     AtlasError: _atlas,
     NotFound: lambda error: problem(404, str(error)),
     Overloaded: _later(1, "too many requests are waiting"),
+    Unread: _later(2, "too many replies wait for their clients to read them"),
+    SlowBody: lambda _: problem(408, "the body came too slowly, and others wait", headers={"Connection": "close"}),
     Ending: _later(5, "the service is ending"),
     OutOfTime: _later(5, "the answer took longer than this service allows"),
     Died: _later(1, "the process that computed this answer has ended before it; the service's log says how"),
@@ -186,11 +213,15 @@ def reply_to(error: Exception) -> Response:
     return next(_REPLIES[kind] for kind in type(error).__mro__ if kind in _REPLIES)(error)
 
 
-def install(app: Starlette) -> None:
+def install(app: FastAPI) -> None:
     """Register the replies on an application."""
 
-    async def handle(_: Request, error: Exception) -> Response:
-        return reply_to(error)
+    async def handle(request: Request, error: Exception) -> Response:
+        reply = reply_to(error)
+        if reply.status_code == 503 and not isinstance(error, Overloaded):
+            sent = request.headers.get("content-length", "unknown")
+            log.warning("503 to %s (%s bytes): %s", request.url.path, sent, type(error).__name__)
+        return reply
 
     for kind in _REPLIES:
         app.add_exception_handler(kind, handle)

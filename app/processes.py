@@ -13,7 +13,8 @@ import os
 import pickle
 import signal
 import socket
-from collections.abc import AsyncIterator
+from collections import Counter
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -21,7 +22,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from app import bodies, problems
-from app.bodies import PIECE_BYTES, Reply
+from app.bodies import PIECE_BYTES, Held, Reply
 from app.computed import SMALL, Question
 from app.computer import LENGTH_BYTES, Head, Task, length_of, packed, processor_seconds
 from app.settings import Settings
@@ -50,15 +51,16 @@ class _Process:
     async def message(self) -> Any:
         return await message_of(self.reader)
 
-    async def ask(self, task: Task) -> tuple[Head, list[bytes]]:
-        """The reply to a task."""
+    async def ask(self, task: Task) -> tuple[Head, list[bytes], Held]:
+        """The reply to a task; one for which there is no memory is not read, and its process is at its end."""
         self.writer.write(packed(task))
         head, pieces = Head(*await self.message()), []
+        held = Held(head.size)
         left = head.size
         while left:
             pieces.append(await self.reader.readexactly(min(left, PIECE_BYTES)))
             left -= len(pieces[-1])
-        return head, pieces
+        return head, pieces, held
 
     def kill(self) -> None:
         with contextlib.suppress(ProcessLookupError):
@@ -95,7 +97,13 @@ class Processes:
         self._seconds = processor_seconds(settings.max_budget_ms)
         self._age = 0
         self._alive: dict[int, _Process] = {}
+        self.ends: Counter[str] = Counter()
         self._tasks: set[asyncio.Task[None]] = set()
+
+    @property
+    def numbers(self) -> Iterable[int]:
+        """Of those that compute."""
+        return tuple(self._alive)
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -120,24 +128,24 @@ class Processes:
         bodies.check_counts(content)
         long = len(content) <= SMALL and question.is_long(bodies.read_request(content, question.model))
         for _ in range(_ATTEMPTS):
-            head, pieces = await self._asked(request, question.path, content, long)
+            head, *reply = await self._asked(request, question.path, content, long)
             if not head.instead:
-                return Reply.relayed(head.status, head.headers, pieces)
+                return Reply.relayed(head.status, head.headers, *reply)
             if head.instead == "long":  # the body was too large to be looked at here
                 long = True
             else:
                 await self._prepared(head.instead)
         raise problems.Died  # what it needs could not be prepared
 
-    async def _asked(self, request: Request, path: str, content: bytes, long: bool) -> tuple[Head, list[bytes]]:
-        async def compute(queued: float, _: Any) -> tuple[Head, list[bytes]]:
+    async def _asked(self, request: Request, path: str, content: bytes, long: bool) -> tuple[Head, list[bytes], Held]:
+        async def compute(queued: float, _: Any) -> tuple[Head, list[bytes], Held]:
             process, kept = await self._next(), False
             process.asked = True
             try:
                 async with asyncio.timeout(_PATIENCE * self._seconds):
-                    head, pieces = await process.ask(Task(path, content, queued, long))
-                kept = not head.last and process.age == self._age
-                return head, pieces
+                    reply = await process.ask(Task(path, content, queued, long))
+                kept = not reply[0].last and process.age == self._age
+                return reply
             except TimeoutError:
                 raise OutOfTime from None
             except (asyncio.IncompleteReadError, ConnectionError):
@@ -208,6 +216,8 @@ class Processes:
             while True:
                 match await message_of(self._told):
                     case ("ended", number, status):
+                        code = os.waitstatus_to_exitcode(status)
+                        self.ends[signal.Signals(-code).name if code < 0 else f"exit code {code}"] += 1
                         process = self._alive.get(number)
                         if process is not None:
                             process.status.set_result(status)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self, get_a
 from pydantic import (
     AllowInfNan,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     PlainSerializer,
@@ -19,6 +20,7 @@ from pydantic import (
 )
 
 from linkage_atlas import FieldError
+from linkage_atlas.exports import FORMATS, Format
 
 if TYPE_CHECKING:
     from linkage_atlas import Atlas, Work
@@ -62,6 +64,8 @@ Column = Annotated[SkipValidation[list[float]], PlainSerializer(_listed, return_
 Places = Annotated[
     SkipValidation[list[tuple[float, float]]], PlainSerializer(_paired, return_type=list[tuple[float, float]])
 ]
+FiniteOrNull = Annotated[float | None, BeforeValidator(lambda x: x if x is None or math.isfinite(x) else None)]
+"""A number of a result that is NaN or infinite where there is none."""
 AngleUnit = Literal["deg", "rad"]
 LengthUnit = Literal["mm", "cm", "m", "in"]
 
@@ -141,9 +145,9 @@ _NO_FIELDS: set[str] = set()
 
 
 class ReplyModel(BaseModel):
-    """Base of all replies; no number in a reply is NaN or infinite."""
+    """Base of replies that are pydantic's; no number is NaN or infinite. A result with the fields' names may stand for one."""
 
-    model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True)
+    model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True, from_attributes=True)
 
     @classmethod
     def computed(cls, **values: Any) -> Self:
@@ -196,6 +200,41 @@ class Export:
     render: Callable[[Any, Resources], bytes]
 
 
+FILES = {**FORMATS, "json": Format("application/json", ("json",))}
+"""Formats of one of a reply's solutions."""
+
+
+@dataclass(frozen=True)
+class Files:
+    """Any solution of a reply as a file: a route, and what the command writes with ``--export``.
+
+    Parameters
+    ----------
+    path, name, summary : str
+        Of the route, and ``stem``, the name of its files.
+    request : type
+        With fields ``request``, ``solution``, ``format`` (of `FILES`) and ``length_unit``.
+    render : callable
+        ``render(request, resources) -> bytes``.
+    example : mapping
+        A body without its format.
+    """
+
+    path: str
+    name: str
+    stem: str
+    summary: str
+    request: type[RequestModel]
+    render: Callable[[Any, Resources], bytes]
+    example: Mapping[str, Any]
+    is_long: Callable[[Any], bool] = lambda _: False
+
+    @property
+    def formats(self) -> tuple[str, ...]:
+        """The formats there are."""
+        return get_args(self.request.model_fields["format"].annotation)
+
+
 @dataclass(frozen=True)
 class Query:
     """One question to the service.
@@ -209,7 +248,7 @@ class Query:
     summary : str
         One line of help.
     request, reply : type
-        The models of the two bodies.
+        The model of the request, and that of the reply or its dataclass.
     answer : callable
         ``answer(request, resources) -> reply``; raises `linkage_atlas.FieldError` on input that has no answer.
     table : callable
@@ -218,9 +257,8 @@ class Query:
         Name to request body (plain JSON values), shown in the API's description; each must be answerable.
     exports : mapping
         Format (``svg``, ``dxf``, ...) to `Export`; over HTTP a POST of the same body to ``path.format``.
-    file_of : callable, optional
-        ``file_of(request, reply, rank, format, length_unit) -> bytes``: a solution of a reply that is there as a file, so that
-        the command answers once, whatever it writes. Without it the exports are taken.
+    files : Files, optional
+        Of a reply's solutions. Without it the exports are what the command writes.
     from_csv : callable, optional
         ``from_csv(text, also, unwrap) -> request body``, with fields ``also``, of a table of samples (CSV or pasted),
         which the command then takes too.
@@ -237,13 +275,13 @@ class Query:
     command: str
     summary: str
     request: type[RequestModel]
-    reply: type[ReplyModel]
+    reply: type
     answer: Callable[[Any, Resources], Any]
     table: Callable[..., str]
     examples: Mapping[str, dict[str, Any]]
     exports: Mapping[str, Export] = field(default_factory=dict)
     from_csv: Callable[[str, dict[str, Any], bool], dict[str, Any]] | None = None
     is_long: Callable[[Any], bool] = lambda _: False
-    file_of: Callable[[Any, Any, int, str, str], bytes] | None = None
+    files: Files | None = None
     shows_units: bool = False
     reads_atlas: bool = False

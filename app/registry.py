@@ -1,30 +1,29 @@
-"""All questions that the service and the command line answer: the four-bar's and the scenes'."""
+"""All questions that the service and the command line answer, the four-bar's and the scenes', and their bundled requests."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from app.fourbar import SUMMARIES
+from app.fourbar import QUESTIONS, worked_example
 from app.scenes import SCENES, queries_of, scene_queries
 
 if TYPE_CHECKING:
     from app.query import Query
 
-
-def worked_example() -> dict[str, Any]:
-    """The bundled request: the motion of type 45,185 over crank 30 to 100 degrees, mounted as in the paper."""
-    return json.loads(files("app").joinpath("examples/worked_example.json").read_text())
+__all__ = ["all_examples", "all_queries", "examples_of", "queries_named", "worked_example"]
 
 
-def motion_queries() -> tuple[Query, ...]:
-    """The queries for a motion."""
+def _motion_queries() -> tuple[Query, ...]:
+    import linkage_atlas as la
     from app.fourbar.answers import answer_match, answer_synthesize, is_long
     from app.fourbar.csv_request import match_from_csv, request_from_csv
-    from app.fourbar.export import SYNTHESIZE_EXPORTS, synthesize_file
-    from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
+    from app.fourbar.export import LINKAGE_FILES, SYNTHESIZE_EXPORTS
+    from app.fourbar.models import MatchRequest, SynthesizeRequest
     from app.fourbar.tables import matches_table, synthesize_table
     from app.query import Query
 
@@ -34,9 +33,9 @@ def motion_queries() -> tuple[Query, ...]:
         Query(
             "/v1/match",
             "match",
-            SUMMARIES["match"],
+            QUESTIONS["match"],
             MatchRequest,
-            MatchesReply,
+            la.Matches,
             answer_match,
             matches_table,
             {
@@ -51,9 +50,9 @@ def motion_queries() -> tuple[Query, ...]:
         Query(
             "/v1/synthesize",
             "synthesize",
-            SUMMARIES["synthesize"],
+            QUESTIONS["synthesize"],
             SynthesizeRequest,
-            SynthesizeReply,
+            la.Result,
             answer_synthesize,
             synthesize_table,
             {
@@ -77,28 +76,53 @@ def motion_queries() -> tuple[Query, ...]:
             SYNTHESIZE_EXPORTS,
             request_from_csv,
             is_long,
-            synthesize_file,
+            LINKAGE_FILES,
             shows_units=True,
             reads_atlas=True,
         ),
     )
 
 
-def function_queries() -> tuple[Query, ...]:
-    """The query for a function; its module comes with it, and the searches that the module needs."""
-    queries: tuple[Query, ...] = import_module("app.fourbar.function_export").QUERIES
-    return queries
-
-
 def queries_named(word: str) -> tuple[Query, ...]:
     """The queries whose commands begin with a word: one, or all of a scene."""
     if word in SCENES:
         return queries_of(word)
-    return tuple(
-        query for query in (function_queries if word == "function" else motion_queries)() if query.command == word
-    )
+    if word == "function":
+        return import_module("app.fourbar.function").QUERIES
+    return tuple(query for query in _motion_queries() if query.command == word)
 
 
 def all_queries() -> tuple[Query, ...]:
     """Every query of the service."""
-    return (*motion_queries(), *function_queries(), *scene_queries())
+    return (*_motion_queries(), *queries_named("function"), *scene_queries())
+
+
+class Example(NamedTuple):
+    """A request, the command that answers it, and a line of what it is."""
+
+    command: str
+    request: Mapping[str, Any]
+    about: str
+
+
+@cache
+def all_examples() -> dict[str, Example]:
+    """Every example by the names that ``linkage-atlas example`` takes: of all questions but one, only those that tell which."""
+    return {
+        name: example
+        for query in sorted(all_queries(), key=lambda query: query.command != "synthesize")
+        for name, example in examples_of(query).items()
+        if query.command == "synthesize" or name not in query.examples
+    }
+
+
+def examples_of(query: Query) -> dict[str, Example]:
+    """A question's examples: machines of the page, its own by their names, and by command and name as in ``match-rocker``."""
+    found = {}
+    if query.command == "synthesize":
+        machines = json.loads(files("app").joinpath("static/examples.json").read_text())
+        found = {one["name"]: Example(query.command, one["request"], one["title"]) for one in machines}
+    for name, request in query.examples.items():
+        for called in (name, f"{query.command.replace(' ', '-')}-{name}"):
+            found[called] = Example(query.command, request, query.summary)
+    return found

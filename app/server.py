@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import signal
@@ -11,16 +12,16 @@ import threading
 from types import FrameType
 
 import uvicorn
-from starlette.applications import Starlette
+from fastapi import FastAPI
 
-from app.connections import BACKLOG, protocol_of
+from app.arguments import Exit
+from app.connections import BACKLOG, cut_addresses, protocol_of
 from app.doors import LOOPBACK
-from app.exits import Exit
 from app.main import create_app
 from app.processes import Processes
 from app.resources import ServiceResources
 from app.settings import Settings
-from app.supervisor import Supervisor
+from app.supervisor import DRAIN_SECONDS, SUCCESSION, Supervisor
 
 SWITCH_SECONDS = 0.001
 """Between two turns of threads in the interpreter, where threads compute: so long a short answer waits for a long one."""
@@ -39,6 +40,7 @@ class _Server(uvicorn.Server):
             host, port = listener.getsockname()[:2]
             where = f"http://{f'[{host}]' if ':' in host else host}:{port}"
             logging.getLogger("uvicorn.error").info("Uvicorn running on %s (Press CTRL+C to quit)", where)
+        _tell_ready()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         if not self.should_exit:
@@ -54,6 +56,17 @@ class _Server(uvicorn.Server):
         self._captured_signals.clear()  # ending so is no failure: not handed on
 
 
+def _tell_ready() -> None:
+    """Tell the service manager, if there is one, that the service answers, and the predecessor that it may end."""
+    if place := os.environ.get("NOTIFY_SOCKET"):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager, contextlib.suppress(OSError):
+            manager.connect("\0" + place[1:] if place[0] == "@" else place)
+            manager.send(f"READY=1\nMAINPID={os.getppid()}".encode())
+    if taken := os.environ.pop(SUCCESSION, ""):
+        with contextlib.suppress(OSError):
+            os.write(int(taken.split(",")[0]), b"1")
+
+
 def serve(resources: ServiceResources, host: str, port: int, workers: int | None = None) -> int:
     """Answer on an address until SIGINT or SIGTERM; returns the exit code.
 
@@ -62,8 +75,9 @@ def serve(resources: ServiceResources, host: str, port: int, workers: int | None
     settings = resources.settings
     if host in LOOPBACK and "allowed_hosts" not in settings.model_fields_set:
         settings = settings.model_copy(update={"allowed_hosts": LOOPBACK})
+    taken = os.environ.get(SUCCESSION, "").split(",")[1:]
     try:
-        listeners = listening(host, port)
+        listeners = [socket.socket(fileno=int(number)) for number in taken] or listening(host, port)
     except OSError as error:
         print(f"no service at {host}, port {port}: {(error.strerror or str(error)).lower()}", file=sys.stderr)
         return Exit.FAILED
@@ -110,7 +124,12 @@ def _serve_with_processes(
     app = create_app(settings, resources, lambda turnstile: Processes(turnstile, settings, workers))
     server = _server(settings, app)
 
+    def drain(*_: object) -> None:
+        server.seconds = server.config.timeout_graceful_shutdown = int(DRAIN_SECONDS)
+        server.handle_exit(signal.SIGTERM, None)
+
     def front(supervisor: socket.socket) -> None:
+        signal.signal(signal.SIGUSR1, drain)
         app.state.computing.supervisor = supervisor
         _run(server, listeners)
 
@@ -118,10 +137,11 @@ def _serve_with_processes(
     return Supervisor(front, app.state.questions, resources, listeners).run()
 
 
-def _server(settings: Settings, app: Starlette) -> _Server:
+def _server(settings: Settings, app: FastAPI) -> _Server:
     config = uvicorn.Config(
         app,
         log_level="info",
+        access_log=not settings.log_json,
         http=protocol_of(settings),
         ws="none",
         backlog=BACKLOG,
@@ -130,6 +150,7 @@ def _server(settings: Settings, app: Starlette) -> _Server:
         forwarded_allow_ips=settings.trusted_proxies or None,
         timeout_graceful_shutdown=max(1, int(settings.ending_seconds - _LAST_SECOND)),
     )
+    logging.getLogger("uvicorn.access").addFilter(cut_addresses)
     server = _Server(config)
     server.seconds = settings.ending_seconds
     return server

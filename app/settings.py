@@ -81,6 +81,20 @@ class Settings(BaseSettings):
     )
     header_seconds: float = Field(10.0, gt=0, description="Time of a client for the header of a request.")
     body_seconds: float = Field(20.0, gt=0, description="Time of a client for the body of a request.")
+    reply_seconds: float = Field(
+        20.0, gt=0, description="Time of a client for taking each 64 kB of a reply; one that takes longer is cut off."
+    )
+    reply_memory_bytes: int = Field(
+        64_000_000,
+        gt=0,
+        description="What replies that their clients have not yet taken may hold together; for one more the answer is 503.",
+    )
+    log_json: bool = Field(
+        False, description="Whether each request leaves a line of JSON in the log, in place of plain text."
+    )
+    metrics: bool = Field(
+        False, description="Whether `GET /metrics` tells Prometheus of requests, times and processes."
+    )
     ending_seconds: float = Field(
         5.0, gt=1, description="Time in which the service ends after SIGTERM or SIGINT, whatever is being computed."
     )

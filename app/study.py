@@ -18,16 +18,15 @@ from typing import Any
 
 from tqdm import tqdm
 
-from app.arguments import FILE, whole_number
+from app.arguments import EPILOG, FILE, Exit, whole_number
 from app.asking import NO_PRESET, read_request
-from app.exits import EPILOG, Exit
 from app.query import Query
 from app.registry import all_queries
+from app.replies import json_of, plain_of
 from app.resources import ServiceResources
 from app.settings import atlas_of, settings_of
 from linkage_atlas import AtlasError, FieldError
 from linkage_atlas.many_requests import (
-    TIMES,
     Question,
     StudyLocked,
     answer_of,
@@ -35,6 +34,7 @@ from linkage_atlas.many_requests import (
     key_of,
     places_of,
     study_lines,
+    without_times,
 )
 
 DESCRIPTION = """Answers many requests, a line of JSON each, in order.
@@ -156,5 +156,4 @@ def answer_line(command: str, also: Sequence[tuple[list[str], Any]], atlas: str 
         raise  # of all requests, not of this one
     except Exception as error:  # one request must not end the study of all others
         return answer_of(question, error=f"a fault of the program: {type(error).__name__}: {error}")
-    without = {"report": dict.fromkeys(TIMES, True)}
-    return answer_of(question, reply.model_dump_json(exclude=without).encode())
+    return answer_of(question, json_of(without_times(plain_of(reply))))

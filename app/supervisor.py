@@ -14,14 +14,15 @@ import os
 import select
 import signal
 import socket
+import subprocess
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import Any
 
-from app.computed import Questions
+from app.computed import Question
 from app.computer import Computer, packed
 from app.resources import ServiceResources
 
@@ -31,9 +32,14 @@ _QUIET_SECONDS = 0.3
 """Without a wish of the front, before something is prepared."""
 _LOOK_SECONDS = 0.5
 """At most, between two looks at who has ended and whether the time is up."""
+DRAIN_SECONDS = 60.0
+"""For the requests of a service whose successor answers already."""
+SUCCESSION = "LINKAGE_ATLAS_SUCCESSION"
+"""Environment variable of a successor: the end of a pipe to write to once it answers, and the listeners that it takes over."""
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGCHLD)
+_ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_SIGNALS = (*_ENDS, signal.SIGUSR1, signal.SIGCHLD)
 log = logging.getLogger("uvicorn.error")
 
 
@@ -44,8 +50,8 @@ class Supervisor:
     ----------
     front : callable
         ``front(control)`` runs the front in its process, with its end of a socket to the supervisor, until that is told to end.
-    questions : Questions
-        What the computing processes answer.
+    questions : mapping
+        What the computing processes answer, by the path of its route.
     resources : ServiceResources
         With the atlas loaded.
     listeners : list of socket.socket
@@ -55,7 +61,7 @@ class Supervisor:
     def __init__(
         self,
         front: Callable[[socket.socket], None],
-        questions: Questions,
+        questions: Mapping[str, Question],
         resources: ServiceResources,
         listeners: list[socket.socket],
     ) -> None:
@@ -64,17 +70,20 @@ class Supervisor:
         self._deadline: float | None = None
         self._steps = [self._prepare_rest, self._prepare_more] if resources.wants_more else []
         self._front: int | None = None
+        self._successor: int | None = None
 
     def run(self) -> int:
-        """Until SIGINT or SIGTERM; returns the exit code."""
+        """Until SIGINT, SIGTERM or SIGHUP; returns the exit code."""
         woken, self._wake = socket.socketpair()
         for end in (woken, self._wake):
             end.setblocking(False)
         self._woken = woken
         signal.set_wakeup_fd(self._wake.fileno(), warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda *_: None)
-        for told in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(told, self._end)
+        for told in _ENDS:
+            if told != signal.SIGHUP or signal.getsignal(told) != signal.SIG_IGN:  # as nohup has it
+                signal.signal(told, self._end)
+        signal.signal(signal.SIGUSR1, self._succeed)
         self._start_front()
         if self._steps:  # while the front begins, which computes nothing
             self._resources.prepare()
@@ -107,11 +116,13 @@ class Supervisor:
         if self._woken in ready:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
+        if self._successor in ready:
+            self._succeeded()
         return bool(ready)
 
-    def _ready(self, seconds: float) -> list[socket.socket]:
-        ends = [self._woken, self._control] if self._heard else [self._woken]
-        return select.select(ends, [], [], seconds)[0]
+    def _ready(self, seconds: float) -> list[socket.socket | int]:
+        ends: list[socket.socket | int] = [self._woken, self._control] if self._heard else [self._woken]
+        return select.select(ends if self._successor is None else [*ends, self._successor], [], [], seconds)[0]
 
     def _serve(self) -> None:
         """Do what the front wishes."""
@@ -141,7 +152,6 @@ class Supervisor:
             self._tell_of_more()
 
     def _prepare_rest(self) -> bool:
-        self._questions.load()
         self._resources.prepare_rest()
         return True
 
@@ -193,6 +203,28 @@ class Supervisor:
         self._start_front()
         return None
 
+    def _succeed(self, number: int, frame: FrameType | None) -> None:
+        """Start the service anew, perhaps of other code or with another atlas, and end once it answers in this one's place."""
+        if self._successor is not None or self._deadline is not None:
+            return
+        self._successor, theirs = os.pipe()
+        passed = [theirs, *(listener.fileno() for listener in self._listeners)]
+        environment = os.environ | {SUCCESSION: ",".join(map(str, passed))}
+        subprocess.Popen([sys.executable, *sys.orig_argv[1:]], pass_fds=passed, env=environment)
+        os.close(theirs)
+
+    def _succeeded(self) -> None:
+        """The successor answers, or has ended before it did."""
+        assert self._successor is not None
+        answers = os.read(self._successor, 1)
+        os.close(self._successor)
+        self._successor = None
+        if not answers:
+            log.error("The service that was to take over has ended; this one goes on")
+        elif self._deadline is None:
+            self._deadline = time.monotonic() + DRAIN_SECONDS + _LATE_SECONDS
+            os.kill(self._front or 0, signal.SIGUSR1)
+
     def _end(self, number: int, frame: FrameType | None) -> None:
         if self._deadline is None:
             self._deadline = time.monotonic() + self._resources.settings.ending_seconds + _LATE_SECONDS
@@ -238,9 +270,12 @@ class Supervisor:
             signal.set_wakeup_fd(-1)
             for told in _SIGNALS:
                 signal.signal(told, signal.SIG_DFL)
+            signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the supervisor tells the front, and ends the others
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
             self._wake.close()
             self._woken.close()
+            if self._successor is not None:
+                os.close(self._successor)
             run()
             code = 0
         except SystemExit as end:

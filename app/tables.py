@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 
@@ -36,6 +37,16 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     lines = ["  ".join(value.rjust(width) for value, width in zip(row, widths)) for row in cells]
     return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+
+
+def columns(items: Iterable[Any], *shown: tuple[str, str, str | Callable[[Any], Any]]) -> str:
+    """A table with a row for each item: of each column the head, the format, and the attribute that it shows; a dash for None."""
+
+    def cell(item: Any, spec: str, what: str | Callable[[Any], Any]) -> str:
+        value = attrgetter(what)(item) if isinstance(what, str) else what(item)
+        return "-" if value is None else format(value, spec)
+
+    return table([head for head, *_ in shown], [[cell(item, *column) for _, *column in shown] for item in items])
 
 
 def number(value: float | None, digits: int = 6) -> str:

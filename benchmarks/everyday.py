@@ -122,7 +122,6 @@ def summary(group: str, kind: str, replies: Sequence[Sequence[Reply]]) -> dict[s
     for budget in BUDGETS[:-1]:
         pairs = [({one.budget: one for one in some}[budget], some[-1]) for some in own]
         out[f"near_{budget}"] = float(np.mean([a.error <= WORSE * b.error for a, b in pairs])) if pairs else None
-        out[f"first_{budget}"] = float(np.mean([np.isfinite(a.error) for a, _ in pairs])) if pairs else None
     last = [some[-1] for some in own]
     out["exact"] = float(np.mean([one.error <= EXACT for one in last])) if last else None
     out["median_ms"] = 1000 * float(np.median([one.seconds for one in last])) if last else None
@@ -132,7 +131,7 @@ def summary(group: str, kind: str, replies: Sequence[Sequence[Reply]]) -> dict[s
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The table, and the counts of what must not be."""
-    shown = [row for row in results["rows"] if row["cases"]]
+    shown = [row for row in results["rows"] if row["cases"] > 1]
     return report.tables("everyday", {"groups": shown}) | {
         "count": f"{results['requests']:,}",
         "faults": str(len(results["faults"])),

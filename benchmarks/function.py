@@ -21,7 +21,9 @@ import linkage_atlas as la
 from benchmarks import baselines, report
 from benchmarks.report import Times
 from linkage_atlas.named import read_dials
-from synthesis.target import Interval
+from synthesis.fourbar.solution import keeps
+from synthesis.mechanism import Placed
+from synthesis.target import Target
 from tests.oracles.free_classes import close
 from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept
 
@@ -182,9 +184,11 @@ def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
     """scipy's differential evolution: the best of both branches; the offset is the middle of the gap's range."""
     from scipy.optimize import differential_evolution
 
-    from linkage_atlas.functions import read_function_limits
+    from linkage_atlas.limits import read_function_limits
 
-    wanted, limits = dense(asked), read_function_limits(asked.limits, True)
+    wanted = dense(asked)
+    target = Target(wanted.output, None, crank=wanted.crank)
+    limits = read_function_limits(asked.limits, target, True).over(1.0)
     some = slice(None, None, 10)
     crank, output = wanted.crank[some], wanted.output[some]
     best, times = (np.inf, None), Times()
@@ -196,7 +200,8 @@ def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
             _, pin = close(links, branch, start[:, None] + crank)
             gap = output - np.unwrap(np.angle(pin - 1), axis=1)
         size = (gap.max(axis=1) - gap.min(axis=1)) / 2
-        kept = limits.kept_by(links[:, :, 0].T, start, Interval(0.0, float(crank[-1])))
+        shapes = Placed(links[:, :, 0].T, np.full(start.shape, float(branch)), target.interval.after(start))
+        kept = keeps(target, limits, shapes)
         return np.where(np.isfinite(size) & kept, size, 10.0)
 
     box = [(-np.log(RATIO), np.log(RATIO))] * 3 + [(0, 2 * np.pi)]
@@ -264,10 +269,6 @@ def measure_pylinkage(asked: Asked) -> dict[str, Any]:
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/function.md."""
-    classes = [
-        row | {"times": ", ".join(report.significant(row[f"{which}_processor_ms"]) for which in ("median", "p99"))}
-        for row in results["classes"]
-    ]
     functions = [
         row
         | {
@@ -279,7 +280,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     ]
     medians = [row["median_processor_ms"] for row in results["classes"]]
     bytes_same = all(row["same_bytes"] for row in results["functions"])
-    return report.tables("function", {"classes": classes, "functions": functions, "baselines": functions}) | {
+    return report.tables("function", {"functions": functions}) | {
         "reached": report.percent(min(row["reached"] for row in results["classes"]), 4),
         "median": report.significant(float(np.median(medians))),
         "runs": f"{RUNS} runs give the same bytes for {'every' if bytes_same else 'not every'} function",

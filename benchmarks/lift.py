@@ -20,10 +20,9 @@ from benchmarks.lift_pictures import CYLINDER, DESIGNS, POSES, REFERENCE, task
 from benchmarks.report import Times, ends, percent, repeat
 from synthesis.lift.loops import condition, largest_residual, smallest_condition, velocity_by_instant_centre
 from synthesis.lift.motion import acceleration, motion, stroke, velocity
-from synthesis.lift.objective import Evaluator, Objective, Task, equation_residuals, project
-from synthesis.lift.optimum import Optimum, optimize, optimize_batch
+from synthesis.lift.objective import Evaluator, Objective, Optimum, Task, equation_residuals, project, rise
+from synthesis.lift.optimum import ARMS, FITTED, SLOPE_STEP, STROKE, optimize, optimize_batch, published_for
 from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
-from synthesis.lift.published import ARMS, FITTED, SLOPE_STEP, STROKE, published_for
 from tests.oracles import lift as oracle
 
 ROUNDINGS = 5_000
@@ -166,7 +165,7 @@ def measure_stability() -> dict[str, list[dict]]:
 
 def optimum_row(wanted: Task, optimum: Optimum) -> dict[str, Any]:
     """An optimum, and f of the published design on the same constraints."""
-    row = {"design": optimum.design.as_dict(), "f": optimum.objective, "duration": optimum.duration}
+    row = {"design": optimum.design.as_dict(), "f": optimum.objective, "duration": rise(optimum, wanted).rise_time}
     return row | {"f_of_published": published_for(wanted, optimum).objective, "active": optimum.active}
 
 
@@ -221,7 +220,6 @@ def measure_designs(optimum: dict[str, float]) -> Iterator[dict[str, Any]]:
         )
 
 
-OF_INTEGRATION = {"height": "{height_error:.1e}", "loops": "{loop_residual:.1e}", "times": "{ratio:.0f}"}
 OF_DESIGNS = {
     "l2, l3, l4, l5, b": "{l2:.1f}, {l3:.1f}, {l4:.1f}, {l5:.1f}, {b:.1f}",
     "rise time (s)": "{duration:.3f}",
@@ -240,7 +238,6 @@ def blocks(results: dict) -> dict[str, str]:
     initial, published, _ = designs
     rows = {
         **results,
-        **results["stability"],
         "table_2": [
             {**row, "arm": f"{row['printed_l2']:g}{mark}", "value": f"{row['printed_f']:g}{mark}"}
             for row in table_2
@@ -250,12 +247,6 @@ def blocks(results: dict) -> dict[str, str]:
         "designs": [
             {"what": what, **{row["design"]: cell.format(**row, **row["lengths"]) for row in designs}}
             for what, cell in OF_DESIGNS.items()
-        ],
-        "integration": [
-            {**row, "height": f"**diverges** at {row['stopped_at']:.2f} s", "loops": "-", "times": "-"}
-            if row["height_error"] is None
-            else {**row, **{key: cell.format(**row) for key, cell in OF_INTEGRATION.items()}}
-            for row in integration
         ],
         "optima": [
             row | {"steps": row["n"] or "-", "names": ", ".join(f"`{name}`" for name in row["active"])}
@@ -271,7 +262,7 @@ def blocks(results: dict) -> dict[str, str]:
     scaled = [row["printed_f"] / row["speed"] ** 2 for row in table_2 if row["length"] == CYLINDER.length]
     normalized = [row for row in optima if row["kind"] == "normalized"]
     finest = [row for row in integration if (row["method"], row["setting"]) == ("RK4", "h = 0.0001 s")]
-    steps = results["steps"]
+    steps, top = results["steps"], results["stability"]["top"]
     shares = [f"{percent(share, 3)} within ±{width}" for width, share in published["share_within"].items()]
     words = {
         "rounding": f"{digits['least']:.0f} to {digits['most']:.0f} in {digits['samples']:,} random roundings",
@@ -296,6 +287,11 @@ def blocks(results: dict) -> dict[str, str]:
         "finest": f"{finest[0]['height_error']:.0e} mm on the initial design takes {finest[0]['ratio']:.0f} times",
         "finest_published": f"{finest[1]['height_error']:.0e} mm",
         "dead_point_below": f"{published['above_dead_point']:.2f} mm",
+        **{
+            f"top_{way}": f"{max(row[f'{way}_error'] for row in top):.0e}"
+            for way in ("from_height", "arccos", "instant_centre")
+        },
+        "dead_point_error": f"{max(row['relative_error'] for row in results['stability']['dead_point']):.0e}",
         "time_scale": f"{1e3 * abs(published['velocity'] / published['acceleration']):.0f} ms",
         "least_condition": f"{initial['least_condition']:.2f} before, {published['least_condition']:.2f} published",
         "least_condition_time": f"{ends([row['least_condition_time'] for row in (initial, published)], 2)} s",

@@ -12,8 +12,7 @@ from typing import Annotated, Any
 
 from benchmarks import report
 from benchmarks.report import Times, percent
-from synthesis.lift.constrained import optimize_within
-from synthesis.lift.constraints import rows_of
+from synthesis.lift.constraints import optimize_within, rows_of
 from synthesis.lift.optimum import optimize
 from tests.oracles import lift as oracle
 from tests.oracles.lift_constrained import cases, evolved

@@ -11,8 +11,8 @@ from benchmarks.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, arrow, bare,
 from benchmarks.report import ROOT, significant
 from synthesis.lift.motion import motion, stroke
 from synthesis.lift.objective import Evaluator, Objective, Task, project
+from synthesis.lift.optimum import ARMS, STROKE
 from synthesis.lift.pose import Cylinder, Design, pose_at_turn, turn_at_length
-from synthesis.lift.published import ARMS, STROKE
 
 REFERENCE = json.loads((ROOT / "tests/reference/lift_acceptance.json").read_text())
 DESIGNS = {

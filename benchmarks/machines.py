@@ -15,18 +15,22 @@ from typing import Any
 import numpy as np
 
 from app.resources import ServiceResources
-from app.scenes.chain_tolerance import ChainToleranceRequest, answer_tolerance
-from app.scenes.knotter_curves import CurvesRequest, answer_curves
-from app.scenes.knotter_fit import FIT, PatternFitRequest, answer_fit
-from app.scenes.knotter_tolerance import KnotterToleranceRequest
-from app.scenes.knotter_tolerance import answer_tolerance as answer_knotter_tolerance
+from app.scenes.chain import ChainToleranceRequest, answer_tolerance
+from app.scenes.knotter import (
+    FIT,
+    CurvesRequest,
+    KnotterToleranceRequest,
+    PatternFitRequest,
+    answer_curves,
+    answer_fit,
+)
+from app.scenes.knotter import answer_tolerance as answer_knotter_tolerance
 from app.settings import Settings
 from benchmarks.report import lines, run
 from synthesis.chain import crescent as chain
-from synthesis.chain.angles import pins_at
-from synthesis.chain.fit import exact_slot, fit_error, fit_slot
+from synthesis.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
 from synthesis.chain.groove import groove, slot_run
-from synthesis.chain.power import power_basis, power_error
+from synthesis.chain.slot import pins_at
 
 PRINTED = json.loads((Path(__file__).parents[1] / "tests" / "reference" / "knotter.json").read_text())
 DEGREES = (4, 6, 8, 12, 16, 24)
@@ -127,19 +131,10 @@ def knotter_blocks(found: dict[str, Any]) -> dict[str, str]:
         [f"({row['pair'].replace(',', ', ')})", *(place(row[name]) for name in ("printed", "defaults", "fitted"))]
         for row in found["before"]
     ]
-    start, alone = found["defaults"], found["defaults"]["alone"]
-    fits = [
-        [
-            name,
-            f"{value:.4g}",
-            f"{alone[name][0]:.4g} to {alone[name][1]:.4g}",
-            *(f"{fit['values'][name]:.4g}" for fit in found["fits"]),
-        ]
-        for name, value in start["values"].items()
-    ]
-    fits.append(
-        ["smallest margin, mm", f"{start['margin']:.2f}", "", *(f"{fit['margin']:.2f}" for fit in found["fits"])]
-    )
+    fits = {
+        name: [value, *(fit["values"][name] for fit in found["fits"])]
+        for name, value in found["defaults"]["values"].items()
+    }
     spread = found["tolerance"]
     rows = []
     for name in ("wrap", "clearance", "bite"):
@@ -170,7 +165,7 @@ def knotter_blocks(found: dict[str, Any]) -> dict[str, str]:
         "before": lines(
             ["pair", "printed", "defaults, step 2° (fitted)", "fitted to these points, step 5°"], before, 4
         ),
-        "fit": lines(["unknown", "default", "kept alone over", *(f"seed {seed}" for seed in SEEDS)], fits),
+        "fit": ", ".join(f"{name} {min(values):.4g} to {max(values):.4g}" for name, values in fits.items()),
         "fits_held": f"{held} of {len(found['fits'])} seeds give all 16 verdicts; {kept} of their draws do so as they are",
         "tolerance": lines(head, rows),
     }

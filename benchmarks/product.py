@@ -13,19 +13,20 @@ import numpy as np
 import linkage_atlas as la
 from app.fourbar.answers import answer_synthesize
 from app.fourbar.models import SynthesizeRequest
+from app.replies import json_of
 from app.resources import ServiceResources
 from app.settings import Settings
 from benchmarks.report import Times
-from linkage_atlas.motions import Motion, read_limits
+from linkage_atlas.limits import read_limits
+from linkage_atlas.motions import Motion
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.table import Atlas, Table, make_table
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.errors import FieldError
-from synthesis.fourbar.charts import AnyChart, FullCrankChart
+from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
-from synthesis.fourbar.grashof_chart import GrashofChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
@@ -55,8 +56,8 @@ def prepared_service() -> ServiceResources:
 def answer(request: dict[str, Any], resources: ServiceResources, times: Times) -> dict[str, Any]:
     """The reply of /v1/synthesize as JSON values; timed is the way from the parsed request to the reply's text."""
 
-    def reply() -> str:
-        return answer_synthesize(SynthesizeRequest.model_validate(request), resources).model_dump_json()
+    def reply() -> bytes:
+        return json_of(answer_synthesize(SynthesizeRequest.model_validate(request), resources))
 
     return json.loads(times.run(reply))
 

@@ -289,7 +289,10 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
         for one in stamps
     )
     commits = [re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", one["commit"]) for one in stamps]
-    runs = dict.fromkeys(f"`{one['command']}` at commit {found}" for one, found in zip(stamps, commits))
+    told = [
+        re.sub("(?<=')(?: '[^']*')+ ('[^']*')", r" ... \1", one["command"]) for one in stamps
+    ]  # long lists by their ends
+    runs = dict.fromkeys(f"`{command}` at commit {found}" for command, found in zip(told, commits))
     return f"Measured by {', '.join(runs)}; machine: {'; '.join(machines)}."
 
 

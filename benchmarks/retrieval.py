@@ -147,13 +147,13 @@ def file_figures(results: dict[str, Any]) -> str:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """By span, the other baselines, hard requests (docs/scaling.md); figures of docs/file_format.md; headline of README.md."""
+    """By span, the other baselines, hard requests (docs/scaling.md); and figures of docs/file_format.md."""
 
-    def compared(name: str, parts: dict[str, Any]) -> str:
-        columns = report.TABLES["retrieval"]["compared"]["columns"].replace("span:", f"{name}:")
-        return report.table([{"key": key, **part} for key, part in parts.items()], columns)
+    def between(parts: dict[str, Any], column: str = "ours") -> str:
+        medians = [part[column]["median"] * (1 if column == "ratio" else 1000) for part in parts.values()]
+        return report.ends(medians, 0)
 
-    flat, mass, worst, wide = (results[name] for name in ("flat_index", "stumpy_mass", "worst", "wide"))
+    flat, mass, wide = (results[name] for name in ("flat_index", "stumpy_mass", "wide"))
     ours = results["flat_requests"]["ours"]["median"]
     cores = results["made"]["machine"]["cores"]
     others, same = [["scan", ms(ours), "any span, any crank angles"]], ""
@@ -171,32 +171,12 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         others.append(
             ["stumpy mass", ms(mass["seconds"]["median"]), f"another measure; from {mass['curves']:,} curves"]
         )
-    medians = [part["ours"]["median"] for part in results["spans"].values()]
-    ratios = [part["ratio"]["median"] for part in results["spans"].values()]
-    headline = (
-        f"{results['types']:,} types, 360 starts and 2 branches, for any span, in {1000 * min(medians):.0f} to "
-        f"{1000 * max(medians):.0f} ms on {cores} cores: {min(ratios):.0f} to {max(ratios):.0f} times faster than bounding "
-        "all windows by matrix products"
-    )
-    if flat:
-        single, batch = (
-            significant(seconds / ours, 2) for seconds in (flat["single_s"]["median"], flat["batch_s_each"])
-        )
-        headline += (
-            f"; a flat index of single-precision windows, made for one span, takes {single} times as long for a single query "
-            f"and {batch} times as long for each of a batch"
-        )
     return {
         "sizes": f"{results['types']:,} types, {results['windows']:,} windows, the best {TOP}; wall clock on {cores} cores.",
-        "spans": compared("span", results["spans"]),
-        "joint": compared("span", results["joint"]),
-        "wide_sizes": f"{wide['types']:,} types, {wide['windows']:,} windows",
-        "wide": compared("span", wide["spans"]),
+        **report.tables("retrieval", {"spans": [{"key": key, **part} for key, part in results["spans"].items()]}),
+        "wide": f"{wide['types']:,} types in {between(wide['spans'])} ms, {between(wide['spans'], 'ratio')} times faster",
         "others": report.lines([f"at {FLAT_SPAN} degrees", "ms a request", "what it answers"], others) + same,
-        "hard": compared("kind", results["hard"]),
-        "worst": f"The worst: {worst['key']} (number {worst['seed']}), {ms(worst['ours'])} ms, "
-        f"the plain scan {ms(worst['plain'])} ms.",
-        "headline": headline,
+        "hard": f"{between(results['hard'])} ms, {between(results['hard'], 'ratio')} times faster",
         "file": file_figures(results),
         "file_made": report.made_text([results["made"], results["parts"]["atlas"].get("made", results["made"])]),
     }

@@ -150,21 +150,20 @@ def measure_wide(file: Path | None, requests: int, smallest: float) -> dict[str,
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """Tables of docs/scaling.md and sizes."""
-    columns = report.TABLES["short_spans"]["spans"]["columns"]
-    told = {
-        name: report.table(results[name], columns.replace("span:", f"{head}:"))
-        for name, head in (("spans", "span"), ("hard", "kind"))
-    }
+    told = report.tables("short_spans", {"spans": results["spans"]})
     told["sizes"] = f"{results['types']:,} types, the best {TOP}"
-    told["index"] = report.table(results["index"], report.TABLES["short_spans"]["index"]["columns"])
     told["checked"] = (
         f"{results['requests']:,} requests, {results['differ']} answers that differ in a window, its place or a bit of its error;"
         f" {results['plain']} of them compared with the plain scan too"
     )
+    told["hard"] = f"{report.ends([row['ratio'] for row in results['hard']])} times as fast"
     wide = results["wide"]
+    told["wide"] = (
+        f"{report.ends([row['ratio'] for row in wide['spans']])} times as fast on an atlas of {wide['types']:,} types"
+        if wide
+        else "not measured"
+    )
     told["stamps"] = report.made_text([part["made"] for part in (results, wide) if part])
-    told["wide_sizes"] = f"{wide['types']:,} types" if wide else "not measured"
-    told["wide"] = report.table(wide["spans"], columns) if wide else "not measured"
     return told
 
 

@@ -25,8 +25,10 @@ from tests.e2e.conftest import CHROMIUM, DRIVER, OPTIONS
 IMAGES = Path(__file__).parent / "img"
 SHOTS = {"page": (1280, "light"), "page_dark": (1280, "dark"), "page_phone": (390, "light")}
 """Width in pixels and theme of each picture."""
-PLACES = {"chain": 0.5, "knotter": 0.252}
+PLACES = {"lift": 0.5, "chain": 0.5, "knotter": 0.252}
 """Where on its slider each machine stands, as a share of the range."""
+QUESTIONS = {("lift", "page"): 1}
+"""Which question a picture shows, where it is not the first."""
 
 
 @contextmanager
@@ -62,6 +64,14 @@ def shoot(browser: Any, address: str, machine: str) -> None:
         wait(browser, "document.body.dataset.ready")
         if browser.execute_script("return document.documentElement.dataset.theme") != theme:
             browser.find_element("id", "theme").click()
+        if question := QUESTIONS.get((machine, name)):
+            browser.execute_script(
+                """const query = document.getElementById('query');
+                document.getElementById('status').textContent = '';
+                query.selectedIndex = arguments[0]; query.dispatchEvent(new Event('change'));""",
+                question,
+            )
+            wait(browser, "document.getElementById('status').textContent.startsWith('Answered')")
         browser.execute_script(
             """const slider = document.querySelector('.player input');
             slider.value = Number(slider.min) + arguments[0] * (slider.max - slider.min);

@@ -1,114 +1,92 @@
 """What comes back from `synthesize` and `match`: solutions, matches and reports, in the user's unit of angle.
 
-Names of attributes are those of the HTTP contract, and ``to_dict`` gives what goes over HTTP.
+Fields are those of the HTTP contract, in its order; ``to_dict`` gives what goes over HTTP.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, TypeVar, overload
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, TypeVar, overload
 
-import numpy as np
-from numpy.typing import NDArray
-
-from linkage_atlas.linkages import FourBar
+from linkage_atlas.linkages import FourBar, Links, Mount
+from linkage_atlas.records import KEPT, Floats, Record, Values
 from linkage_atlas.studies import Analysis, ToleranceStudy
-from synthesis.fourbar.determination import Determination, Sensitivity
+from synthesis.fourbar.determination import Sensitivity
 from synthesis.ranking import Errors
 
-Floats = NDArray[np.float64]
 One = TypeVar("One")
+Status = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
+StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
 
 FINISHING = 0.1
 """Part of its budget that an answer may take beyond it, to finish what the search has found."""
 
 
 @dataclass(frozen=True)
-class AtlasType:
-    """A dimension type: its number in the atlas, from 1, and its lengths crank, coupler, rocker, ground."""
+class AtlasType(Record):
+    """A dimension type of the atlas."""
 
     number: int
+    """Number of the dimension type, from 1."""
     lengths: list[int]
+    """L1 crank, L2 coupler, L3 rocker, L4 ground."""
 
 
-@dataclass(frozen=True)
-class Rounded:
-    """A linkage whose links lie on a grid or are of stock lengths, the rest fitted anew within the limits.
+@dataclass(frozen=True, kw_only=True)
+class Rounded(Record):
+    """A linkage whose links lie on a grid or are of stock lengths, the rest fitted anew within the limits."""
 
-    ``tried`` combinations of lengths were fitted, of so many ``combinations`` (None for a grid); ``exhaustive`` says whether the
-    choice is the best of all of them (None for a grid).
-    """
-
-    linkage: FourBar
-    errors: Errors
-    transmission_angle_min: float
+    closes: bool
+    """Whether a combination of lengths closes within the limits; if not, the rest is null."""
+    links: Links | None
+    start_angle: float | None
+    body_offset: float | None
+    mount: Mount | None
+    errors: Errors | None
+    transmission_angle_min: float | None
+    """Over the used interval."""
     tried: int
+    """Combinations of lengths that were fitted."""
     combinations: int | None
+    """How many there are; null for a grid."""
     exhaustive: bool | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract."""
-        linkage = self.linkage.to_dict()
-        del linkage["branch"]
-        return {
-            "closes": True,
-            **linkage,
-            "errors": asdict(self.errors),
-            "transmission_angle_min": self.transmission_angle_min,
-            **{name: getattr(self, name) for name in ("tried", "combinations", "exhaustive")},
-        }
+    """Whether this is the best of all combinations; null for a grid."""
+    linkage: FourBar | None = field(default=None, metadata=KEPT)
 
 
 @dataclass(frozen=True)
-class NotRounded:
-    """That no combination of lengths was found that closes within the limits; attributes as of `Rounded`."""
+class Determination(Record):
+    """How well the motion fixes each length."""
 
-    tried: int
-    combinations: int | None
-    exhaustive: bool | None
+    ill_posed: bool
+    """A length is not even fixed to a thousandth by the motion at this resolution."""
+    resolution: float
+    """Error of the motion that is considered: the objective, at least the tolerance; within limits the tolerance."""
+    at_limits: tuple[str, ...]
+    """Limits without which the motion would be met better."""
+    length_uncertainty: Values
+    """Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract."""
-        absent = ("links", "start_angle", "body_offset", "mount", "errors", "transmission_angle_min")
-        return {"closes": False, **dict.fromkeys(absent), **asdict(self)}
 
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether a linkage does as a machine what it does at the samples.
-
-    Attributes
-    ----------
-    order : bool
-        A crank that turns one way passes the samples in the order asked for.
-    branch : bool
-        All samples lie on one branch.
-    circuit : bool
-        All samples, and all between, lie on one circuit: nothing must be taken apart.
-    within_tolerance : bool or None
-        Every sample keeps the tolerances; None where there are none.
-    practical : bool
-        No practical limit is broken, or what the request sets in its place.
-    reasons : tuple of str
-        A sentence for everything that is amiss; samples count from 1.
-    """
+@dataclass(frozen=True, kw_only=True)
+class Verdict(Record):
+    """Whether a linkage does as a machine what it does at the samples."""
 
     order: bool
+    """A crank that turns one way passes the samples in the order asked for."""
     branch: bool
+    """All samples lie on one branch."""
     circuit: bool
+    """All samples, and all between, lie on one circuit: nothing must be taken apart."""
     within_tolerance: bool | None
+    """Every sample keeps the tolerances; null without any."""
     practical: bool
+    """No practical limit is broken; what the request limits itself is judged by its own limit."""
+    buildable: bool
+    """The same as `practical`: whether links collide is not checked."""
     reasons: tuple[str, ...]
-
-    @property
-    def buildable(self) -> bool:
-        """The same as ``practical``: whether links collide is not checked."""
-        return self.practical
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract."""
-        return asdict(self) | {"buildable": self.buildable, "reasons": list(self.reasons)}
+    """A sentence for everything that is amiss; samples count from 1."""
 
     @property
     def works(self) -> bool:
@@ -116,69 +94,46 @@ class Verdict:
         return self.order and self.branch and self.circuit
 
 
-@dataclass(frozen=True)
-class Solution:
-    """A linkage that answers a request, and how well.
-
-    Attributes
-    ----------
-    rank : int
-        From 1, by ``errors.objective``.
-    linkage : FourBar
-    errors : Errors
-        At the samples: rotation_rms, rotation_max, position_rms, position_max (None for what was not asked for) and the
-        objective, in radians.
-    family : str
-    transmission_angle_min : float
-        Over the used interval, exactly.
-    transmission_angle_min_turn : float or None
-        Over the whole turn; None where the crank cannot turn fully.
-    condition : float
-        Condition number of the motion's derivatives by all unknowns.
-    determination : Determination
-        How well the motion fixes each length.
-    type : AtlasType or None
-        The atlas row that it is, if it is one.
-    sensitivity : Sensitivity or None
-        Change of the motion per unit of each length, if asked for.
-    rounded : Rounded, NotRounded or None
-        With links on a grid or of stock lengths, if asked for; crank angles that were found are held.
-    verdict : Verdict
-    crank_angle : ndarray, shape (N,), or None
-        Crank angles at the samples from the first one, where they were free.
-    excursion : float or None
-        With free crank angles: the largest way of the body point between two neighbouring samples over their distance.
-    size : float or None
-        Largest of the links, the coupler point's radius and the distances of the fixed pivots from the motion's middle, over
-        the motion's extent; None without positions.
-    analysis : Analysis or None
-        Velocities, accelerations and forces, if asked for.
-    tolerance_study : ToleranceStudy or None
-        What tolerances of manufacture do, if asked for.
-    """
+@dataclass(frozen=True, kw_only=True)
+class Solution(Record):
+    """A linkage that answers a request, and how well."""
 
     rank: int
-    linkage: FourBar
+    """From 1, by what was preferred, `errors.objective` by default."""
+    source: Literal["atlas", "refined"]
+    """A row of the atlas as it is, or what a search found."""
+    type: AtlasType | None
+    """The row of the atlas that it is, if it is one."""
+    links: Links
+    branch: Literal[-1, 1]
+    start_angle: float
+    body_offset: float | None
+    """rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."""
+    mount: Mount | None
+    crank_angle: Floats | None = None
+    """With free timing: crank angle at each sample from the first; one way for order `given`, in [0, 360) degrees for `any`."""
     errors: Errors
+    verdict: Verdict
+    excursion: float | None = None
+    """With free timing: the largest way of the body point between two neighbouring samples over their distance, which counts as
+    at least 5 % of the motion's extent."""
+    size: float | None = None
+    """Largest of the links, the coupler point's radius and the distances of the fixed pivots from the motion's middle, over the
+    motion's extent."""
     family: str
     transmission_angle_min: float
+    """Over the used interval, exactly."""
     transmission_angle_min_turn: float | None
+    """Over the whole turn; null if the crank cannot turn."""
     condition: float
+    """Condition number of the motion's derivatives by all unknowns."""
     determination: Determination
-    type: AtlasType | None
-    sensitivity: Sensitivity | None
-    rounded: Rounded | NotRounded | None
-    verdict: Verdict
-    crank_angle: Floats | None = None
-    excursion: float | None = None
-    size: float | None = None
+    sensitivity: Sensitivity | None = None
+    rounded: Rounded | None = None
     analysis: Analysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
-
-    @property
-    def source(self) -> str:
-        """``atlas`` for a row as it is, ``refined`` for the search's."""
-        return "refined" if self.type is None else "atlas"
+    linkage: FourBar = field(metadata=KEPT)
+    """It moves, draws and saves itself."""
 
     def errors_in_words(self) -> str:
         """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
@@ -188,74 +143,24 @@ class Solution:
             f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract."""
-        parts = ("rounded", "analysis", "tolerance_study")
-        more = {name: None if getattr(self, name) is None else getattr(self, name).to_dict() for name in parts}
-        return {
-            "rank": self.rank,
-            "source": self.source,
-            "type": None if self.type is None else asdict(self.type),
-            **self.linkage.to_dict(),
-            "crank_angle": listed(self.crank_angle),
-            "errors": asdict(self.errors),
-            "verdict": self.verdict.to_dict(),
-            "excursion": self.excursion,
-            "size": self.size,
-            "family": self.family,
-            "transmission_angle_min": self.transmission_angle_min,
-            "transmission_angle_min_turn": self.transmission_angle_min_turn,
-            "condition": self.condition,
-            "determination": {
-                "ill_posed": self.determination.ill_posed,
-                "resolution": self.determination.resolution,
-                "at_limits": list(self.determination.at_limits),
-                "length_uncertainty": [
-                    value if np.isfinite(value) else None for value in self.determination.length_uncertainty.tolist()
-                ],
-            },
-            "sensitivity": None
-            if self.sensitivity is None
-            else {name: listed(getattr(self.sensitivity, name)) for name in ("rotation", "position")},
-            **more,
-        }
-
-
-def listed(values: Floats | None) -> list[float] | None:
-    """An array as plain numbers."""
-    return None if values is None else values.tolist()
-
 
 @dataclass(frozen=True)
-class Report:
-    """How an answer came about.
-
-    Attributes
-    ----------
-    elapsed_ms : dict
-        Milliseconds of each stage and in total.
-    trace : list of tuple
-        (milliseconds, best objective) after each round: the error against run time of this very request.
-    stopped_by : str
-        tolerance, converged or budget.
-    length_scale : float or None
-        What position errors were divided by.
-    seeds : int or None
-        Starting points refined; None for effort "atlas".
-    windows : int or None
-        Atlas windows that the answer is the best of; None for effort "refine".
-    exhaustive : bool or None
-        Whether all of them were considered.
-    notes : list of str
-    """
+class Report(Record):
+    """How an answer came about."""
 
     elapsed_ms: dict[str, float]
+    """Milliseconds of each stage and in total."""
     trace: list[tuple[float, float]]
-    stopped_by: str
+    """[milliseconds, best objective] after each round."""
+    stopped_by: StoppedBy
     length_scale: float | None
+    """What position errors were divided by."""
     seeds: int | None
+    """Starting points refined; null for effort atlas."""
     windows: int | None
+    """Atlas windows that the answer is the best of; null for effort refine."""
     exhaustive: bool | None
+    """Whether all windows were considered; null for effort refine."""
     notes: list[str]
 
 
@@ -280,15 +185,16 @@ class Ranked(Sequence[One]):
 
 
 @dataclass(frozen=True)
-class Result(Ranked[Solution]):
+class Result(Record, Ranked[Solution]):
     """The answer to `linkage_atlas.synthesize`: solutions, best first, and a report.
 
     ``result[0]``, ``len(result)`` and ``for solution in result`` are those of ``solutions``; a result without any is false.
 
-    ``status`` is "reached" (the best objective is below the tolerance), "closest" or "infeasible" (none within the limits).
+    ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits) or
+    "unknown" (none was found before the time was up).
     """
 
-    status: str
+    status: Status
     solutions: list[Solution]
     report: Report
 
@@ -306,14 +212,6 @@ class Result(Ranked[Solution]):
         """The linkage of the best solution."""
         return self.best.linkage
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract."""
-        return {
-            "status": self.status,
-            "solutions": [solution.to_dict() for solution in self.solutions],
-            "report": asdict(self.report),
-        }
-
     def __repr__(self) -> str:
         rows = [f"  {s.rank}  {s.linkage!r}  {s.errors_in_words()}" for s in self.solutions]
         count = len(self.solutions)
@@ -321,57 +219,51 @@ class Result(Ranked[Solution]):
 
 
 @dataclass(frozen=True)
-class Features:
-    """Haar features of a rotation curve: average and details, (mean of first half - mean of second half) / 2 of each block."""
+class Features(Record):
+    """Haar features of a rotation curve."""
 
     samples: int
     resampled: bool
+    """Whether the samples were resampled to a power of two of even crank angles."""
     average: float
     details: list[float]
+    """(mean of first half - mean of second half) / 2 of each block, coarse to fine."""
 
 
-@dataclass(frozen=True)
-class Match:
-    """A row of the atlas and the start at which it turns like the request.
-
-    Attributes
-    ----------
-    rank : int
-    type : AtlasType
-    linkage : FourBar
-        With the type's lengths, its start angle and offset.
-    start_angle, offset : float
-        The requested rotation is the coupler angle from ``start_angle`` on, plus ``offset``.
-    branch : int
-    similarity : float
-        Rms rotation error: a distance, the name is the contract's.
-    features : Features or None
-    """
+@dataclass(frozen=True, kw_only=True)
+class Match(Record):
+    """A row of the atlas and the start at which it turns like the request."""
 
     rank: int
     type: AtlasType
-    linkage: FourBar
     start_angle: float
-    branch: int
+    branch: Literal[-1, 1]
     offset: float
+    """Added to the angle of the coupler, or rocker (in -180..180 degrees at the first sample, continuous)."""
     similarity: float
-    features: Features | None
+    """Rms rotation error of this row at this start: a distance."""
+    features: Features | None = None
+    linkage: FourBar = field(metadata=KEPT)
+    """With the type's lengths, this start and offset."""
 
 
 @dataclass(frozen=True)
-class MatchReport:
+class MatchReport(Record):
     """How much a scan looked at."""
 
     elapsed_ms: dict[str, float]
     windows: int
+    """Types x starts x branches that the answer is the best of."""
     evaluated: int
+    """Windows evaluated sample by sample; the bounds excluded the others."""
+    exhaustive: bool
+    """Whether all windows were considered; false where the time cut it short."""
     notes: list[str]
-    features: Features | None
-    exhaustive: bool = True
+    features: Features | None = None
 
 
 @dataclass(frozen=True)
-class Matches(Ranked[Match]):
+class Matches(Record, Ranked[Match]):
     """The answer to `linkage_atlas.match`: the best rows of the atlas, best first, indexed and iterated as ``matches``."""
 
     matches: list[Match]
@@ -381,14 +273,6 @@ class Matches(Ranked[Match]):
     def _answers(self) -> list[Match]:
         return self.matches
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract."""
-        rows = []
-        for match in self.matches:
-            row = {name: getattr(match, name) for name in _MATCH_FIELDS}
-            rows.append(row | {"type": asdict(match.type), "features": _as_dict(match.features)})
-        return {"matches": rows, "report": asdict(self.report)}
-
     def __repr__(self) -> str:
         rows = [
             f"  {m.rank}  type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, branch {m.branch:+d}, "
@@ -396,11 +280,3 @@ class Matches(Ranked[Match]):
             for m in self.matches
         ]
         return "\n".join([f"{len(self.matches)} matches", *rows])
-
-
-_MATCH_FIELDS = ("rank", "start_angle", "branch", "offset", "similarity")
-
-
-def _as_dict(features: Features | None) -> dict[str, Any] | None:
-    # `asdict` copies number by number: a second for a thousand rows
-    return None if features is None else dict(vars(features))

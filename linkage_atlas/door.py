@@ -12,10 +12,10 @@ from linkage_atlas.answers import FINISHING, Report, Result
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.finish import Wishes, cognate_notes, finished, read_lengths, read_tolerances, status_of
-from linkage_atlas.motions import Motion, check_above_zero, check_top, number, read_limits
+from linkage_atlas.limits import read_limits, what_excludes
+from linkage_atlas.motions import Motion, check_above_zero, check_top, number
 from linkage_atlas.preferred import TRY_ROUNDS, Prefer, goal_of, improved, read_prefer
 from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, check_against, read_beginning, refined
-from linkage_atlas.relaxation import what_excludes
 from linkage_atlas.studies import check_rows, read_drive, read_manufacture, study_notes
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.scan import Scan

@@ -10,22 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from linkage_atlas.answers import NotRounded, Rounded, Solution, Verdict
+from linkage_atlas.answers import Determination, Rounded, Solution, Verdict
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import MOST_STOCK, Motion, column, number
+from linkage_atlas.records import names_of
 from linkage_atlas.studies import Drive, Manufacture, analysed, share_of, studied
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as answers
-from synthesis.fourbar.determination import Sensitivity, determinations, sensitivities
-from synthesis.fourbar.excursion import excursions
-from synthesis.fourbar.held import determinations_within
+from synthesis.fourbar.determination import Sensitivity, determinations, determinations_within, sensitivities
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.practical import practical_faults, size_of
+from synthesis.fourbar.passage import Verdict as Passing
+from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
-from synthesis.fourbar.verdict import Verdict as Passing
-from synthesis.fourbar.verdict import verdicts
 from synthesis.free.answers import in_turn
 from synthesis.free.poses import Poses
 from synthesis.ranking import Errors, Status
@@ -283,18 +281,23 @@ def _solution(
     crank = None
     if isinstance(motion.samples, Poses):
         crank = in_turn(own.target.crank, motion.samples.ordered) / radian
+    kind = None if one.row is None or atlas is None else atlas.type_of(one.row)
+    linkage = FourBar.of(one.linkage, own)
     return Solution(
         rank=0,
-        linkage=FourBar.of(one.linkage, own),
+        source="refined" if kind is None else "atlas",
+        type=kind,
+        **linkage.dimensions._asdict(),
+        linkage=linkage,
         errors=_in_unit(one.errors, radian),
         family=one.family.value,
         transmission_angle_min=one.transmission_angle_min / radian,
         transmission_angle_min_turn=None if turn is None else turn / radian,
         condition=determined.condition,
-        determination=determined,
-        type=None if one.row is None or atlas is None else atlas.type_of(one.row),
+        determination=Determination(
+            determined.ill_posed, determined.resolution, determined.at_limits, determined.length_uncertainty
+        ),
         sensitivity=change,
-        rounded=None,
         verdict=_verdict(one, own.target, passing, excursion, allowed, limits),
         crank_angle=crank,
         excursion=excursion,
@@ -338,7 +341,20 @@ def _verdict(
         if not within:
             reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
     faults = practical_faults(one, target, limits, excursion)
-    return Verdict(passing.order, passing.branch, passing.circuit, within, not faults, (*reasons, *faults))
+    return verdict_of(passing, within, [*reasons, *faults], practical=not faults)
+
+
+def verdict_of(passing: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:
+    """A verdict as a user reads it."""
+    return Verdict(
+        order=passing.order,
+        branch=passing.branch,
+        circuit=passing.circuit,
+        within_tolerance=within,
+        practical=practical,
+        buildable=practical,
+        reasons=tuple(reasons),
+    )
 
 
 def cognate_notes(solutions: Sequence[Solution]) -> list[str]:
@@ -360,14 +376,23 @@ def _in_unit(errors: Errors, radian: float) -> Errors:
     )
 
 
-def _rounded(found: Rounding, motion: Motion) -> Rounded | NotRounded:
+def _rounded(found: Rounding, motion: Motion) -> Rounded:
     """Rounded links in the motion's unit."""
-    solution, how = found.solution, (found.tried, found.combinations, found.exhaustive)
+    solution = found.solution
+    values: dict[str, Any] = dict.fromkeys(names_of(Rounded)) | {
+        "closes": False,
+        "tried": found.tried,
+        "combinations": found.combinations,
+        "exhaustive": found.exhaustive,
+    }
     if solution is None:
-        return NotRounded(*how)
-    return Rounded(
-        FourBar.of(solution.linkage, motion),
-        _in_unit(solution.errors, motion.radian),
-        solution.transmission_angle_min / motion.radian,
-        *how,
-    )
+        return Rounded(**values)
+    linkage = FourBar.of(solution.linkage, motion)
+    dimensions = linkage.dimensions._asdict()
+    del dimensions["branch"]
+    values |= dimensions | {
+        "closes": True,
+        "errors": _in_unit(solution.errors, motion.radian),
+        "transmission_angle_min": solution.transmission_angle_min / motion.radian,
+    }
+    return Rounded(**values, linkage=linkage)

@@ -9,16 +9,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING, Report
+from linkage_atlas.answers import FINISHING
 from linkage_atlas.door import seed_tables
-from linkage_atlas.generators import Asked, FunctionResult, described, rounded
-from linkage_atlas.motions import PRESETS, check_above_zero, check_top, column, number, radians_in
+from linkage_atlas.generators import Asked, FunctionReport, FunctionResult, described, rounded
+from linkage_atlas.limits import read_function_limits
+from linkage_atlas.motions import check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.named import Dials, read_dials
 from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, named, read_beginning
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import ANGLES
-from synthesis.fourbar.practical import LINK_RATIO, TRANSMISSION_ANGLE, TRANSMISSION_ANGLE_TURN
-from synthesis.function.bounds import FunctionLimits
 from synthesis.function.search import generate
 from synthesis.function.wanted import Wanted
 from synthesis.local.function import refine_function
@@ -27,10 +25,6 @@ from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.target import make_target
 from synthesis.work import Work
 
-LINKS = ("crank", "coupler", "rocker", "ground")
-_NUMBERS = (*ANGLES, "link_ratio_max", "link_min", "link_max")
-FUNCTION_LIMITS = ("family", *_NUMBERS, "links", "preset")
-"""Names of the limits of a function generator, as over HTTP."""
 _CALLED = {
     "/function": "/output",
     "/function/x": "/interval",
@@ -167,12 +161,12 @@ def function(
         weights=weights,
         degrees=degrees,
     )
-    kept = read_function_limits(limits, degrees)
+    kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
         raise FieldError("/round_to", "needs `limits.links.ground`: without it no length is actual")
     if one_way:
         _check_one_way(wanted, "/function" if function is not None else "/output")
-        kept = replace(kept, one_way=True)
+        wanted = replace(wanted, one_way=True)
     largest = objective == "max"
     if isinstance(tables, Beginning):
         with named():
@@ -184,7 +178,7 @@ def function(
     solutions = described(asked, found, kept, sensitivity, curves)
     if round_to is not None:
         solutions = [
-            replace(one, rounded=rounded(asked, generator, round_to, watch), asked_to_round=True)
+            replace(one, rounded=rounded(asked, generator, round_to, watch))
             for one, generator in zip(solutions, found)
         ]
     notes = [*_notes(wanted), *([] if begin is None else [LOCAL])]
@@ -209,19 +203,16 @@ def function(
     total, radian = watch.elapsed, radians_in(degrees)
     stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
     stages |= {"report": total - searched, "total": total}
-    report = Report(
+    report = FunctionReport(
         elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
         trace=[(1000 * seconds, value) for seconds, value in went.trace],
         stopped_by=went.stopped_by.value,
-        length_scale=None,
         seeds=went.seeds,
-        windows=None,
-        exhaustive=None,
         notes=notes,
     )
     x, y = (None, None) if dials is None else (dials.x, dials.y)
     return FunctionResult(
-        status, solutions, report, wanted.crank / radian, wanted.output / radian, x, y, wanted, degrees
+        status, solutions, wanted.crank / radian, wanted.output / radian, x, y, report, wanted, degrees
     )
 
 
@@ -278,37 +269,6 @@ def read_wanted(
     if output_zero is not None:
         offset = float(target.rotation[0]) - number("output_zero", output_zero) * radian
     return Wanted(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
-
-
-def read_function_limits(limits: Mapping[str, Any] | None, degrees: bool) -> FunctionLimits:
-    """The checked limits of a request, angles in radians."""
-    given = {name: value for name, value in (limits or {}).items() if value is not None}
-    for name in given:
-        if name not in FUNCTION_LIMITS:
-            raise FieldError.no_such("/limits", name, FUNCTION_LIMITS, "limit")
-    radian = radians_in(degrees)
-    numbers: dict[str, Any] = {}
-    if "preset" in given:
-        if given["preset"] not in PRESETS:
-            raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {given['preset']!r}")
-        values = (TRANSMISSION_ANGLE, TRANSMISSION_ANGLE_TURN, LINK_RATIO)
-        numbers = dict(zip(_NUMBERS, map(float, values))) if given["preset"] == "practical" else {}
-    for name in _NUMBERS:
-        if name in given:
-            numbers[name] = number(f"limits/{name}", given[name]) * (radian if name in ANGLES else 1.0)
-    links = {name: value for name, value in dict(given.get("links") or {}).items() if value is not None}
-    for name, value in links.items():
-        if name not in LINKS:
-            raise FieldError.no_such("/limits/links", name, LINKS, "link")
-        if not number(f"limits/links/{name}", value) > 0:
-            raise FieldError(f"/limits/links/{name}", "wanted a length above 0")
-    if links and "ground" not in links:
-        raise FieldError("/limits/links/ground", "needed where other lengths are given")
-    family = given.get("family", "any")
-    lengths: Any = tuple(None if name not in links else float(links[name]) for name in LINKS)
-    checked = FunctionLimits(family=family, links=lengths, **numbers)
-    checked.check()
-    return checked
 
 
 def _check_one_way(wanted: Wanted, where: str) -> None:

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from linkage_atlas.answers import Ranked, Report, Verdict, listed
-from linkage_atlas.linkages import FourBar
+from linkage_atlas.answers import Ranked, Status, StoppedBy, Verdict
+from linkage_atlas.finish import verdict_of
+from linkage_atlas.linkages import FourBar, Links
 from linkage_atlas.motions import Motion, radians_in
 from linkage_atlas.named import Dials
+from linkage_atlas.records import KEPT, Floats, Record, Values, names_of
 from synthesis.errors import FieldError
-from synthesis.fourbar.determination import Determination, determinations, sensitivities
-from synthesis.fourbar.practical import practical_faults
-from synthesis.fourbar.verdict import verdicts
-from synthesis.function.answers import Generator, exchanged, rocker_angles, turns_back
-from synthesis.function.bounds import FunctionLimits
+from synthesis.fourbar.determination import determinations, sensitivities
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.passage import practical_faults, verdicts
+from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
 from synthesis.function.search import refit
-from synthesis.function.sheet import to_csv
 from synthesis.function.wanted import Wanted
 from synthesis.target import Target
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
 
 _EXCHANGED = [0, 2, 1, 3]
 _SHOWN = 361
@@ -32,119 +29,102 @@ _SHOWN = 361
 
 
 @dataclass(frozen=True)
-class FunctionErrors:
-    """Errors of the output: ``rms`` and ``max`` in the unit of angle, ``objective`` in radians.
-
-    ``max`` is over the whole interval for objective "max", else at the samples; ``alternations`` (objective "max") says how many
-    extremes of the error, of alternating sign, are as large as the largest. ``rms_y`` and ``max_y`` are the same in units of y,
-    where y = f(x) was asked for.
-    """
+class FunctionErrors(Record):
+    """Errors of the output."""
 
     rms: float
+    """At the samples, weighted."""
     max: float
+    """Over the whole interval for objective `max`, over the samples for `rms`."""
     alternations: int | None
+    """Objective `max`: extremes of the error, of alternating sign, that are as large as the largest."""
     rms_y: float | None
+    """`rms` in units of y; null without `function`."""
     max_y: float | None
     objective: float
+    """What was made least, in radians."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundedFunction(Record):
+    """A generator whose links lie on a grid, the zeros fitted anew; null where it does not close."""
+
+    closes: bool
+    links: Links | None
+    start_angle: float | None
+    output_offset: float | None
+    errors: FunctionErrors | None
+    transmission_angle_min: float | None
+    """Over the used interval; limits are not applied again."""
+    linkage: FourBar | None = field(default=None, metadata=KEPT)
+
+
+class ErrorCurve(NamedTuple):
+    """The error over the interval."""
+
+    input: Floats
+    error: Floats
+    """Wanted less made."""
 
 
 @dataclass(frozen=True)
-class RoundedFunction:
-    """A generator whose links lie on a grid, the zeros fitted anew; limits are not applied again."""
+class FunctionDetermination(Record):
+    """How well the function fixes each length."""
 
-    linkage: FourBar
-    output_offset: float
-    errors: FunctionErrors
-    transmission_angle_min: float
+    ill_posed: bool
+    """A length is not even fixed to a thousandth by the function at this resolution, whatever limits hold it."""
+    resolution: float
+    """Error that is considered: the objective, at least the tolerance."""
+    length_uncertainty: Values
+    """Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."""
 
 
-@dataclass(frozen=True)
-class FunctionSolution:
-    """A linkage that makes a function, and how well.
-
-    Attributes
-    ----------
-    rank : int
-        From 1, by ``errors.objective``.
-    linkage : FourBar
-        Its ``start_angle`` is the crank angle at the first sample.
-    output_offset : float
-        output = rocker angle (in -180..180 degrees at the first sample, continuous) + this.
-    errors : FunctionErrors
-    family : str
-    transmission_angle_min : float
-        Over the used interval, exactly.
-    transmission_angle_min_turn : float or None
-        Over the whole turn; None where the crank cannot turn fully.
-    verdict : Verdict
-    condition : float
-        Condition number of the output's derivatives by all unknowns.
-    determination : Determination
-    sensitivity : ndarray, shape (4,), or None
-        Rms change of the output per unit of crank, coupler, rocker, ground, if asked for.
-    rounded : RoundedFunction or None
-    error_curve : tuple of ndarray or None
-        Input and error (wanted less made) over the interval, if asked for.
-    """
+@dataclass(frozen=True, kw_only=True)
+class FunctionSolution(Record):
+    """A linkage that makes a function, and how well."""
 
     rank: int
-    linkage: FourBar
+    """From 1, by `errors.objective`."""
+    links: Links
+    branch: Literal[-1, 1]
+    start_angle: float
+    """Crank angle at the first sample, from the ground line A->B."""
     output_offset: float
+    """output = rocker angle (in -180..180 degrees at the first sample, continuous) + this."""
     errors: FunctionErrors
+    verdict: Verdict
     family: str
     transmission_angle_min: float
+    """Over the used interval, exactly."""
     transmission_angle_min_turn: float | None
-    verdict: Verdict
+    """Over the whole turn; null if the crank cannot turn."""
     condition: float
-    determination: Determination
+    """Condition number of the output's derivatives by all unknowns."""
+    determination: FunctionDetermination
     sensitivity: Floats | None
+    """Rms change of the output per unit of crank, coupler, rocker, ground."""
     rounded: RoundedFunction | None
-    error_curve: tuple[Floats, Floats] | None
-    asked_to_round: bool = field(default=False, repr=False)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract."""
-        rounded: dict[str, Any] | None = None
-        if self.asked_to_round:
-            rounded = {"closes": self.rounded is not None}
-            names = ("links", "start_angle", "output_offset", "errors", "transmission_angle_min")
-            rounded |= dict.fromkeys(names)
-            if self.rounded is not None:
-                rounded |= _described(self.rounded.linkage, self.rounded.output_offset) | {
-                    "errors": vars(self.rounded.errors),
-                    "transmission_angle_min": self.rounded.transmission_angle_min,
-                }
-                del rounded["branch"]
-        fixed = self.determination
-        return {
-            "rank": self.rank,
-            **_described(self.linkage, self.output_offset),
-            "errors": vars(self.errors),
-            "verdict": self.verdict.to_dict(),
-            "family": self.family,
-            "transmission_angle_min": self.transmission_angle_min,
-            "transmission_angle_min_turn": self.transmission_angle_min_turn,
-            "condition": self.condition,
-            "determination": {
-                "ill_posed": fixed.ill_posed,
-                "resolution": fixed.resolution,
-                "length_uncertainty": [v if np.isfinite(v) else None for v in fixed.length_uncertainty.tolist()],
-            },
-            "sensitivity": listed(self.sensitivity),
-            "rounded": rounded,
-            "error_curve": None
-            if self.error_curve is None
-            else dict(zip(("input", "error"), (one.tolist() for one in self.error_curve))),
-        }
-
-
-def _described(linkage: FourBar, offset: float) -> dict[str, Any]:
-    plain = linkage.to_dict()
-    return {name: plain[name] for name in ("links", "branch", "start_angle")} | {"output_offset": offset}
+    error_curve: ErrorCurve | None
+    linkage: FourBar = field(metadata=KEPT)
+    """It moves, draws and saves itself."""
 
 
 @dataclass(frozen=True)
-class FunctionResult(Ranked[FunctionSolution]):
+class FunctionReport(Record):
+    """How an answer came about."""
+
+    elapsed_ms: dict[str, float]
+    """Milliseconds of each stage and in total."""
+    trace: list[tuple[float, float]]
+    """[milliseconds, best objective] after each stage."""
+    stopped_by: StoppedBy
+    seeds: int
+    """Starting points refined."""
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class FunctionResult(Record, Ranked[FunctionSolution]):
     """The answer to `linkage_atlas.function`: linkages, best first, and a report; indexed and iterated as ``solutions``.
 
     ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits),
@@ -152,15 +132,18 @@ class FunctionResult(Ranked[FunctionSolution]):
     ``x`` and ``y`` their numbers where a function was named.
     """
 
-    status: str
+    status: Status
     solutions: list[FunctionSolution]
-    report: Report
     input: Floats
+    """Crank angle at the samples, from the first."""
     output: Floats
+    """Wanted rocker angle there."""
     x: Floats | None
+    """The samples' x and y, where a function was named."""
     y: Floats | None
-    wanted: Wanted = field(repr=False)
-    degrees: bool = True
+    report: FunctionReport
+    wanted: Wanted = field(repr=False, metadata=KEPT)
+    degrees: bool = field(default=True, metadata=KEPT)
 
     @property
     def _answers(self) -> list[FunctionSolution]:
@@ -184,21 +167,6 @@ class FunctionResult(Ranked[FunctionSolution]):
                 f"there are {len(self.solutions)} linkages in this reply",
             )
         return render_function(self.wanted, self.solutions[rank - 1], kind, length_unit, self.degrees)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract."""
-        report = vars(self.report).copy()
-        for name in ("length_scale", "windows", "exhaustive"):
-            del report[name]
-        return {
-            "status": self.status,
-            "solutions": [one.to_dict() for one in self.solutions],
-            "input": self.input.tolist(),
-            "output": self.output.tolist(),
-            "x": listed(self.x),
-            "y": listed(self.y),
-            "report": report,
-        }
 
     def __repr__(self) -> str:
         unit = "deg" if self.degrees else "rad"
@@ -241,7 +209,7 @@ class Asked:
 
 
 def described(
-    asked: Asked, found: list[Generator], limits: FunctionLimits, sensitivity: bool, curves: bool
+    asked: Asked, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
 ) -> list[FunctionSolution]:
     """Generators as a user reads them, best first."""
     if not found:
@@ -262,20 +230,24 @@ def described(
         faults = practical_faults(one, wanted.target, limits)
         reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
         determined, turn = fixed[k], one.transmission_angle_min_turn
+        linkage = FourBar.of(one.linkage, asked.motion)
         solutions.append(
             FunctionSolution(
                 rank=k + 1,
-                linkage=FourBar.of(one.linkage, asked.motion),
+                links=linkage.dimensions.links,
+                branch=linkage.dimensions.branch,
+                start_angle=linkage.start_angle,
+                linkage=linkage,
                 output_offset=one.offset / radian,
                 errors=asked.errors(one),
                 family=one.family.value,
                 transmission_angle_min=one.transmission_angle_min / radian,
                 transmission_angle_min_turn=None if turn is None else turn / radian,
-                verdict=Verdict(
-                    passed[k].order, passed[k].branch, passed[k].circuit, None, not faults, tuple(reasons)
-                ),
+                verdict=verdict_of(passed[k], None, reasons, practical=not faults),
                 condition=determined.condition,
-                determination=replace(determined, length_uncertainty=determined.length_uncertainty[_EXCHANGED]),
+                determination=FunctionDetermination(
+                    determined.ill_posed, determined.resolution, determined.length_uncertainty[_EXCHANGED]
+                ),
                 sensitivity=None if changes[k] is None else changes[k].rotation[_EXCHANGED] / radian,
                 rounded=None,
                 error_curve=drawn[k],
@@ -284,27 +256,32 @@ def described(
     return solutions
 
 
-def _error_curves(asked: Asked, found: list[Generator]) -> list[tuple[Floats, Floats] | None]:
+def _error_curves(asked: Asked, found: list[Generator]) -> list[ErrorCurve | None]:
     """Input and error of each generator over the interval."""
     wanted, radian = asked.wanted, asked.radian
     shown = np.linspace(0.0, wanted.crank[-1], _SHOWN)
     gaps = wanted.curve(shown) - rocker_angles([one.linkage for one in found], shown)
     gaps -= np.array([one.offset for one in found])[:, None]
-    return [(shown / radian, gap / radian) for gap in gaps]
+    return [ErrorCurve(shown / radian, gap / radian) for gap in gaps]
 
 
-def rounded(asked: Asked, one: Generator, grid: float, work: Work) -> RoundedFunction | None:
-    """A generator with its links on a grid; None where that does not close."""
+def rounded(asked: Asked, one: Generator, grid: float, work: Work) -> RoundedFunction:
+    """A generator with its links on a grid."""
     links = np.maximum(np.round(np.array(one.linkage.links) / grid), 1.0) * grid
     again = refit(asked.wanted, one, links, asked.largest, asked.tolerance, work)
+    values: dict[str, Any] = dict.fromkeys(names_of(RoundedFunction)) | {"closes": False}
     if again is None:
-        return None
-    return RoundedFunction(
-        FourBar.of(again.linkage, asked.motion),
-        again.offset / asked.radian,
-        asked.errors(again),
-        again.transmission_angle_min / asked.radian,
-    )
+        return RoundedFunction(**values)
+    linkage = FourBar.of(again.linkage, asked.motion)
+    values |= {
+        "closes": True,
+        "links": linkage.dimensions.links,
+        "start_angle": linkage.start_angle,
+        "output_offset": again.offset / asked.radian,
+        "errors": asked.errors(again),
+        "transmission_angle_min": again.transmission_angle_min / asked.radian,
+    }
+    return RoundedFunction(**values, linkage=linkage)
 
 
 def render_function(wanted: Wanted, solution: Any, kind: str, length_unit: str, degrees: bool) -> str:

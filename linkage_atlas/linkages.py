@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from linkage_atlas.exports import kind_of, text_of
 from linkage_atlas.motions import Motion, column, number, radians_in
+from linkage_atlas.records import Floats, plain
 from linkage_atlas.studies import Analysis, ToleranceStudy, analysed, read_drive, read_manufacture, studied
 from synthesis.errors import FieldError
-from synthesis.fourbar.cognates import are_cognates
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.linkage import Linkage, are_cognates
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
 
 _TURN_STEPS = 73
 
@@ -45,6 +43,49 @@ class Joints(NamedTuple):
     rotation: Floats
     """(n,): of the body."""
     transmission_angle: Floats
+
+
+class Links(NamedTuple):
+    """Lengths of a four-bar; the ground is the distance of its fixed pivots."""
+
+    crank: float
+    coupler: float
+    rocker: float
+    ground: float
+
+
+class CouplerPoint(NamedTuple):
+    """The body point in the coupler's frame, from the crank pin."""
+
+    radius: float
+    angle: float
+
+
+class Mount(NamedTuple):
+    """Where a linkage stands, and which point it guides."""
+
+    ground_angle: float
+    """Angle of the line from pivot A to pivot B."""
+    pivot_a: tuple[float, float]
+    """Fixed pivot of the crank."""
+    pivot_b: tuple[float, float]
+    """Fixed pivot of the rocker."""
+    coupler_point: Annotated[CouplerPoint | None, CouplerPoint]
+    """P = D + radius e^(i (angle + coupler angle + ground angle)), D the crank pin."""
+    L_B: float
+    """Distance of pivot A from the origin."""
+    beta: float
+    """Angle of pivot A as seen from the origin."""
+
+
+class Dimensions(NamedTuple):
+    """A linkage as a reply holds it."""
+
+    links: Links
+    branch: Any
+    start_angle: float
+    body_offset: float | None
+    mount: Mount | None
 
 
 class FourBar:
@@ -296,27 +337,26 @@ class FourBar:
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
+    @property
+    def dimensions(self) -> Dimensions:
+        """Lengths, branch, start and mount under the names of the HTTP contract."""
+        one, mount = self._linkage, None
+        if one.mounted or one.pivot_a or one.ground_angle:
+            mount = Mount(
+                ground_angle=one.ground_angle / self._radian,
+                pivot_a=(one.pivot_a.real, one.pivot_a.imag),
+                pivot_b=(one.pivot_b.real, one.pivot_b.imag),
+                coupler_point=None if self.coupler_point is None else CouplerPoint(*self.coupler_point),
+                L_B=abs(one.pivot_a),
+                beta=float(np.angle(one.pivot_a)) / self._radian,
+            )
+        return Dimensions(
+            Links(*map(float, one.links)), one.branch, one.start / self._radian, self.body_offset, mount
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values under the names of the HTTP contract; `from_dict` takes them back."""
-        one, radian = self._linkage, self._radian
-        mount = None
-        if one.mounted or one.pivot_a or one.ground_angle:
-            point = self.coupler_point
-            mount = {
-                "ground_angle": one.ground_angle / radian,
-                "pivot_a": [one.pivot_a.real, one.pivot_a.imag],
-                "pivot_b": [one.pivot_b.real, one.pivot_b.imag],
-                "coupler_point": None if point is None else {"radius": point[0], "angle": point[1]},
-                "L_B": abs(one.pivot_a),
-                "beta": float(np.angle(one.pivot_a)) / radian,
-            }
-        return {
-            "links": dict(zip(("crank", "coupler", "rocker", "ground"), one.links)),
-            "branch": one.branch,
-            "start_angle": one.start / radian,
-            "body_offset": self.body_offset,
-            "mount": mount,
-        }
+        return dict(plain(self.dimensions))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], degrees: bool = True) -> FourBar:

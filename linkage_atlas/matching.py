@@ -87,14 +87,25 @@ def match(
         if matches and finishing.expired():
             break
         angle = principal(angle)
-        kind, branch = atlas.type_of(int(windows.row[k])), int(windows.branch[k])
+        kind, branch = atlas.type_of(int(windows.row[k])), _side(windows.branch[k])
         start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
         offset = float(np.mean(wanted - angle) / radian)
         body = offset if curve == "coupler" else None
         linkage = FourBar(*four(kind.lengths), branch, start_angle=start, body_offset=body, degrees=degrees)
         error = float(windows.error[k] / radian)
         own = _features(target.crank, angle, radian) if features else None
-        matches.append(Match(k + 1, kind, linkage, start, branch, offset, error, own))
+        matches.append(
+            Match(
+                rank=k + 1,
+                type=kind,
+                start_angle=start,
+                branch=branch,
+                offset=offset,
+                similarity=error,
+                features=own,
+                linkage=linkage,
+            )
+        )
     asked = _features(target.crank, wanted, radian) if features else None
     total = watch.elapsed
     stages = {"screen": screened, "rest": total - screened, "total": total}
@@ -104,7 +115,11 @@ def match(
         notes.append(f"the time was up: of {windows.row.size} rows the best {len(matches)} are reported")
     if not report.exhaustive:
         notes.append("the scan was cut short: rows that it did not come to may be better")
-    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, notes, asked, report.exhaustive))
+    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, report.exhaustive, notes, asked))
+
+
+def _side(branch: float) -> Literal[-1, 1]:
+    return 1 if branch > 0 else -1
 
 
 def _features(crank: Any, curve: Any, radian: float) -> Features:

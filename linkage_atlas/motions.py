@@ -11,9 +11,7 @@ from numpy.typing import ArrayLike
 
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.limits import ANGLES, BOXES, LARGEST, LINKS, Limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.practical import practical_limits
 from synthesis.free.pairs import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
 from synthesis.target import (
@@ -29,7 +27,6 @@ from synthesis.target import (
 )
 
 __all__ = [
-    "LIMITS",
     "MAX_LENGTH",
     "MAX_SAMPLES",
     "MIN_LENGTH",
@@ -41,33 +38,11 @@ __all__ = [
     "check_top",
     "number",
     "radians_in",
-    "read_limits",
 ]
 
 MOST_STOCK = 1000
 """Lengths of a stock at most."""
 OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"
-LIMITS = (
-    "transmission_angle_min",
-    "transmission_angle_min_turn",
-    "pivot_a",
-    "pivot_b",
-    "pivot_box",
-    "pivot_a_box",
-    "pivot_b_box",
-    "keep_out",
-    "link_min",
-    "link_max",
-    "link_ratio_max",
-    "links",
-    "coupler_radius_max",
-    "envelope",
-    "family",
-    "preset",
-)
-"""Names of the limits, as over HTTP."""
-PRESETS = ("practical", "none")
-"""Sets of limits by name: the first holds by default where the crank angles are free, the second where they are given."""
 
 
 def radians_in(degrees: bool) -> float:
@@ -284,59 +259,3 @@ def _points(position: ArrayLike) -> Any:
         # not x + 1j y: with an infinite y that would make x a NaN
         points = np.ascontiguousarray(points).view(complex)[:, 0]
     return points
-
-
-def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
-    """The limits of a request, checked against its motion."""
-    given = {name: value for name, value in (limits or {}).items() if value is not None}
-    for name in given:
-        if name not in LIMITS:
-            raise FieldError.no_such("/limits", name, LIMITS, "limit")
-    preset = given.pop("preset", PRESETS[0] if motion.free else PRESETS[1])
-    if preset not in PRESETS:
-        raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {preset!r}")
-    for name, value in given.items():
-        if name in ANGLES:
-            given[name] = number(f"limits/{name}", value) * motion.radian
-        elif name in ("link_min", *LARGEST):
-            given[name] = number(f"limits/{name}", value)
-        elif name in BOXES:
-            given[name] = _box(f"limits/{name}", value)
-        elif name in ("pivot_a", "pivot_b"):
-            x, y = _numbers(f"limits/{name}", value, 2, "[x, y]")
-            given[name] = complex(x, y)
-    if "keep_out" in given:
-        given["keep_out"] = tuple(_box(f"limits/keep_out/{k}", box) for k, box in enumerate(given["keep_out"]))
-    if "links" in given:
-        given["links"] = _lengths(given["links"])
-    if preset == "practical":
-        given = practical_limits(motion.samples, given)
-    checked = Limits(**given)
-    checked.check_against(motion.samples)
-    return checked
-
-
-def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:
-    found = column(field, values)
-    if found.shape != (size,):
-        raise FieldError(f"/{field}", f"wanted {form}, found {found.size} numbers")
-    if not np.all(np.isfinite(found)):
-        raise FieldError(f"/{field}/{int(np.argmin(np.isfinite(found)))}", "wanted a finite number")
-    return found.tolist()
-
-
-def _box(field: str, values: Any) -> Any:
-    return tuple(_numbers(field, values, 4, "[xmin, ymin, xmax, ymax]"))
-
-
-def _lengths(given: Any) -> tuple[float | None, ...]:
-    """Given lengths in the order of a four-bar."""
-    if not isinstance(given, Mapping):
-        raise FieldError("/limits/links", f"wanted some of {', '.join(LINKS)} with their lengths")
-    for name in given:
-        if name not in LINKS:
-            raise FieldError.no_such("/limits/links", name, LINKS, "link")
-    values = [given.get(name) for name in LINKS]
-    return tuple(
-        None if value is None else number(f"limits/links/{name}", value) for name, value in zip(LINKS, values)
-    )

@@ -17,7 +17,7 @@ import numpy as np
 from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits, Reach
-from synthesis.fourbar.practical import size_of
+from synthesis.fourbar.passage import size_of
 from synthesis.fourbar.solution import Solution
 from synthesis.free.poses import Poses
 from synthesis.ranking import APART, distinct

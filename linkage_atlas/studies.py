@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from linkage_atlas.motions import number
+from linkage_atlas.records import Floats, Record, Values, Vectors, plain
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import Load, curve_over, forces, rates
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
+from synthesis.fourbar.tolerance_study import SOURCES, Spread, Tolerances, simulate
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
 
 LARGEST = 1e12
 """Of a crank speed, a force and a torque, in the user's units."""
@@ -33,73 +31,42 @@ MOST_ROWS = 100_000
 
 
 class OfLinks(NamedTuple):
-    """A value for each of the two links that the crank drives, (n,) each."""
+    """A value for each of the two links that the crank drives."""
 
-    coupler: Floats
-    rocker: Floats
+    coupler: Values
+    rocker: Values
 
 
 class PinForces(NamedTuple):
-    """Forces in the four joints, (n, 2) each.
+    """Forces in the four joints."""
 
-    By the ground on the crank, by the crank on the coupler, by the rocker on the coupler, by the ground on the rocker.
-    """
-
-    pivot_a: Floats
-    crank_pin: Floats
-    coupler_pin: Floats
-    pivot_b: Floats
+    pivot_a: Vectors
+    """By the ground on the crank."""
+    crank_pin: Vectors
+    """By the crank on the coupler."""
+    coupler_pin: Vectors
+    """By the rocker on the coupler."""
+    pivot_b: Vectors
+    """By the ground on the rocker."""
 
 
 @dataclass(frozen=True)
-class Analysis:
-    """Velocities, accelerations and forces at n crank angles; NaN at a dead position and where the loop does not close.
+class Rates(Record):
+    """A value a crank angle; null (in Python NaN) at a dead position, and where the loop does not close."""
 
-    Attributes
-    ----------
-    crank_speed : float
-        Counter-clockwise, constant, in the unit of angle a second.
-    crank_angle : ndarray, shape (n,)
-        From the start angle on.
-    velocity, acceleration : ndarray, shape (n, 2), or None
-        Of the body point, in lengths a second (squared); None where there is none.
-    angular_velocity, angular_acceleration : OfLinks
-        In the unit of angle a second (squared).
-    transmission_angle : ndarray, shape (n,)
-    crank_torque : ndarray, shape (n,), or None
-        Of the drive on the crank, counter-clockwise, force times length, against the load alone: links without mass, pins without
-        friction. None without a load.
-    pin_forces : PinForces or None
-    curve : Analysis or None
-        The same over the used interval in steps of at most a degree.
-    """
-
-    crank_speed: float
     crank_angle: Floats
-    velocity: Floats | None
-    acceleration: Floats | None
+    """From the first sample on."""
+    velocity: Vectors | None
+    """Of the body point; null without positions."""
+    acceleration: Vectors | None
+    """Of the body point; null without positions."""
     angular_velocity: OfLinks
     angular_acceleration: OfLinks
-    transmission_angle: Floats
-    crank_torque: Floats | None
+    transmission_angle: Values
+    crank_torque: Values | None
+    """Of the drive on the crank, counter-clockwise; links without mass, no friction. Null without a load."""
     pin_forces: PinForces | None
-    curve: Analysis | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract; null where there is no finite value."""
-        found: dict[str, Any] = {
-            "crank_angle": _plain(self.crank_angle),
-            "velocity": _plain(self.velocity),
-            "acceleration": _plain(self.acceleration),
-            "angular_velocity": _named(self.angular_velocity),
-            "angular_acceleration": _named(self.angular_acceleration),
-            "transmission_angle": _plain(self.transmission_angle),
-            "crank_torque": _plain(self.crank_torque),
-            "pin_forces": None if self.pin_forces is None else _named(self.pin_forces),
-        }
-        if self.curve is None:
-            return found
-        return {"crank_speed": self.crank_speed, **found, "curve": self.curve.to_dict()}
+    """Null without a load."""
 
     def columns(self) -> dict[str, Iterable[Any]]:
         """The columns of a table, a row a crank angle; None where there is no finite value."""
@@ -110,13 +77,22 @@ class Analysis:
             plane |= {f"force_{name}": force for name, force in self.pin_forces._asdict().items()}
         for name, values in plane.items():
             for k, axis in enumerate("xy"):
-                columns[f"{name}_{axis}"] = blank if values is None else _plain(values[:, k])
+                columns[f"{name}_{axis}"] = blank if values is None else plain(values[:, k])
         for name in ("angular_velocity", "angular_acceleration"):
             for link, values in getattr(self, name)._asdict().items():
-                columns[f"{link}_{name}"] = _plain(values)
+                columns[f"{link}_{name}"] = plain(values)
         if self.crank_torque is not None:
-            columns["crank_torque"] = _plain(self.crank_torque)
+            columns["crank_torque"] = plain(self.crank_torque)
         return columns
+
+
+@dataclass(frozen=True)
+class Analysis(Rates):
+    """Velocities, accelerations and forces at a constant speed of the crank."""
+
+    crank_speed: float
+    curve: Annotated[Rates | None, Rates]
+    """The same over the used interval in steps of at most a degree."""
 
 
 class Drive(NamedTuple):
@@ -150,20 +126,23 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
 
 def analysed(linkage: Linkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None) -> Analysis:
     """An analysis at crank angles (n,) in radians from the first sample, and over an interval."""
+    curve = None if over is None else Rates(**_rates(linkage, drive, curve_over(over), radian))
+    return Analysis(**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
+
+
+def _rates(linkage: Linkage, drive: Drive, travel: Floats, radian: float) -> dict[str, Any]:
     found = rates(linkage, travel, drive.crank_speed * radian)
     held = None if drive.load is None else forces(linkage, travel, drive.load)
-    return Analysis(
-        drive.crank_speed,
-        travel / radian,
-        _plane(found.velocity),
-        _plane(found.acceleration),
-        OfLinks(found.coupler_velocity / radian, found.rocker_velocity / radian),
-        OfLinks(found.coupler_acceleration / radian, found.rocker_acceleration / radian),
-        linkage.joints(travel).transmission_angle / radian,
-        None if held is None else held.crank_torque,
-        None if held is None else PinForces(*(_plane(force) for force in held[1:])),
-        None if over is None else analysed(linkage, drive, curve_over(over), radian),
-    )
+    return {
+        "crank_angle": travel / radian,
+        "velocity": _plane(found.velocity),
+        "acceleration": _plane(found.acceleration),
+        "angular_velocity": OfLinks(found.coupler_velocity / radian, found.rocker_velocity / radian),
+        "angular_acceleration": OfLinks(found.coupler_acceleration / radian, found.rocker_acceleration / radian),
+        "transmission_angle": linkage.joints(travel).transmission_angle / radian,
+        "crank_torque": None if held is None else held.crank_torque,
+        "pin_forces": None if held is None else PinForces(*(_plane(force) for force in held[1:])),
+    }
 
 
 def check_rows(solutions: int, interval: Interval | None) -> None:
@@ -180,79 +159,81 @@ def check_rows(solutions: int, interval: Interval | None) -> None:
 
 
 class Quantiles(NamedTuple):
-    """5, 50 and 95 % of the made linkages are at most so far off: (n,) each, or numbers; infinite where too many do not close."""
+    """5, 50 and 95 % of the linkages made are at most so far off; null (in Python infinite) where too many do not close."""
 
-    p5: Any
-    p50: Any
-    p95: Any
+    p5: Values
+    p50: Values
+    p95: Values
+
+
+class Worst(NamedTuple):
+    """The same of a single number."""
+
+    p5: Annotated[float, float | None]
+    p50: Annotated[float, float | None]
+    p95: Annotated[float, float | None]
 
 
 class Made(NamedTuple):
-    """An error of the body as made against the body as designed, at n crank angles."""
+    """An error of the body as made against the body as designed: quantiles of the linkages simulated, at n crank angles."""
 
-    simulated: Quantiles
+    p5: Values
+    p50: Values
+    p95: Values
     linear: Quantiles
-    """To first order, for normally distributed deviations; NaN at a dead position."""
-    worst: Quantiles
-    """Numbers: of each made linkage's largest error over the samples."""
+    """To first order, for normally distributed deviations; null at a dead position."""
+    worst: Worst
+    """Of each linkage's largest error over the samples."""
+
+    @property
+    def simulated(self) -> Quantiles:
+        """The quantiles of the linkages simulated."""
+        return Quantiles(self.p5, self.p50, self.p95)
+
+
+class Contribution(NamedTuple):
+    """The part of one source, 0 to 1, in the variances of all samples."""
+
+    source: str
+    position: float | None
+    """Its part, 0 to 1, in the variance of the position to first order."""
+    rotation: float
+    """Its part in the variance of the rotation."""
+
+
+class Largest(TypedDict):
+    """Names of sources."""
+
+    position: str | None
+    rotation: str | None
+
+
+class Band(NamedTuple):
+    """Quantiles at crank angles from the first to the last sample."""
+
+    crank_angle: Floats
+    position: Quantiles | None
+    rotation: Quantiles
 
 
 @dataclass(frozen=True)
-class ToleranceStudy:
-    """What tolerances of manufacture do to the motion of a body.
-
-    Attributes
-    ----------
-    samples : int
-        Linkages that were simulated.
-    seed : int
-    open_share : float
-        The part of them that does not close at every sample.
-    position, rotation : Made or None
-        Distance of the body point, and absolute difference of the rotation, from those as designed, at the samples.
-    contributions : dict
-        Name of each source to its parts, 0 to 1, in the variances of position (None without a body point) and rotation, to
-        first order, over all samples.
-    band : tuple
-        Crank angles over the used interval, and `Quantiles` of position (None without a body point) and rotation there.
-    """
+class ToleranceStudy(Record):
+    """What tolerances of manufacture do to the motion of a body."""
 
     samples: int
+    """Linkages that were simulated."""
     seed: int
     open_share: float
+    """The part of them that does not close at every sample."""
     position: Made | None
+    """Distance of the body point from where it is as designed."""
     rotation: Made
-    contributions: dict[str, tuple[float | None, float]]
-    band: tuple[Floats, Quantiles | None, Quantiles]
-
-    @property
-    def largest(self) -> dict[str, str | None]:
-        """The source that contributes most to the error of position and of rotation; None where nothing contributes."""
-        found: dict[str, str | None] = {}
-        for kind, name in enumerate(("position", "rotation")):
-            parts = {source: both[kind] or 0.0 for source, both in self.contributions.items()}
-            source = max(parts, key=lambda one: parts[one])
-            found[name] = source if parts[source] > 0 else None
-        return found
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract; null where there is no finite value."""
-        angles, position, rotation = self.band
-        ranked = sorted(self.contributions.items(), key=lambda item: -max(part or 0.0 for part in item[1]))
-        return {
-            "samples": self.samples,
-            "seed": self.seed,
-            "open_share": self.open_share,
-            "position": None if self.position is None else _made(self.position),
-            "rotation": _made(self.rotation),
-            "largest": self.largest,
-            "contributions": [{"source": name, "position": p, "rotation": r} for name, (p, r) in ranked],
-            "band": {
-                "crank_angle": _plain(angles),
-                "position": None if position is None else _named(position),
-                "rotation": _named(rotation),
-            },
-        }
+    """Absolute difference of the rotation from that as designed."""
+    largest: Largest
+    """The source that contributes most; null where nothing does."""
+    contributions: list[Contribution]
+    band: Band
+    """The quantiles over the used interval in even steps, to be drawn."""
 
 
 class Manufacture(NamedTuple):
@@ -303,32 +284,36 @@ def studied(
     band = np.linspace(*over, BAND_STEPS + 1)
     every = np.concatenate([travel, band])
     found = simulate(linkage, every, travel.size, *manufacture, work)
-    parts = [[None] * len(SOURCES) if s is None else s.contributions for s in (found.position, found.rotation)]
+    both = {"position": found.position, "rotation": found.rotation}
+    parts = {name: np.zeros(len(SOURCES)) if one is None else one.contributions for name, one in both.items()}
+    contributions = [
+        Contribution(source, None if found.position is None else p, r)
+        for source, p, r in zip(SOURCES, parts["position"].tolist(), parts["rotation"].tolist())
+    ]
+    most = {name: SOURCES[int(np.argmax(part))] if part.max() > 0 else None for name, part in parts.items()}
     return ToleranceStudy(
         found.count,
         manufacture.seed,
         found.open_share,
-        None if found.position is None else _of(found.position, travel.size, 1.0),
-        _of(found.rotation, travel.size, radian),
-        {name: (None if p is None else float(p), float(r)) for name, p, r in zip(SOURCES, *parts)},
-        (band / radian, *_bands(found, travel.size, radian)),
+        None if found.position is None else _made(found.position, travel.size, 1.0),
+        _made(found.rotation, travel.size, radian),
+        Largest(position=most["position"], rotation=most["rotation"]),
+        sorted(contributions, key=lambda one: -max(one.position or 0.0, one.rotation)),
+        Band(
+            band / radian,
+            None if found.position is None else Quantiles(*found.position.simulated[travel.size :].T),
+            Quantiles(*(found.rotation.simulated[travel.size :] / radian).T),
+        ),
     )
 
 
-def _bands(found: Study, samples: int, radian: float) -> tuple[Quantiles | None, Quantiles]:
-    position = None if found.position is None else Quantiles(*found.position.simulated[samples:].T)
-    return position, Quantiles(*(found.rotation.simulated[samples:] / radian).T)
+def _made(spread: Spread, samples: int, unit: float) -> Made:
+    p5, p50, p95 = (spread.simulated[:samples] / unit).T
+    linear = Quantiles(*(spread.linear[:samples] / unit).T)
+    return Made(p5, p50, p95, linear, Worst(*(spread.worst / unit).tolist()))
 
 
-def _of(spread: Spread, samples: int, unit: float) -> Made:
-    return Made(
-        Quantiles(*(spread.simulated[:samples] / unit).T),
-        Quantiles(*(spread.linear[:samples] / unit).T),
-        Quantiles(*(spread.worst / unit).tolist()),
-    )
-
-
-# -- plain values -----------------------------------------------------------------------------------------------------
+# -- arguments --------------------------------------------------------------------------------------------------------
 
 
 def _known(field: str, values: Mapping[str, Any], names: tuple[str, ...]) -> None:
@@ -349,23 +334,3 @@ def _bounded(field: str, value: Any) -> float:
 def _plane(points: Any) -> Any:
     """Complex points as (..., 2)."""
     return None if points is None else np.stack([points.real, points.imag], axis=-1)
-
-
-def _plain(values: Any) -> Any:
-    """Numbers, and rows of numbers, with None for what is not finite."""
-    if values is None:
-        return None
-    values = np.asarray(values)
-    good: Any = np.isfinite(values)
-    if values.ndim < 2:
-        plain: Any = np.where(good, values.astype(object), None)
-        return plain.tolist()
-    return [row if fine else None for row, fine in zip(values.tolist(), good.all(axis=-1))]
-
-
-def _named(values: Any) -> dict[str, Any]:
-    return {name: _plain(value) for name, value in values._asdict().items()}
-
-
-def _made(values: Made) -> dict[str, Any]:
-    return {**_named(values.simulated), "linear": _named(values.linear), "worst": _named(values.worst)}

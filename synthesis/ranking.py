@@ -27,13 +27,14 @@ _AS_GOOD, _ALIKE = 0.02, 0.25
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of a motion at the samples: angles in radians, positions in the user's unit; None for what was not asked."""
+    """Errors of a motion at the samples, in its units of angle and length; null for what was not asked."""
 
     rotation_rms: float | None
     rotation_max: float | None
     position_rms: float | None
     position_max: float | None
     objective: float
+    """sqrt(mean square rotation error in radians + mean square position error / l^2)"""
 
 
 class Judged(Protocol):

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import fcntl
 import signal
+import socket
+import threading
+import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+import uvicorn
 from fastapi.testclient import TestClient
 from hypothesis import HealthCheck, settings
 
@@ -38,6 +43,23 @@ def some_of(cases: Sequence[Any], default: int) -> list[Any]:
     return [
         pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=mark) for case, mark in zip(cases, marks)
     ]
+
+
+@contextmanager
+def listening(app: Any, **options: Any) -> Iterator[tuple[int, uvicorn.Server]]:
+    """A real server in this process: its port, and itself. It has ended afterwards."""
+    server = uvicorn.Server(uvicorn.Config(app, log_config=None, **options))
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+        thread.start()
+        while not server.started:
+            assert thread.is_alive()
+            time.sleep(0.01)
+        yield listener.getsockname()[1], server
+        server.should_exit = True
+        thread.join(30)
+        assert not thread.is_alive()
 
 
 def make_atlas(rule: AtlasRule) -> Atlas:

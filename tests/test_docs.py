@@ -21,7 +21,7 @@ from docs import figures, notebook
 from docs import map as layout
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
 HTTP = (ROOT / "docs" / "http.md").read_text()
 
 
@@ -91,11 +91,21 @@ def test_the_documented_bounds_are_those_of_the_description() -> None:
 # -- commands and links -----------------------------------------------------------------------------------------------
 
 
+def anchors(path: Path) -> set[str]:
+    """Fragments of a document's headings, as they are shown on the web."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.MULTILINE | re.DOTALL)
+    titles = (re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", title) for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE))
+    return {re.sub(r"[^\w\- ]", "", title.strip().lower()).replace(" ", "-") for title in titles}
+
+
 @pytest.mark.parametrize("path", DOCUMENTS, ids=names)
-def test_every_linked_file_exists(path) -> None:
+def test_every_link_leads_to_a_file_and_every_fragment_to_a_heading(path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", path.read_text()):
-        if not re.match(r"[a-z]+:|#", target):
-            assert (path.parent / target.partition("#")[0]).exists(), f"{names(path)} links to {target}"
+        if not re.match(r"[a-z]+:", target):
+            name, _, fragment = target.partition("#")
+            file = path.parent / name if name else path
+            assert file.exists(), f"{names(path)} links to {target}"
+            assert not fragment or fragment in anchors(file), f"{names(path)} links to {target}"
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=names)

@@ -1,8 +1,19 @@
-"""The four-bar's routes and commands: match, synthesize, export."""
+"""The four-bar's questions over HTTP and on the command line: match, synthesize, function, and files of what they find."""
 
-SUMMARIES = {
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from typing import Any
+
+QUESTIONS = {
     "synthesize": "Rotation, positions or both: actual dimensions and mounting pose.",
     "function": "Function generation: whose rocker turns as a wanted function of its crank?",
     "match": "Rotation only: which atlas rows, at which start?",
 }
-"""One line of help of the four-bar's questions, whose modules are imported when they are asked."""
+"""One line of help of each question; their modules are imported when they are asked."""
+
+
+def worked_example() -> dict[str, Any]:
+    """The bundled request: the motion of type 45,185 over crank 30 to 100 degrees, mounted as in the paper."""
+    return json.loads(files("app").joinpath("examples/worked_example.json").read_text())

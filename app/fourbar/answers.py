@@ -6,18 +6,18 @@ import math
 from typing import Any
 
 import linkage_atlas as la
-from app.fourbar.models import MatchesReply, MatchRequest, SynthesizeReply, SynthesizeRequest
+from app.fourbar.models import MatchRequest, SynthesizeRequest
 from app.query import Resources
 
 SHORT_MS = 250.0
 """Budget of a request that is short whatever it asks for."""
 
 
-def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
+def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
     """The best rows by rotation alone; no pose is computed."""
     if request.curve == "rocker":
         resources.need_rockers()
-    found = la.match(
+    return la.match(
         request.rotation,
         request.crank_span,
         atlas=resources.atlas,
@@ -29,12 +29,6 @@ def answer_match(request: MatchRequest, resources: Resources) -> MatchesReply:
         budget=budget_of(request.budget_ms, resources),
         work=resources.work,
     )
-    return MatchesReply.model_validate(found.to_dict())
-
-
-def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> SynthesizeReply:
-    """Linkages with actual dimensions and pose, best first."""
-    return SynthesizeReply.model_validate(solve(request, resources).to_dict())
 
 
 def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
@@ -55,8 +49,8 @@ def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
     return None if math.isinf(most) else most / 1000
 
 
-def solve(request: SynthesizeRequest, resources: Resources) -> la.Result:
-    """The front door's answer to a request."""
+def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Result:
+    """Linkages with actual dimensions and pose, best first."""
     if request.effort == "atlas" and request.position is not None:
         resources.need_positions()
     return la.synthesize(

@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict
 
 import linkage_atlas as la
-from app.fourbar.answers import analysis_of, is_long, motion_of, solve
+from app.fourbar import worked_example
+from app.fourbar.answers import analysis_of, answer_synthesize, is_long, motion_of
 from app.fourbar.given import FarLength, GivenSolution
-from app.fourbar.models import SynthesizeReply, SynthesizeRequest
-from app.query import Export, LengthUnit, RequestModel, Resources
-
-if TYPE_CHECKING:
-    from starlette.applications import Starlette
+from app.fourbar.models import SynthesizeRequest
+from app.query import FILES, Export, Files, LengthUnit, RequestModel, Resources
 
 
 class PlatesRequest(RequestModel):
@@ -40,7 +38,7 @@ class ExportRequest(RequestModel):
 
 
 def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
-    found = solve(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
+    found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if len(found) < rank:
         raise la.FieldError(
             "/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits"
@@ -48,20 +46,8 @@ def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.S
     return found[rank - 1]
 
 
-MEDIA_TYPES = {
-    "csv": "text/csv; charset=utf-8",
-    "svg": "image/svg+xml",
-    "dxf": "image/vnd.dxf",
-    "plates": "image/vnd.dxf",
-    "mjcf": "application/xml",
-    "pylinkage": "application/json",
-}
-ENDINGS = {"plates": "plates.dxf", "mjcf": "xml", "pylinkage": "pylinkage.json"}
-"""Endings of files, where they are not their format's name."""
-
-
 @contextmanager
-def _pointing(change: Callable[[str], str]) -> Iterator[None]:
+def pointing(change: Callable[[str], str]) -> Iterator[None]:
     """Errors of fields within point to where this route's body has the field."""
     try:
         yield
@@ -69,80 +55,55 @@ def _pointing(change: Callable[[str], str]) -> Iterator[None]:
         raise la.FieldError(change(error.field), error.message, **error.details) from error
 
 
-def _best(name: str) -> Callable[[SynthesizeRequest, Resources], bytes]:
-    def render(request: SynthesizeRequest, resources: Resources) -> bytes:
-        best = _ranked(request, 1, resources)
-        with _pointing(lambda _: ""):
-            return best.linkage.render(name, analysis=analysis_of(request)).encode()
-
-    return render
+def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> str:
+    best = _ranked(request, 1, resources)
+    with pointing(lambda _: ""):
+        return best.linkage.render(kind, analysis=analysis_of(request))
 
 
-SYNTHESIZE_EXPORTS = {
-    name if name == "mjcf" else ENDINGS.get(name, name): Export(media_type, _best(name))
-    for name, media_type in MEDIA_TYPES.items()
-}
-"""Of /v1/synthesize: the best solution as a file."""
+def exports_of(formats: tuple[str, ...], render: Callable[[Any, Resources, str], str]) -> dict[str, Export]:
+    """The best solution of a request in some formats."""
+
+    def export(kind: str) -> Export:
+        return Export(FILES[kind].media_type, lambda *asked: render(*asked, kind).encode())
+
+    return {FILES[kind].endings[0]: export(kind) for kind in formats}
 
 
-def synthesize_file(
-    request: SynthesizeRequest, reply: SynthesizeReply, rank: int, name: str, length_unit: str
-) -> bytes:
-    """A solution of a reply as a file; the name is the ending, or ``json``."""
-    kinds = {ending: kind for kind, ending in ENDINGS.items()}
-    body = {"format": kinds.get(name, name), "length_unit": length_unit, "request": request}
-    solution = GivenSolution.model_validate(reply.solutions[rank - 1].model_dump())
-    return answer_export(ExportRequest(**body, solution=solution), None)[0]
+SYNTHESIZE_EXPORTS = exports_of(("csv", "svg", "dxf", "plates", "mjcf", "pylinkage"), _best_linkage)
+
+
+def as_json(request: RequestModel, solution: Any) -> bytes:
+    """A solution beside its request."""
+    content = {"request": request.model_dump(mode="json", exclude_defaults=True), "solution": solution}
+    return json.dumps(content, indent=1, allow_nan=False).encode()
 
 
 _PREFIXES = {"crank_angle": "/solution", "analysis": "/request"}
 
 
-def answer_export(body: ExportRequest, resources: Resources | None) -> tuple[bytes, str]:
-    """Content and media type of a file."""
+def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     request = body.request
-    with _pointing(lambda field: field if field == "/rank" else "/request" + field):
+    with pointing(lambda field: field if field == "/rank" else "/request" + field):
         motion = la.Motion.of(**motion_of(request))
         found = None if body.solution else _ranked(request, body.rank, resources)
     if body.format == "json":
-        solution = found.to_dict() if found else body.solution.model_dump(mode="json")
-        content = {"request": request.model_dump(mode="json", exclude_defaults=True), "solution": solution}
-        return json.dumps(content, indent=1, allow_nan=False).encode(), "application/json"
+        return as_json(request, found.to_dict() if found else body.solution.model_dump(mode="json"))
     linkage = found.linkage if found else la.FourBar.from_dict(body.solution.model_dump(), request.degrees)
     crank = found.crank_angle if found else body.solution.crank_angle
-    with _pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
+    with pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
         plates = None if body.plates is None else body.plates.model_dump(exclude_none=True)
         text = linkage.render(body.format, motion, body.length_unit, crank, analysis_of(request), plates)
-    return text.encode(), MEDIA_TYPES[body.format]
+    return text.encode()
 
 
-def install(app: Starlette, responses: dict[int | str, dict[str, Any]], example: Any) -> None:
-    """The route /v1/export."""
-    from starlette.responses import Response
-
-    from app import computed
-    from app.bodies import Reply
-
-    files = {media_type: {} for media_type in ["application/json", *MEDIA_TYPES.values()]}
-    names = ("dxf", "plates", "svg", "csv", "mjcf", "pylinkage", "json")
-    bodies = {name: {"value": {"request": example, "format": name}} for name in names}
-
-    def answer(body: ExportRequest, resources: Resources) -> Response:
-        content, media_type = answer_export(body, resources)
-        ending = ENDINGS.get(body.format, body.format)
-        return Reply(content, media_type, {"Content-Disposition": f'attachment; filename="linkage.{ending}"'})
-
-    computed.add(
-        app,
-        "/v1/export",
-        "export",
-        ExportRequest,
-        answer,
-        lambda body: body.solution is None and is_long(body.request),
-        tags=["synthesize"],
-        summary="A linkage as a file: JSON, CSV, SVG, DXF, plates to cut, MJCF or pylinkage's JSON.",
-        response_class=Response,
-        response_model=None,
-        responses={**responses, 200: {"content": files}},
-        openapi_extra={"requestBody": {"content": {"application/json": {"examples": bodies}}}},
-    )
+LINKAGE_FILES = Files(
+    "/v1/export",
+    "export",
+    "linkage",
+    "A linkage as a file: JSON, CSV, SVG, DXF, plates to cut, MJCF or pylinkage's JSON.",
+    ExportRequest,
+    _linkage_file,
+    {"request": worked_example()},
+    lambda body: body.solution is None and is_long(body.request),
+)

@@ -2,41 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from types import SimpleNamespace
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 import linkage_atlas as la
-from app.fourbar import SUMMARIES
+from app.fourbar import QUESTIONS
 from app.fourbar.answers import SHORT_MS, budget_of
+from app.fourbar.csv_request import function_from_csv
+from app.fourbar.export import as_json, exports_of, pointing
 from app.fourbar.given import GivenGenerator
 from app.fourbar.models import (
     Curve,
     Length,
-    LinksReply,
-    VerdictReply,
+    limits_request,
 )
+from app.fourbar.tables import function_table
 from app.query import (
     AngleUnit,
     Count,
-    Export,
+    Files,
     Flag,
+    LengthUnit,
     Number,
     PositiveNumber,
     Query,
-    ReplyModel,
     RequestModel,
     Resources,
 )
-from app.tables import DEGREES, Units, number, table
+from linkage_atlas.limits import FUNCTION_LIMITS
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES
 
-MEDIA_TYPES = {
-    "csv": "text/csv; charset=utf-8",
-    "svg": "image/svg+xml",
-    "dxf": "image/vnd.dxf",
-    "mjcf": "application/xml",
-}
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
@@ -59,33 +56,13 @@ class FunctionOfX(RequestModel):
     )
 
 
-class LinksRequest(RequestModel):
-    """Lengths that are given."""
-
-    crank: Length | None = None
-    coupler: Length | None = None
-    rocker: Length | None = None
-    ground: Length | None = Field(None, description="Needed where others are given; default 1.")
-
-
-class FunctionLimitsRequest(RequestModel):
-    """What every linkage must keep to."""
-
-    family: Literal["any", "full_crank", "crank_rocker", "double_crank"] = Field(
-        "any", description="`any`: closes over the used interval without changing its branch."
-    )
-    transmission_angle_min: Number | None = Field(None, description="Smallest transmission angle over the interval.")
-    transmission_angle_min_turn: Number | None = Field(
-        None, description="Smallest over the whole turn, where the crank turns fully."
-    )
-    link_ratio_max: Number | None = Field(None, description="Longest link over the shortest, at most.")
-    link_min: Length | None = Field(None, description="Shortest length of any link.")
-    link_max: Length | None = Field(None, description="Longest length of any link.")
-    links: LinksRequest | None = Field(None, description="Lengths that are given; the ground is 1 otherwise.")
-    preset: Literal["practical", "none"] | None = Field(
-        None,
-        description="Transmission angle 35 degrees (15 over the turn), link ratio 10; a field beside it replaces its value.",
-    )
+FunctionLimitsRequest = limits_request(
+    "FunctionLimitsRequest",
+    "What every linkage must keep to.",
+    FUNCTION_LIMITS,
+    "any",
+    "Transmission angle 35 degrees (15 over the turn), link ratio 10; a field beside it replaces its value.",
+)
 
 
 class FunctionRequest(RequestModel):
@@ -130,85 +107,8 @@ class FunctionRequest(RequestModel):
     angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
 
 
-class FunctionErrorsReply(ReplyModel):
-    rms: float = Field(description="At the samples, weighted.")
-    max: float = Field(description="Over the whole interval for objective `max`, over the samples for `rms`.")
-    alternations: int | None = Field(
-        description="Objective `max`: extremes of the error, of alternating sign, that are as large as the largest."
-    )
-    rms_y: float | None = Field(description="`rms` in units of y; null without `function`.")
-    max_y: float | None
-    objective: float = Field(description="What was made least, in radians.")
-
-
-class RoundedFunctionReply(ReplyModel):
-    closes: bool
-    links: LinksReply | None
-    start_angle: float | None
-    output_offset: float | None
-    errors: FunctionErrorsReply | None
-    transmission_angle_min: float | None = Field(description="Over the used interval; limits are not applied again.")
-
-
-class ErrorCurveReply(ReplyModel):
-    input: list[float]
-    error: list[float] = Field(description="Wanted less made.")
-
-
-class FunctionDeterminationReply(ReplyModel):
-    ill_posed: bool = Field(
-        description="A length is not even fixed to a thousandth by the function at this resolution, whatever limits hold it."
-    )
-    resolution: float = Field(description="Error that is considered: the objective, at least the tolerance.")
-    length_uncertainty: list[float | None] = Field(
-        description="Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."
-    )
-
-
-class FunctionSolutionReply(ReplyModel):
-    rank: int
-    links: LinksReply
-    branch: Literal[-1, 1]
-    start_angle: float = Field(description="Crank angle at the first sample, from the ground line A->B.")
-    output_offset: float = Field(
-        description="output = rocker angle (in -180..180 degrees at the first sample, continuous) + this."
-    )
-    errors: FunctionErrorsReply
-    verdict: VerdictReply
-    family: str
-    transmission_angle_min: float = Field(description="Over the used interval.")
-    transmission_angle_min_turn: float | None = Field(
-        description="Over the whole turn; null if the crank cannot turn."
-    )
-    condition: float = Field(description="Condition number of the output's derivatives by all unknowns.")
-    determination: FunctionDeterminationReply
-    sensitivity: list[float] | None = Field(
-        description="Rms change of the output per unit of crank, coupler, rocker, ground."
-    )
-    rounded: RoundedFunctionReply | None
-    error_curve: ErrorCurveReply | None
-
-
-class FunctionReport(ReplyModel):
-    elapsed_ms: dict[str, float]
-    trace: list[tuple[float, float]] = Field(description="[milliseconds, best objective] after each stage.")
-    stopped_by: Literal["tolerance", "converged", "budget"]
-    seeds: int = Field(description="Starting points refined.")
-    notes: list[str]
-
-
-class FunctionReply(ReplyModel):
-    status: Literal["reached", "closest", "infeasible", "unknown"]
-    solutions: list[FunctionSolutionReply]
-    input: list[float] = Field(description="Crank angle at the samples, from the first.")
-    output: list[float] = Field(description="Wanted rocker angle there.")
-    x: list[float] | None = Field(description="The samples' x and y, where a function was named.")
-    y: list[float] | None
-    report: FunctionReport
-
-
-def solve_function(request: FunctionRequest, resources: Resources, top: int | None = None) -> la.FunctionResult:
-    """The front door's answer to a request."""
+def solve_function(request: FunctionRequest, resources: Resources) -> la.FunctionResult:
+    """Linkages that make a function, best first."""
     names = ("output", "crank_span", "input", "objective", "input_zero", "output_zero", "weights", "one_way")
     names += ("tolerance", "round_to", "sensitivity", "curves")
     asked = None if request.function is None else request.function.model_dump(exclude_none=True)
@@ -217,7 +117,7 @@ def solve_function(request: FunctionRequest, resources: Resources, top: int | No
         function=asked,
         refine_from=None if request.refine_from is None else request.refine_from.model_dump(),
         limits=request.limits.model_dump(exclude_none=True),
-        top=max(request.top, top or 0),
+        top=request.top,
         budget=budget_of(request.budget_ms, resources),
         degrees=request.angle_unit == "deg",
         work=resources.work,
@@ -233,80 +133,87 @@ def is_long(request: FunctionRequest) -> bool:
     return request.objective == "max" or limited or samples > 64 or request.top > 20
 
 
-def answer_function(request: FunctionRequest, resources: Resources) -> FunctionReply:
-    """Linkages that make a function, best first."""
-    return FunctionReply.model_validate(solve_function(request, resources).to_dict())
+class FunctionExportRequest(RequestModel):
+    """A function, one of its linkages, and the kind of file that is wanted."""
+
+    request: FunctionRequest = Field(description="The request of /v1/function; angles are in its unit.")
+    solution: GivenGenerator
+    format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
+    length_unit: LengthUnit = Field("mm", description="The unit of the lengths, for DXF and MJCF.")
 
 
-def _best(name: str) -> Any:
-    def render(request: FunctionRequest, resources: Resources) -> bytes:
-        return solve_function(request, resources).render(name).encode()
+def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
+    from linkage_atlas.functions import read_wanted
+    from linkage_atlas.generators import render_function
 
-    return render
-
-
-def function_table(reply: FunctionReply, units: Units = DEGREES) -> str:
-    """Ranked linkages of the reply; errors in the request's unit of angle."""
-    lines = [f"{reply.status}: {len(reply.solutions)} linkage{'s' if len(reply.solutions) != 1 else ''}"]
-    rows = []
-    for s in reply.solutions:
-        links = [number(v) for v in (s.links.crank, s.links.coupler, s.links.rocker, s.links.ground)]
-        errors = [
-            f"{s.errors.rms:.3g}",
-            f"{s.errors.max:.3g}",
-            "-" if s.errors.max_y is None else f"{s.errors.max_y:.3g}",
-        ]
-        alternations = "-" if s.errors.alternations is None else str(s.errors.alternations)
-        at = (f"{s.branch:+d}", number(s.start_angle), number(s.output_offset), s.family)
-        rows.append((s.rank, *links, *at, number(s.transmission_angle_min, 4), *errors, alternations))
-    if rows:
-        head = ("rank", "crank", "coupler", "rocker", "ground", "branch", "start", "offset", "family", "transm.")
-        errors = (units.head("rms", units.angle), units.head("max", units.angle), "max y", "alt.")
-        lines += ["", table((*head, *errors), rows)]
-        best = reply.solutions[0]
-        if best.verdict.reasons:
-            lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
-        if best.rounded is not None and best.rounded.links is not None and best.rounded.errors is not None:
-            r = best.rounded.links
-            rounded = " ".join(number(v) for v in (r.crank, r.coupler, r.rocker, r.ground))
-            error = units.value(best.rounded.errors.max, units.angle)
-            lines.append(f"rounded: {rounded}, largest error {error}")
-    if trace := ", ".join(f"{ms:.1f} ms: {value:.1e}" for ms, value in reply.report.trace):
-        lines += ["", f"best objective after {trace}"]
-    elapsed = ", ".join(f"{name} {value:.1f} ms" for name, value in reply.report.elapsed_ms.items())
-    lines.append(f"stopped by {reply.report.stopped_by}; {elapsed}")
-    return "\n".join(lines) + "".join(f"\nnote: {note}" for note in reply.report.notes)
+    request, solution = body.request, body.solution
+    if body.format == "json":
+        return as_json(request, solution.model_dump(mode="json"))
+    degrees = request.angle_unit == "deg"
+    asked = None if request.function is None else request.function.model_dump(exclude_none=True)
+    with pointing(lambda field: "/request" + field):
+        wanted, _ = read_wanted(
+            request.output, request.crank_span, input=request.input, function=asked, degrees=degrees
+        )
+    links = {name: getattr(solution.links, name) for name in ("crank", "coupler", "rocker", "ground")}
+    linkage = la.FourBar(**links, branch=solution.branch, start_angle=solution.start_angle, degrees=degrees)
+    made = SimpleNamespace(linkage=linkage, output_offset=solution.output_offset)
+    return render_function(wanted, made, body.format, body.length_unit, degrees).encode()
 
 
-LOGARITHM = {"name": "log10", "x": [1, 2], "output_span": 90}
-QUERY = Query(
-    "/v1/function",
+FUNCTION_FILES = Files(
+    "/v1/function/export",
+    "export_function",
     "function",
-    SUMMARIES["function"],
-    FunctionRequest,
-    FunctionReply,
-    answer_function,
-    function_table,
+    "A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
+    FunctionExportRequest,
+    _function_file,
     {
-        "logarithm": {
-            "function": LOGARITHM,
-            "crank_span": 60,
-            "objective": "max",
-            "limits": {"transmission_angle_min": 30},
-            "top": 3,
-        },
-        "five_pairs": {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90], "top": 3},
-        "square_on_given_ground": {
-            "function": {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90},
-            "crank_span": 90,
-            "limits": {"preset": "practical", "links": {"ground": 100}},
-            "round_to": 0.5,
-            "sensitivity": True,
-            "curves": True,
-            "top": 3,
+        "request": {"input": [0, 20, 50], "output": [0, 10, 30]},
+        "solution": {
+            "links": {"crank": 1, "coupler": 3, "rocker": 2.5, "ground": 3.2},
+            "branch": 1,
+            "start_angle": 40,
+            "output_offset": 0,
         },
     },
-    {name: Export(media_type, _best(name)) for name, media_type in MEDIA_TYPES.items()},
-    is_long=is_long,
-    shows_units=True,
+)
+LOGARITHM = {"name": "log10", "x": [1, 2], "output_span": 90}
+QUERIES = (
+    Query(
+        "/v1/function",
+        "function",
+        QUESTIONS["function"],
+        FunctionRequest,
+        la.FunctionResult,
+        solve_function,
+        function_table,
+        {
+            "logarithm": {
+                "function": LOGARITHM,
+                "crank_span": 60,
+                "objective": "max",
+                "limits": {"transmission_angle_min": 30},
+                "top": 3,
+            },
+            "five_pairs": {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90], "top": 3},
+            "square_on_given_ground": {
+                "function": {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90},
+                "crank_span": 90,
+                "limits": {"preset": "practical", "links": {"ground": 100}},
+                "round_to": 0.5,
+                "sensitivity": True,
+                "curves": True,
+                "top": 3,
+            },
+        },
+        exports_of(
+            ("csv", "svg", "dxf", "mjcf"),
+            lambda request, resources, kind: solve_function(request, resources).render(kind),
+        ),
+        function_from_csv,
+        is_long,
+        FUNCTION_FILES,
+        shows_units=True,
+    ),
 )

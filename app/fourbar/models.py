@@ -1,14 +1,16 @@
-"""The four-bar's requests and replies, field by field as the HTTP contract has them."""
+"""The four-bar's requests, field by field as the HTTP contract has them; replies are the dataclasses of the front door."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from app.fourbar.given import GivenSolution
-from app.fourbar.study_models import AnalysisReply, AnalysisRequest, ToleranceStudyReply, ToleranceStudyRequest
-from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, ReplyModel, RequestModel
+from app.fourbar.study_models import AnalysisRequest, ToleranceStudyRequest
+from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, RequestModel
+from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
 
 MAX_TOP = 1000
@@ -58,93 +60,49 @@ class MatchRequest(CrankMotion):
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
 
 
-class TypeReply(ReplyModel):
-    number: int = Field(description="Number of the dimension type, from 1.")
-    lengths: list[int] = Field(description="L1 crank, L2 coupler, L3 rocker, L4 ground.")
-
-
-class FeaturesReply(ReplyModel):
-    samples: int
-    resampled: bool = Field(description="Whether the samples were resampled to a power of two of even crank angles.")
-    average: float
-    details: list[float] = Field(
-        description="(mean of first half - mean of second half) / 2 of each block, coarse to fine."
-    )
-
-
-class MatchReply(ReplyModel):
-    rank: int
-    type: TypeReply
-    start_angle: float
-    branch: Literal[-1, 1]
-    offset: float = Field(
-        description="Added to the angle of the coupler, or rocker (in -180..180 degrees at the first sample, continuous)."
-    )
-    similarity: float = Field(description="Rms rotation error of this row at this start.")
-    features: FeaturesReply | None = None
-
-
-class MatchesReport(ReplyModel):
-    elapsed_ms: dict[str, float]
-    windows: int = Field(description="Types x starts x branches that the answer is the best of.")
-    evaluated: int = Field(description="Windows evaluated sample by sample; the bounds excluded the others.")
-    exhaustive: bool = Field(description="Whether all windows were considered; false where the time cut it short.")
-    notes: list[str]
-    features: FeaturesReply | None = None
-
-
-class MatchesReply(ReplyModel):
-    matches: list[MatchReply]
-    report: MatchesReport
-
-
 class LinksRequest(RequestModel):
     """Lengths that are given."""
 
     crank: Length | None = None
     coupler: Length | None = None
     rocker: Length | None = None
-    ground: Length | None = None
+    ground: Length | None = Field(
+        None, description="Of a function generator needed where others are given; default 1."
+    )
 
 
-class LimitsRequest(RequestModel):
-    """What every solution must keep to."""
+_FORMS: dict[str, Any] = {
+    "family": Literal["full_crank", "crank_rocker", "double_crank", "any"],
+    "angle": Number | None,
+    "length": Length | None,
+    "ratio": PositiveNumber | None,
+    "links": LinksRequest | None,
+    "point": Point | None,
+    "box": Box | None,
+    "boxes": Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None,
+}
+"""What a request may hold for a limit of each kind, see `synthesis.fourbar.limits.Form`."""
 
-    transmission_angle_min: Number | None = Field(
-        None, description="Smallest transmission angle over the used interval."
-    )
-    transmission_angle_min_turn: Number | None = Field(
-        None, description="Smallest transmission angle over the whole turn, where the crank turns fully."
-    )
-    pivot_a: Point | None = Field(None, description="The crank's fixed pivot is given.")
-    pivot_b: Point | None = Field(None, description="The rocker's fixed pivot is given.")
-    pivot_box: Box | None = Field(None, description="xmin, ymin, xmax, ymax for both fixed pivots.")
-    pivot_a_box: Box | None = Field(None, description="The same for the crank's pivot.")
-    pivot_b_box: Box | None = Field(None, description="The same for the rocker's pivot.")
-    keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = Field(
-        None, description="Boxes in which no fixed pivot may lie."
-    )
-    link_min: Length | None = Field(None, description="Shortest length of any link.")
-    link_max: Length | None = Field(None, description="Longest length of any link.")
-    link_ratio_max: PositiveNumber | None = Field(None, description="Longest link over the shortest, at most.")
-    links: LinksRequest | None = Field(None, description="Lengths that are given.")
-    coupler_radius_max: Length | None = Field(
-        None, description="Farthest place of the body point from the crank pin."
-    )
-    envelope: Box | None = Field(
-        None, description="A box for all joints and the body point over the used interval: xmin, ymin, xmax, ymax."
-    )
-    family: Literal["full_crank", "crank_rocker", "double_crank", "any"] = Field(
-        "full_crank", description="`any`: closes over the used interval without changing its branch."
-    )
-    preset: Literal["practical", "none"] | None = Field(
-        None,
-        description=(
-            "`practical`: transmission angle at least 35 degrees over the used interval and 15 over the turn, longest link at "
-            "most 10 times the shortest, no link and no distance of a pivot from the motion's middle above 10 times the "
-            "motion's extent; a field given beside it replaces its value."
-        ),
-    )
+
+def limits_request(name: str, doc: str, forms: Mapping[str, Any], family: str, preset: str) -> Any:
+    """The model of limits: fields as `synthesis.fourbar.limits.Limits` states them, and a set of limits by name."""
+    fields: dict[str, Any] = {
+        one: (_FORMS[form.kind], Field(family if one == "family" else None, description=form.says))
+        for one, form in forms.items()
+    }
+    fields["preset"] = (Literal["practical", "none"] | None, Field(None, description=preset))
+    return create_model(name, __base__=RequestModel, __module__=__name__, __doc__=doc, **fields)
+
+
+LimitsRequest = limits_request(
+    "LimitsRequest",
+    "What every solution must keep to.",
+    LIMITS,
+    "full_crank",
+    "`practical`: transmission angle at least 35 degrees over the used interval and 15 over the turn, longest link at "
+    "most 10 times the shortest, no link and no distance of a pivot from the motion's middle above 10 times the "
+    "motion's extent; a field given beside it replaces its value.",
+)
 
 
 class WeightsRequest(RequestModel):
@@ -227,143 +185,3 @@ class SynthesizeRequest(CrankMotion):
     tolerance_study: ToleranceStudyRequest | None = Field(
         None, description="Also report what tolerances of manufacture do to the body's motion."
     )
-
-
-class LinksReply(ReplyModel):
-    crank: float
-    coupler: float
-    rocker: float
-    ground: float
-
-
-class CouplerPointReply(ReplyModel):
-    radius: float
-    angle: float
-
-
-class MountReply(ReplyModel):
-    ground_angle: float = Field(description="Angle of the line from pivot A to pivot B.")
-    pivot_a: tuple[float, float] = Field(description="Fixed pivot of the crank.")
-    pivot_b: tuple[float, float] = Field(description="Fixed pivot of the rocker.")
-    coupler_point: CouplerPointReply = Field(
-        description="P = D + radius e^(i (angle + coupler angle + ground angle)), D the crank pin."
-    )
-    L_B: float = Field(description="Distance of pivot A from the origin.")
-    beta: float = Field(description="Angle of pivot A as seen from the origin.")
-
-
-class ErrorsReply(ReplyModel):
-    rotation_rms: float | None
-    rotation_max: float | None
-    position_rms: float | None
-    position_max: float | None
-    objective: float = Field(
-        description="sqrt(mean square rotation error in radians + mean square position error / l^2)"
-    )
-
-
-class DeterminationReply(ReplyModel):
-    ill_posed: bool = Field(
-        description="A length is not even fixed to a thousandth by the motion at this resolution."
-    )
-    resolution: float = Field(
-        description="Error of the motion that is considered: the objective, at least the tolerance; within limits the tolerance."
-    )
-    at_limits: list[str] = Field(description="Limits without which the motion would be met better.")
-    length_uncertainty: list[float | None] = Field(
-        description="Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."
-    )
-
-
-class SensitivityReply(ReplyModel):
-    rotation: list[float] | None = Field(
-        description="Rms change of rotation per unit of crank, coupler, rocker, ground."
-    )
-    position: list[float] | None = Field(
-        description="Rms change of position per unit of crank, coupler, rocker, ground."
-    )
-
-
-class RoundedReply(ReplyModel):
-    closes: bool = Field(
-        description="Whether a combination of lengths closes within the limits; if not, the rest is null."
-    )
-    links: LinksReply | None
-    start_angle: float | None
-    body_offset: float | None
-    mount: MountReply | None
-    errors: ErrorsReply | None
-    transmission_angle_min: float | None = Field(description="Over the used interval.")
-    tried: int = Field(description="Combinations of lengths that were fitted.")
-    combinations: int | None = Field(description="How many there are; null for a grid.")
-    exhaustive: bool | None = Field(description="Whether this is the best of all combinations; null for a grid.")
-
-
-class VerdictReply(ReplyModel):
-    order: bool = Field(description="A crank that turns one way passes the samples in the order asked for.")
-    branch: bool = Field(description="All samples lie on one branch.")
-    circuit: bool = Field(description="All samples, and all between, lie on one circuit.")
-    within_tolerance: bool | None = Field(description="Every sample keeps the tolerances; null without any.")
-    practical: bool = Field(
-        description="No practical limit is broken; what the request limits itself is judged by its own limit."
-    )
-    buildable: bool = Field(description="The same as `practical`: whether links collide is not checked.")
-    reasons: list[str] = Field(description="A sentence for everything that is amiss; samples count from 1.")
-
-
-class SolutionReply(ReplyModel):
-    rank: int
-    source: Literal["atlas", "refined"]
-    type: TypeReply | None
-    links: LinksReply
-    branch: Literal[-1, 1]
-    start_angle: float
-    body_offset: float | None = Field(
-        description="rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."
-    )
-    mount: MountReply | None
-    crank_angle: list[float] | None = Field(
-        None,
-        description="With free timing: crank angle at each sample from the first; one way for order `given`, "
-        "in [0, 360) degrees for `any`.",
-    )
-    errors: ErrorsReply
-    verdict: VerdictReply
-    excursion: float | None = Field(
-        None,
-        description="With free timing: the largest way of the body point between two neighbouring samples over their "
-        "distance, which counts as at least 5 % of the motion's extent.",
-    )
-    size: float | None = Field(
-        None,
-        description="Largest of the links, the coupler point's radius and the distances of the fixed pivots from the motion's "
-        "middle, over the motion's extent.",
-    )
-    family: str
-    transmission_angle_min: float = Field(description="Over the used interval.")
-    transmission_angle_min_turn: float | None = Field(
-        description="Over the whole turn; null if the crank cannot turn."
-    )
-    condition: float = Field(description="Condition number of the motion's derivatives by all unknowns.")
-    determination: DeterminationReply
-    sensitivity: SensitivityReply | None = None
-    rounded: RoundedReply | None = None
-    analysis: AnalysisReply | None = None
-    tolerance_study: ToleranceStudyReply | None = None
-
-
-class SynthesizeReport(ReplyModel):
-    elapsed_ms: dict[str, float]
-    trace: list[tuple[float, float]] = Field(description="[milliseconds, best objective] after each round.")
-    stopped_by: Literal["tolerance", "converged", "budget"]
-    length_scale: float | None
-    seeds: int | None = Field(description="Starting points refined; null for effort atlas.")
-    windows: int | None = Field(description="Atlas windows that the answer is the best of; null for effort refine.")
-    exhaustive: bool | None = Field(description="Whether all windows were considered; null for effort refine.")
-    notes: list[str]
-
-
-class SynthesizeReply(ReplyModel):
-    status: Literal["reached", "closest", "infeasible", "unknown"]
-    solutions: list[SolutionReply]
-    report: SynthesizeReport

@@ -3,42 +3,53 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from app.fourbar.models import (
-    ErrorsReply,
-    MatchesReply,
-    MatchesReport,
-    RoundedReply,
-    SolutionReply,
-    SynthesizeReply,
-    SynthesizeReport,
-)
-from app.tables import DEGREES, Units, number, table
+import numpy as np
+
+from app.tables import DEGREES, Units, columns, number
+from linkage_atlas import Matches, Result, Solution
+from linkage_atlas.answers import Errors, Rounded
+
+_LINKS = tuple((name, ".6g", f"links.{name}") for name in ("crank", "coupler", "rocker", "ground"))
 
 
-def _elapsed(report: MatchesReport | SynthesizeReport) -> str:
-    return ", ".join(f"{name} {value:.1f} ms" for name, value in report.elapsed_ms.items())
-
-
-def matches_table(reply: MatchesReply, units: Units = DEGREES) -> str:
+def matches_table(reply: Matches, units: Units = DEGREES) -> str:
     """Ranked rows of the matches; errors in the request's unit of angle."""
-    rows = [
-        (
-            *(m.rank, m.type.number, " ".join(map(str, m.type.lengths)), number(m.start_angle)),
-            *(f"{m.branch:+d}", number(m.offset), f"{m.similarity:.3g}"),
-        )
-        for m in reply.matches
-    ]
-    text = table(("rank", "type", "lengths", "start", "branch", "offset", units.head("rms error", units.angle)), rows)
-    report = reply.report
-    return f"{text}\n\nbest of {report.windows:,} windows; {_elapsed(report)}" + _notes(report)
+    text = columns(
+        reply.matches,
+        ("rank", "d", "rank"),
+        ("type", "d", "type.number"),
+        ("lengths", "", lambda match: " ".join(map(str, match.type.lengths))),
+        ("start", ".6g", "start_angle"),
+        ("branch", "+d", "branch"),
+        ("offset", ".6g", "offset"),
+        (units.head("rms error", units.angle), ".3g", "similarity"),
+    )
+    return f"{text}\n\nbest of {reply.report.windows:,} windows; {_elapsed(reply.report)}"
 
 
-def _notes(report: MatchesReport | SynthesizeReport) -> str:
-    return "".join(f"\nnote: {note}" for note in report.notes)
+def _elapsed(report: Any) -> str:
+    times = ", ".join(f"{name} {value:.1f} ms" for name, value in report.elapsed_ms.items())
+    return times + "".join(f"\nnote: {note}" for note in report.notes)
 
 
-def _proof(rounded: RoundedReply) -> str:
+def _found(reply: Any, what: str) -> str:
+    return f"{reply.status}: {len(reply.solutions)} {what}{'s' if len(reply.solutions) != 1 else ''}"
+
+
+def _search_lines(report: Any) -> list[str]:
+    """How a search came to its best, and why it ended."""
+    trace = ", ".join(f"{ms:.1f} ms: {objective:.1e}" for ms, objective in report.trace)
+    stopped = f"stopped by {report.stopped_by}; {_elapsed(report)}"
+    return ["", f"best objective after {trace}", stopped] if trace else [stopped]
+
+
+def _lengths(links: Any) -> str:
+    return " ".join(number(getattr(links, name)) for name, *_ in _LINKS)
+
+
+def _proof(rounded: Rounded) -> str:
     """Whether a choice of stock lengths is the best of all."""
     if rounded.combinations is None:
         return ""
@@ -46,34 +57,35 @@ def _proof(rounded: RoundedReply) -> str:
     return f", the best {of}" if rounded.exhaustive else f", the best of {rounded.tried:,} {of}"
 
 
-def _analysis_lines(best: SolutionReply) -> list[str]:
+def _analysis_lines(best: Solution) -> list[str]:
     """The largest values of an analysis over the used interval."""
     if best.analysis is None:
         return []
     curve, found = best.analysis.curve, []
-    for name, rows in (("velocity", curve.velocity), ("acceleration", curve.acceleration)):
-        if rows is not None and (sizes := [math.hypot(*row) for row in rows if row is not None]):
-            found.append(f"{name} {number(max(sizes), 4)}")
-    if curve.crank_torque is not None and (
-        sizes := [abs(value) for value in curve.crank_torque if value is not None]
-    ):
-        found.append(f"crank torque {number(max(sizes), 4)}")
-    if curve.pin_forces is not None:
-        rows = [row for name in type(curve.pin_forces).model_fields for row in getattr(curve.pin_forces, name)]
-        if sizes := [math.hypot(*row) for row in rows if row is not None]:
-            found.append(f"pin force {number(max(sizes), 4)}")
+    rows = {
+        "velocity": curve.velocity,
+        "acceleration": curve.acceleration,
+        "crank torque": curve.crank_torque,
+        "pin force": None if curve.pin_forces is None else np.concatenate(curve.pin_forces),
+    }
+    for name, values in rows.items():
+        if values is None:
+            continue
+        sizes = np.abs(values) if values.ndim == 1 else np.linalg.norm(values, axis=1)
+        if np.isfinite(sizes).any():
+            found.append(f"{name} {number(np.nanmax(sizes), 4)}")
     return [f"largest over the interval: {', '.join(found)}"] if found else []
 
 
-def _tolerance_lines(best: SolutionReply, units: Units) -> list[str]:
+def _tolerance_lines(best: Solution, units: Units) -> list[str]:
     """What tolerances of manufacture do at worst, and what contributes most."""
     if best.tolerance_study is None:
         return []
     study, lines = best.tolerance_study, []
     for name, unit in (("position", units.length), ("rotation", units.angle)):
         made = getattr(study, name)
-        if made is not None and made.worst.p95 is not None:
-            source = getattr(study.largest, name)
+        if made is not None and math.isfinite(made.worst.p95):
+            source = study.largest[name]
             lines.append(
                 f"as made, {name} off by at most {units.value(made.worst.p95, unit, 4)} in 95 % of {study.samples:,} linkages"
                 + (f"; most from {source}" if source else "")
@@ -81,7 +93,7 @@ def _tolerance_lines(best: SolutionReply, units: Units) -> list[str]:
     return lines
 
 
-def _errors(errors: ErrorsReply, units: Units) -> str:
+def _errors(errors: Errors, units: Units) -> str:
     """Errors at the samples in words: of rotation, of position, as far as they were asked for."""
     found = []
     for name, unit in (("rotation", units.angle), ("position", units.length)):
@@ -91,26 +103,24 @@ def _errors(errors: ErrorsReply, units: Units) -> str:
     return "; ".join(found)
 
 
-def synthesize_table(reply: SynthesizeReply, units: Units = DEGREES) -> str:
+def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
     """Ranked solutions of the reply with their largest errors, and the mounting pose and errors of the best."""
-    lines = [f"{reply.status}: {len(reply.solutions)} solution{'s' if len(reply.solutions) != 1 else ''}"]
-    rows = []
-    for s in reply.solutions:
-        links = [number(v) for v in (s.links.crank, s.links.coupler, s.links.rocker, s.links.ground)]
-        rows.append(
-            (
-                *(s.rank, *links, f"{s.branch:+d}", number(s.start_angle), s.family),
-                number(s.transmission_angle_min, 4),
-                *(units.value(error, "") for error in (s.errors.rotation_max, s.errors.position_max)),
-                f"{s.errors.objective:.2e}",
-            )
+    lines = [_found(reply, "solution")]
+    if reply.solutions:
+        text = columns(
+            reply.solutions,
+            ("rank", "d", "rank"),
+            *_LINKS,
+            ("branch", "+d", "branch"),
+            ("start", ".6g", "start_angle"),
+            ("family", "", "family"),
+            ("transm.", ".4g", "transmission_angle_min"),
+            (units.head("rot. max", units.angle), ".3g", "errors.rotation_max"),
+            (units.head("pos. max", units.length), ".3g", "errors.position_max"),
+            ("objective", ".2e", "errors.objective"),
         )
-    if rows:
-        head = ("rank", "crank", "coupler", "rocker", "ground", "branch", "start", "family", "transm.")
-        errors = (units.head("rot. max", units.angle), units.head("pos. max", units.length), "objective")
-        lines += ["", table((*head, *errors), rows)]
         best = reply.solutions[0]
-        lines += ["", f"errors of rank 1: {_errors(best.errors, units)}"]
+        lines += ["", text, "", f"errors of rank 1: {_errors(best.errors, units)}"]
         if best.mount is not None:
             m = best.mount
             lines += [
@@ -125,11 +135,34 @@ def synthesize_table(reply: SynthesizeReply, units: Units = DEGREES) -> str:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         if best.rounded is not None and best.rounded.closes:
             r = best.rounded
-            rounded = " ".join(number(v) for v in (r.links.crank, r.links.coupler, r.links.rocker, r.links.ground))
-            lines.append(f"rounded: {rounded}; {_errors(r.errors, units)}{_proof(r)}")
+            lines.append(f"rounded: {_lengths(r.links)}; {_errors(r.errors, units)}{_proof(r)}")
         lines += _analysis_lines(best) + _tolerance_lines(best, units)
-    trace = ", ".join(f"{ms:.1f} ms: {objective:.1e}" for ms, objective in reply.report.trace)
-    if trace:
-        lines += ["", f"best objective after {trace}"]
-    lines.append(f"stopped by {reply.report.stopped_by}; {_elapsed(reply.report)}")
-    return "\n".join(lines) + _notes(reply.report)
+    return "\n".join(lines + _search_lines(reply.report))
+
+
+def function_table(reply: Any, units: Units = DEGREES) -> str:
+    """Ranked linkages of the reply; errors in the request's unit of angle."""
+    lines = [_found(reply, "linkage")]
+    if reply.solutions:
+        text = columns(
+            reply.solutions,
+            ("rank", "d", "rank"),
+            *_LINKS,
+            ("branch", "+d", "branch"),
+            ("start", ".6g", "start_angle"),
+            ("offset", ".6g", "output_offset"),
+            ("family", "", "family"),
+            ("transm.", ".4g", "transmission_angle_min"),
+            (units.head("rms", units.angle), ".3g", "errors.rms"),
+            (units.head("max", units.angle), ".3g", "errors.max"),
+            ("max y", ".3g", "errors.max_y"),
+            ("alt.", "d", "errors.alternations"),
+        )
+        lines += ["", text]
+        best = reply.solutions[0]
+        if best.verdict.reasons:
+            lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
+        if best.rounded is not None and best.rounded.links is not None and best.rounded.errors is not None:
+            error = units.value(best.rounded.errors.max, units.angle)
+            lines.append(f"rounded: {_lengths(best.rounded.links)}, largest error {error}")
+    return "\n".join(lines + _search_lines(reply.report))

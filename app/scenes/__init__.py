@@ -1,7 +1,7 @@
 """The scenes beside the four-bar: each module here holds the models and the queries of one machine.
 
 A scene module exposes ``QUERIES``, a tuple of `app.query.Query`, with paths ``/v1/<scene>/...``. It is imported when the scene
-is first asked for, and its numerics in `synthesis` when a request is answered, so that no scene costs another one's start.
+is first asked for, with its numerics in `synthesis`, so that no scene costs another one's start.
 """
 
 from __future__ import annotations

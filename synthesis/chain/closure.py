@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.chain.errors import ChordError, ChordFault, NotClosing
-from synthesis.chain.track import Motion, Place, Track
+from synthesis.chain.track import ChordError, ChordFault, Motion, NotClosing, Place, Track
 from synthesis.one_variable import Floats, closer_looks, rising_root, secant
 from synthesis.work import Work
 
@@ -63,21 +62,14 @@ def highest(function: Callable[[Floats], Floats], start: float, end: float, cell
 
 @dataclass(frozen=True)
 class Chain:
-    """A chain of constant pitch on a track whose first segment drives it.
-
-    Parameters
-    ----------
-    track : Track
-        Its first segment must hold at least one link.
-    pitch : float
-        Length of a link.
-    links : int
-        Number of links, and of pins.
-    """
+    """A chain of constant pitch on a track whose first segment drives it."""
 
     track: Track
+    """Its first segment must hold at least one link."""
     pitch: float
+    """Length of a link."""
     links: int
+    """Number of links, and of pins."""
 
     def __post_init__(self) -> None:
         if not self.period <= self.track.length[0]:

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from synthesis.chain.closure import Chain, critical_parameter
-from synthesis.chain.errors import check_link_fits
-from synthesis.chain.slot import Slot, find_slot
-from synthesis.chain.track import Segment, Track, arc, line
+from synthesis.chain.slot import Pins, Slot, find_slot
+from synthesis.chain.track import Segment, Track, arc, check_link_fits, line
 from synthesis.errors import FieldError
+from synthesis.one_variable import Floats
 from synthesis.work import Work
 
 FLATTEST = 1e-6
@@ -33,25 +33,18 @@ class Crescent:
     """The paper's track.
 
     Law: all four joints are tangent for any radii and any eccentricity whose triangle exists.
-
-    Parameters
-    ----------
-    wheel_radius, upper_radius, lower_radius : float
-        R0, R1, R2.
-    eccentricity : float
-        b, height of the lower arc's centre over the upper one's.
-    alpha : float
-        Half the lower arc's sweep; xi = pi/2 - alpha.
-    eps : float
-        Polar angle of the right wheel's centre seen from the origin; 0 in the intended layout.
     """
 
     wheel_radius: float
     upper_radius: float
     lower_radius: float
+    """R0, R1, R2."""
     eccentricity: float
+    """b, height of the lower arc's centre over the upper one's."""
     alpha: float
+    """Half the lower arc's sweep; xi = pi/2 - alpha."""
     eps: float
+    """Polar angle of the right wheel's centre seen from the origin; 0 in the intended layout."""
 
     @property
     def xi(self) -> float:
@@ -276,3 +269,25 @@ def driving_segment(track: Track, pitch: float) -> int:
     if not len(holds):
         raise FieldError("/pitch", "no segment of the track is long enough for one link", constraint="link_on_track")
     return int(holds[0])
+
+
+def crescent_angles(crescent: Crescent, slot: Slot, pins: Pins) -> Floats:
+    """theta1 .. thetaN, rad, shape (n, links): each pin's angle on the part of the crescent that it is on.
+
+    On a wheel from the joint with the upper arc, over the top; on the arcs about their own centre from straight down, right
+    positive; the free pin about the upper arc's centre.
+    """
+    r0, r1, r2 = crescent.wheel_radius, crescent.upper_radius, crescent.lower_radius
+    turn = np.pi + crescent.xi + crescent.eps
+    angles = np.empty(pins.along.shape)
+    for part, start, rate in (
+        (LEFT_WHEEL, 0.0, 1 / r0),
+        (LOWER_ARC, -crescent.alpha, 1 / r2),
+        (RIGHT_WHEEL, turn, -1 / r0),
+        (UPPER_ARC, np.pi / 2 + crescent.eps, -1 / r1),
+    ):
+        on = pins.segment == part
+        angles[on] = start + rate * pins.along[on]
+    free = pins.points[:, slot.free - 1]
+    angles[:, slot.free - 1] = np.arctan2(free.real, -free.imag)
+    return angles

@@ -61,6 +61,8 @@ def _pair_difference(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 
 _PAIRINGS = ((1, 2, 1), (3, 3, 2), (0, 0, 0), (2, 1, 3))
 """Of the three excesses: the links that are added, and those that are taken off."""
+EXCESSES = np.array([[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0]])
+"""The same as coefficients: derivatives of the three excesses by the lengths."""
 
 
 def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:

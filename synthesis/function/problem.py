@@ -2,47 +2,70 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.fourbar.charts import AnyChart
-from synthesis.function.bounds import RATIO, FunctionLimits
+from synthesis.fourbar.limits import BEGIN, END, Constraints, Limits
 from synthesis.function.descent import Linear, Linearise
 from synthesis.function.wanted import Wanted
+from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
+_RATIO, _WIDE = 20.0, 1e6
+"""Lengths over the ground that are sought, and one over it, where no limit says otherwise; and where only the samples count."""
+_CLOSES = 1e-4
+"""Least transmission angle in radians: where the linkage locks, the rocker's angle has no derivative."""
+_MARGIN = 1e-9
+"""How far inside the limits of angles and family is aimed: what rounding leaves of it is inside too."""
 _RATES, _LEAST_RATE, _DIFFERENCE = 9, 1e-3, 1e-6
-WIDE = 1e6
-"""Largest ratio of lengths where only the samples count."""
+"""Places at which the rocker must go on, its least rate beside the mean one, and the step of the rate's differences."""
 
 
 class Problem:
     """A wanted function and limits made ready for many evaluations, for linkages with coupler and rocker exchanged.
 
+    The limits of shape are conditions on the unknowns; those of lengths, and lengths that are given, are edges of a box.
+
     Parameters
     ----------
     wanted : Wanted
         With a crank that turns counter-clockwise.
-    limits : FunctionLimits
-        Of the exchanged linkages.
+    limits : Limits
+        Of the exchanged linkages, lengths over the ground's.
     largest : bool
-        Whether ratios are sought within `bounds.RATIO`, or as far as numbers go where no limit says otherwise.
+        Whether ratios are sought within `_RATIO`, or as far as numbers go where no limit says otherwise.
     """
 
-    def __init__(self, wanted: Wanted, limits: FunctionLimits, largest: bool) -> None:
-        self.wanted, self.limits = wanted, limits
+    def __init__(self, wanted: Wanted, limits: Limits, largest: bool) -> None:
+        self.wanted = wanted
         self.chart = AnyChart()
-        given = limits.given
+        least = max(limits.transmission_angle_min, _CLOSES)
+        self.constraints = Constraints(replace(limits.of_shape, transmission_angle_min=least), smooth=True)
+        self.given = given = np.log([np.nan if one is None else one for one in limits.links[:3]])
+        """ln of the ratios that are given, NaN of the others, (3,)."""
         held = np.concatenate([~np.isnan(given), [wanted.start is not None, wanted.offset is not None]])
-        self.given = given
         self.free = np.flatnonzero(~held)
-        low, high = limits.box(RATIO if largest else WIDE)
+        ratio = limits.link_ratio_max or (_RATIO if largest else _WIDE)
+        low, high = np.log([limits.link_min or 1 / ratio, limits.link_max or ratio])
         low, high = np.where(np.isnan(given), low, given), np.where(np.isnan(given), high, given)
         wide = np.full(2, np.inf)
         self.box = np.concatenate([low, -wide]), np.concatenate([high, wide])
+
+    def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """The limits of shape at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 4)."""
+        lengths = np.concatenate([np.exp(unknowns[:, :3]), np.ones((len(unknowns), 1))], axis=1)
+        used = self.wanted.interval.after(unknowns[:, 3])
+        found = self.constraints(Placed(lengths, np.ones(len(lengths)), used))
+        slopes = np.empty((*found.values.shape, 4))
+        slopes[:, :, :3] = found.slopes[:, :, :3] * lengths[:, None, :3]
+        slopes[:, :, 3] = found.slopes[:, :, BEGIN] + found.slopes[:, :, END]
+        return found.values - _MARGIN * np.array([name != "link_ratio_max" for name in found.names]), slopes
 
     def angle(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
         """theta2 of the exchanged linkages at crank angles (n, M) from the first sample; infinite where it does not close."""
@@ -99,8 +122,8 @@ class Problem:
             slope = np.empty((*error.shape, 5))
             slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
             slope[:, :, 4] = -scale
-            condition, by = self.limits.conditions(unknowns[:, :4], self.wanted.interval)
-            if self.limits.one_way:
+            condition, by = self.conditions(unknowns)
+            if self.wanted.one_way:
                 rate, by_rate = self._rates(unknowns, branch[which])
                 condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
             by = np.concatenate([by, np.zeros((*condition.shape, 1))], axis=2)

@@ -14,19 +14,20 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.solution import four
+from synthesis.fourbar.solution import four, keeps
 from synthesis.function.answers import PEAKS, Generator, Generators, exchanged, extremes, finished, look, turns_back
-from synthesis.function.bounds import FunctionLimits
 from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, apart, descend
 from synthesis.function.problem import Problem
 from synthesis.function.wanted import Wanted
 from synthesis.least_squares import Evaluation, minimise
+from synthesis.mechanism import Placed
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy, first_look, search
 from synthesis.search.seeds import SeedTables
@@ -43,6 +44,8 @@ _FARTHEST = 2.2
 _LEVELS = (1, 200, 21, 7)
 """Levels of each ratio on the grid, by how many are free."""
 _STARTS = 24
+_TOGETHER = 1 << 13
+"""Candidates of the grid whose conditions are computed at once: some megabytes."""
 _FIRST_PLACES, _PLACES = 9, 33
 _SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
 _LOOKED, _BEGUN = 24, 8
@@ -51,6 +54,8 @@ _SOFT = 0.5
 """Weight of a broken condition beside errors in radians, while the descent finds its valley."""
 _NEARLY = 1e-3
 """The same for those behind the best."""
+_ROUNDING = 1e-12
+"""Part of the longest length by which rounding may break a limit that an answer stands at."""
 _AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
 """Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
 _LEAST_RADIUS = 1e-5
@@ -60,16 +65,12 @@ _EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
 class FunctionSearch:
     """One request that the search for motions does not serve."""
 
-    def __init__(self, wanted: Wanted, limits: FunctionLimits, largest: bool, top: int, tolerance: float, work: Work):
-        self.wanted, self.limits, self.largest, self.top, self.tolerance, self.work = (
-            wanted,
-            limits,
-            largest,
-            top,
-            tolerance,
-            work,
-        )
-        self.problem = Problem(wanted, limits, largest)
+    def __init__(self, wanted: Wanted, limits: Limits, largest: bool, top: int, tolerance: float, work: Work) -> None:
+        self.wanted, self.limits, self.largest = wanted, limits.exchanged(), largest
+        self.top, self.tolerance, self.work = top, tolerance, work
+        self.ratios = self.limits.over(ground_of(limits))
+        """The limits of the exchanged linkages, lengths over the ground's."""
+        self.problem = Problem(wanted, self.ratios, largest)
         self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
@@ -106,7 +107,8 @@ class FunctionSearch:
         unknowns = np.zeros((len(shapes) * starts.size, 5))
         unknowns[:, :3], unknowns[:, 3] = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
         crank, root = self.places(_FIRST_PLACES)
-        broken = np.minimum(self.limits.conditions(unknowns[:, :4], self.wanted.interval)[0], 0.0)
+        parts = np.array_split(unknowns, 1 + len(unknowns) // _TOGETHER)
+        broken = np.concatenate([np.minimum(problem.conditions(part)[0], 0.0) for part in parts])
         far = np.sum((_SOFT * broken) ** 2, axis=1)
         found, sides = [], []
         for branch in (1.0, -1.0):
@@ -259,7 +261,7 @@ class FunctionSearch:
         peaks = np.broadcast_to(coarse, (len(rows), coarse.size))
         for turn in range(_EXCHANGES):
             found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), looked, PEAKS // 2)
-            broken = np.minimum(self.limits.conditions(unknowns[rows, :4], self.wanted.interval)[0], 0.0).min(axis=1)
+            broken = np.minimum(self.problem.conditions(unknowns[rows])[0], 0.0).min(axis=1)
             largest = found.size.max(axis=1)
             merit = largest - PENALTY * broken
             better = merit < least[rows]
@@ -299,12 +301,14 @@ class FunctionSearch:
     def kept(self, unknowns: Floats, branch: Floats) -> list[Generator]:
         """Candidates as generators, those outside of the limits left out; coupler and rocker exchanged back."""
         ratios = np.where(np.isnan(self.problem.given), unknowns[:, :3], self.problem.given)
-        lengths = self.limits.ground * np.concatenate([np.exp(ratios), np.ones((len(ratios), 1))], axis=1)
+        ground = ground_of(self.limits)
+        lengths = ground * np.concatenate([np.exp(ratios), np.ones((len(ratios), 1))], axis=1)
         for k, one in enumerate(self.limits.links):
             if one is not None:  # as it was given, to the last bit
                 lengths[:, k] = one
         start = unknowns[:, 3] % TURN
-        within = self.limits.kept_by(lengths, start, self.wanted.interval)
+        placed = Placed(lengths / ground, branch, self.wanted.interval.after(start))
+        within = keeps(self.wanted.target, self.ratios, placed, _ROUNDING)
         linkages = [
             exchanged(Linkage(four(row), int(side), float(at)))
             for row, side, at in zip(lengths[within], branch[within], start[within])
@@ -312,7 +316,7 @@ class FunctionSearch:
         # of least squares the offset is found anew, of the largest error it is the candidate's own
         offsets = unknowns[within, 4] - np.pi if self.largest else None
         found = finished(self.wanted, linkages, self.largest, offsets)
-        if not self.limits.one_way:
+        if not self.wanted.one_way:
             return found
         return [one for one, back in zip(found, turns_back(self.wanted, linkages)) if back is None]
 
@@ -323,10 +327,15 @@ class FunctionSearch:
             self.trace.append((self.work.elapsed, best))
 
 
+def ground_of(limits: Limits) -> float:
+    """The ground of a function generator, 1 where it is not given."""
+    return limits.links[3] or 1.0
+
+
 def generate(
     tables: SeedTables,
     wanted: Wanted,
-    limits: FunctionLimits,
+    limits: Limits,
     largest: bool,
     top: int,
     tolerance: float,
@@ -339,7 +348,8 @@ def generate(
     tables : SeedTables
         Of the four-bar.
     wanted : Wanted
-    limits : FunctionLimits
+    limits : Limits
+        Lengths in the unit of the ground's, see `ground_of`.
     largest : bool
         Make the largest error over the interval least, or else the root of the mean square at the samples.
     top : int
@@ -359,22 +369,22 @@ def generate(
     if wanted.clockwise:
         found, report = generate(tables, wanted.mirrored(), limits, largest, top, tolerance, work)
         return [one.mirrored() for one in found], report
-    other = limits.exchanged()
-    if not largest and limits.only_family:
-        mechanism = Generators(wanted, limits.ground)
+    ground = ground_of(limits)
+    if not largest and limits.over(ground).only_family and not wanted.one_way:
+        mechanism = Generators(wanted, ground)
         found, report = search(tables, wanted.target, Limits(family=limits.family), top, tolerance, work, mechanism)
         given = wanted.start is not None or wanted.offset is not None
         if not given or Status.of(found, tolerance) is Status.REACHED or work.expired():
             return found, report
         # with given zeros the search for motions ends with full cranks
-        run = FunctionSearch(wanted, other, False, top, tolerance, work)
+        run = FunctionSearch(wanted, limits, False, top, tolerance, work)
         found = distinct(found + run.run(tables), top, APART)
         trace = report.trace + [
             (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
         ]
         stopped = _stopped_by(found, tolerance, work)
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
-    run = FunctionSearch(wanted, other, largest, top, tolerance, work)
+    run = FunctionSearch(wanted, limits, largest, top, tolerance, work)
     found = run.run(tables)
     stopped = _stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
@@ -393,8 +403,8 @@ def refit(
     if wanted.clockwise:
         found = refit(wanted.mirrored(), generator.mirrored(), links, largest, tolerance, work)
         return None if found is None else found.mirrored()
-    crank, coupler, rocker, ground = (float(one) for one in links)
-    run = FunctionSearch(wanted, FunctionLimits(links=(crank, rocker, coupler, ground)), largest, 1, tolerance, work)
+    wanted = replace(wanted, one_way=False)
+    run = FunctionSearch(wanted, Limits("any", links=four(links)), largest, 1, tolerance, work)
     start = generator.linkage.start + _AROUND
     if wanted.start is not None:
         start = np.array([wanted.start])

@@ -33,6 +33,8 @@ class Wanted:
     exact : callable, optional
         ``exact(crank) -> output`` anywhere in the interval. Default: the spline of degree five through the samples, of a
         lower one through less than six.
+    one_way : bool
+        The rocker must not turn back within the interval; see `problem.Problem` and `answers.turns_back`.
     """
 
     crank: Floats
@@ -41,6 +43,7 @@ class Wanted:
     start: float | None = None
     offset: float | None = None
     exact: Callable[[Floats], Floats] | None = None
+    one_way: bool = False
 
     @property
     def interval(self) -> Interval:

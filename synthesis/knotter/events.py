@@ -63,24 +63,17 @@ _TO_SLOPES = chebvander(2 * _NODES - 1, DEGREE - 1) @ chebder(_TO_CHEBYSHEV, scl
 
 @dataclass(frozen=True)
 class Pieces:
-    """Polynomials of several functions on pieces of the driver's range.
-
-    Attributes
-    ----------
-    item : ndarray of int, shape (pieces,)
-    low, high : ndarray, shape (pieces,)
-        The piece's ends in the driver.
-    values : ndarray, shape (functions, pieces, DEGREE + 1)
-        At the Chebyshev points, from ``low`` to ``high``.
-    size : ndarray, shape (functions, items)
-        The largest value that was met.
-    """
+    """Polynomials of several functions on pieces of the driver's range."""
 
     item: Integers
+    """Shape (pieces,)."""
     low: Floats
     high: Floats
+    """The piece's ends in the driver, shape (pieces,)."""
     values: Floats
+    """At the Chebyshev points, from ``low`` to ``high``, shape (functions, pieces, DEGREE + 1)."""
     size: Floats
+    """The largest value that was met, shape (functions, items)."""
 
 
 @dataclass(frozen=True)

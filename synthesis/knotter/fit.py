@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from synthesis.knotter.conditions import Condition
-from synthesis.knotter.dimensions import varied
-from synthesis.knotter.mechanism import Mechanism
-from synthesis.one_variable import Flags, Floats
+from synthesis.knotter.mechanism import Mechanism, varied
+from synthesis.one_variable import Flags, Floats, bisect
 from synthesis.work import Work
 
 ITERATIONS, FIRST_REACH, LAST_REACH = 30, 0.15, 1e-3
@@ -32,19 +32,13 @@ RANK = 1e-6
 
 @dataclass(frozen=True)
 class Wanted:
-    """Verdicts wanted of one condition.
-
-    Parameters
-    ----------
-    condition : Condition
-    items : mapping of str to ndarray, shape (entries,)
-        The dimensions in which the entries differ.
-    holds : ndarray of bool, shape (entries,)
-    """
+    """Verdicts wanted of one condition."""
 
     condition: Condition
     items: Mapping[str, Floats]
+    """The dimensions in which the entries differ, shape (entries,)."""
     holds: Flags
+    """Shape (entries,)."""
 
 
 class Pattern:
@@ -95,23 +89,16 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Found:
-    """One set of dimensions.
-
-    Attributes
-    ----------
-    share : ndarray, shape (unknowns,)
-        As shares of the ranges.
-    margins : ndarray, shape (entries,)
-    slopes : ndarray, shape (entries, unknowns)
-        Derivatives of the margins by the shares.
-    around : float
-        The smallest margin of this set and of those one `STEP` away along each unknown.
-    """
+    """One set of dimensions."""
 
     share: Floats
+    """As shares of the ranges, shape (unknowns,)."""
     margins: Floats
+    """Shape (entries,)."""
     slopes: Floats
+    """Derivatives of the margins by the shares, shape (entries, unknowns)."""
     around: float
+    """The smallest margin of this set and of those one `STEP` away along each unknown."""
 
     @property
     def worst(self) -> float:
@@ -121,22 +108,15 @@ class Found:
 
 @dataclass(frozen=True)
 class Direction:
-    """A direction of the unknowns through a set that reproduces the pattern.
+    """A direction of the unknowns along which the pattern is kept for a while."""
 
-    Attributes
-    ----------
-    vector : ndarray, shape (unknowns,)
-        Of unit length, in shares of the ranges.
-    strength : float
-        How fast the margins change along it (root of the sum of squares), per share.
-    back, forth : float
-        How far the pattern is kept, in shares; to the end of a range at most.
-    """
-
-    vector: Floats
     strength: float
+    """How fast the margins change along it, length per share of the ranges; 0: not at all."""
     back: float
+    """How far the pattern is kept, in shares of the ranges; to their ends at most."""
     forth: float
+    vector: Annotated[Floats, dict[str, float]]
+    """In shares of the ranges, of length 1."""
 
 
 def search(
@@ -217,11 +197,7 @@ def extents(pattern: Pattern, share: Floats, vectors: Floats, work: Work) -> Flo
     whole = ~broken.any(axis=1)
     inner = room * np.where(whole, 1.0, along[first] - along[0])
     outer = room * np.where(whole, 1.0, along[first])
-    for _ in range(HALVINGS):
-        middle = 0.5 * (inner + outer)
-        good = keeps(middle)
-        inner, outer = np.where(good & ~whole, middle, inner), np.where(good | whole, outer, middle)
-    return inner
+    return bisect(keeps, inner, outer, HALVINGS)[0]
 
 
 def directions(pattern: Pattern, found: Found, work: Work | None = None) -> list[Direction]:
@@ -235,7 +211,7 @@ def directions(pattern: Pattern, found: Found, work: Work | None = None) -> list
     forth = extents(pattern, share, vectors, work)
     back = extents(pattern, share, -vectors, work)
     rows = zip(vectors, strengths, back, forth)
-    return [Direction(v, float(s), float(b), float(f)) for v, s, b, f in rows][::-1]
+    return [Direction(float(s), float(b), float(f), v) for v, s, b, f in rows][::-1]
 
 
 def rank(found: Sequence[Direction]) -> int:

@@ -1,4 +1,4 @@
-"""Bodies that turn under laws of one driver, and the chains of turns and shifts that carry points between them.
+"""Bodies that turn under laws of one driver, the chains of turns and shifts between them, and all dimensions by name.
 
 A chain is written once, in one direction; the way back is derived from it and never typed. Vectors are tuples
 ``(x, y, z)`` of arrays that broadcast against one another, so that what does not depend on a parameter or on the
@@ -59,16 +59,6 @@ class Linear:
 class Table:
     """A law through given points: straight between them, or a monotone cubic (pchip).
 
-    Parameters
-    ----------
-    driver, angle : sequence of float
-        Knots in radians; ``driver`` strictly increasing, at least two.
-    kind : {"linear", "pchip"}
-        Pchip keeps the monotony of the points and has a continuous rate.
-    outside : {"hold", "error"}
-        Before the first and after the last knot: a dwell at that angle, or no law at all. A table that holds must
-        still share a driver angle with the range it is asked for: one that lies wholly elsewhere is a mistake.
-
     Raises
     ------
     ValueError
@@ -81,8 +71,12 @@ class Table:
 
     driver: tuple[float, ...]
     angle: tuple[float, ...]
+    """Knots in radians; ``driver`` strictly increasing, at least two."""
     kind: Literal["linear", "pchip"] = "linear"
+    """Pchip keeps the monotony of the points and has a continuous rate."""
     outside: Literal["hold", "error"] = "hold"
+    """Before the first and after the last knot: a dwell at that angle, or no law at all. A table that holds must
+    still share a driver angle with the range it is asked for: one that lies wholly elsewhere is a mistake."""
 
     def __post_init__(self) -> None:
         if len(self.driver) != len(self.angle) or len(self.driver) < 2:
@@ -175,17 +169,6 @@ class Chain:
 class Mechanism:
     """Frames joined by chains, points fixed in frames, and the values that place them.
 
-    Parameters
-    ----------
-    parameters : mapping of str to float or ndarray, shape (items,)
-        Lengths and angles by name. Arrays, here and in laws and points, make one mechanism stand for many.
-    laws : mapping of str to Law
-        Angles that follow the driver.
-    chains : tuple of Chain
-        A tree over the frames.
-    points : mapping of str to (frame, (x, y, z))
-        Each point in the frame that it is fixed in.
-
     Notes
     -----
     Law: carrying a point to another frame and back gives the point, to rounding; distances between points of one
@@ -193,9 +176,13 @@ class Mechanism:
     """
 
     parameters: Mapping[str, float | Floats]
+    """Lengths and angles by name. Arrays of shape (items,), here and in laws and points, make one mechanism stand for many."""
     laws: Mapping[str, Law]
+    """Angles that follow the driver."""
     chains: tuple[Chain, ...]
+    """A tree over the frames."""
     points: Mapping[str, tuple[str, Vector]]
+    """Each point in the frame that it is fixed in."""
 
     def with_parameters(self, **values: float | Floats) -> Mechanism:
         """The same mechanism with other values of some parameters."""
@@ -312,3 +299,53 @@ def _turned(vector: Vector, axis: str, sense: int, angle: Floats | float) -> Vec
     turned[first] = cosine * vector[first] - sine * vector[second]
     turned[second] = sine * vector[first] + cosine * vector[second]
     return tuple(turned)
+
+
+ANGLES = ("alpha1", "alpha2", "alpha3", "beta.lead", "alpha4.lead")
+"""Dimensions that are angles; ratios of laws are pure numbers, all others are lengths."""
+
+
+def dimensions(mechanism: Mechanism) -> dict[str, float]:
+    """Every dimension and its value: parameters, ``law.lead`` and ``law.ratio`` of laws that are linear, ``point.axis``.
+
+    Points without a name of their own in the source (a frame's origin) are left out.
+    """
+    found = {name: float(np.asarray(value)) for name, value in mechanism.parameters.items()}
+    for name, law in mechanism.laws.items():
+        if isinstance(law, Linear):
+            found |= {f"{name}.lead": float(np.asarray(law.lead)), f"{name}.ratio": float(np.asarray(law.ratio))}
+    for name, (_, xyz) in mechanism.points.items():
+        if name.startswith("S"):
+            found |= {f"{name}.{axis}": float(at) for axis, at in zip(AXES, xyz)}
+    return found
+
+
+def varied(mechanism: Mechanism, values: Mapping[str, Floats | float]) -> Mechanism:
+    """The mechanism with other values of some dimensions, each a number or an array of shape (items,).
+
+    Law: with the values of `dimensions` it is the same mechanism.
+
+    Raises
+    ------
+    FieldError
+        A dimension that this mechanism does not have.
+    """
+    parameters, laws, points = dict(mechanism.parameters), dict(mechanism.laws), dict(mechanism.points)
+    for name, value in values.items():
+        owner, _, part = name.partition(".")
+        law = laws.get(owner)
+        if name in parameters:
+            parameters[name] = value
+        elif isinstance(law, Linear) and part in ("lead", "ratio"):
+            laws[owner] = Linear(value, law.ratio) if part == "lead" else Linear(law.lead, value)
+        elif owner in points and part in tuple(AXES):
+            frame, xyz = points[owner]
+            moved = list(xyz)
+            moved[AXES.index(part)] = value
+            points[owner] = (frame, tuple(moved))
+        else:
+            raise FieldError(
+                "",
+                f"there is no dimension {name}: a parameter, law.lead or law.ratio of a linear law, or point.i, .j, .k",
+            )
+    return replace(mechanism, parameters=parameters, laws=laws, points=points)

@@ -1,10 +1,15 @@
-"""The pneumatic lift: stroke, rise time and motion of a cylinder-driven lifting linkage, without integration.
+"""The pneumatic lift: stroke, rise time, motion and forces of a cylinder-driven lifting linkage, without integration.
 
 Geometry, symbols and source are those of `synthesis.lift.pose`; numbers in parentheses are the source's equations.
 Its loops (7)-(12) are in `synthesis.lift.loops`, as an independent check.
 
 Lengths are in the user's unit, angles in radians. What cannot be assembled is NaN in the array functions, and in
 `checked_stroke` and `motion`, the functions for one lift, a `FieldError` with the constraint's name and the amount.
+
+Forces: the platform carries a vertical load and a mass on the line of the slide; links and friction are without weight.
+By virtual work the cylinder's force is F = P ds/dl1 for a weight P. By Newton's law the triangle with the platform is held
+by the cylinder at B, the link at C and the slide at A: three equations for F, the link's force and the slide's. Forces in
+newtons, lengths in millimetres, pressures in bar.
 """
 
 from __future__ import annotations
@@ -219,3 +224,73 @@ def _check_lengths(design: Design, cylinder_length: float) -> None:
             f"it is {excess:.9g} too long"
         )
         raise refusal("l3<l5", "/design", excess, message)
+
+
+GRAVITY = 9.80665
+"""m/s^2."""
+BAR = 0.1
+"""One bar in N/mm^2."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What the cylinder has to carry, and the cylinder: ``load`` in N, ``mass`` in kg, ``bore`` and ``rod`` in mm.
+
+    The mass acts by its weight and by its inertia. ``pressure``: what is available, in bar over the surroundings.
+    """
+
+    load: float
+    mass: float
+    bore: float
+    rod: float
+    pressure: float
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Forces over a motion, shape (n,) each: the cylinder pushes with ``cylinder`` > 0, the link with ``link`` > 0.
+
+    ``slide``: horizontal force of the slide on A. ``weight``: what the platform weighs with its inertia. ``pressure``
+    needed, on the bore where the cylinder pushes, on the ring around the rod where it pulls. ``pivot_o`` and ``pivot_d``,
+    shape (n, 2): forces of the ground on the cylinder and on the link.
+    """
+
+    weight: Floats
+    cylinder: Floats
+    link: Floats
+    slide: Floats
+    pressure: Floats
+    pivot_o: Floats
+    pivot_d: Floats
+
+
+def forces(moved: Motion, drive: Drive) -> Forces:
+    """The forces over a motion.
+
+    Laws: power in is power out, F v_l = P v_s; at the top the cylinder's force is 0 and
+    the link carries the weight.
+    """
+    pose, design = moved.pose, moved.pose.design
+    weight = drive.load + drive.mass * (GRAVITY + moved.acceleration / 1000)
+    cylinder = weight * pose.gain
+    along = np.stack([pose.x, pose.y], axis=-1) / pose.length[:, None]
+    link_way = np.stack([design.l3 * pose.sin_turn, pose.root], axis=-1) / design.l5
+    # what the cylinder does not carry of the weight the link does; the slide takes the rest
+    link = (weight - cylinder * along[:, 1]) / link_way[:, 1]
+    slide = -cylinder * along[:, 0] - link * link_way[:, 0]
+    push = 0.25 * np.pi * drive.bore**2
+    pull = push - 0.25 * np.pi * drive.rod**2
+    pressure = np.where(cylinder >= 0, cylinder / push, -cylinder / pull) / BAR
+    return Forces(weight, cylinder, link, slide, pressure, cylinder[:, None] * along, link[:, None] * link_way)
+
+
+def least_bore(found: Forces, drive: Drive) -> float:
+    """The bore in mm that just carries the load at the pressure available, with the same rod.
+
+    Law: with it the largest pressure needed is the one available.
+    """
+    push = max(float(np.max(found.cylinder)), 0.0)
+    pull = max(-float(np.min(found.cylinder)), 0.0)
+    available = drive.pressure * BAR
+    square = max(push / available, pull / available + 0.25 * np.pi * drive.rod**2 if pull > 0 else 0.0)
+    return float(np.sqrt(square / (0.25 * np.pi)))

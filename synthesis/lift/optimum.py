@@ -1,8 +1,11 @@
-"""The lift's optimum design: even speed of the platform under the closure constraints.
+"""The lift's optimum design: even speed of the platform under the closure constraints; the published designs beside it.
 
 For each l2 the admissible gammas are found as intervals with their ends, and each interval is searched from end to
 end; an optimum *on* a constraint, the usual case, is therefore met exactly. The cylinder's speed is set to 1 within:
 the objective is then scaled by its square, so speed cannot move the optimum.
+
+Table 2 of the source has eleven published designs (its digits in tests/reference). A printed design is rounded to 0.1, which
+alone moves its objective by more than the optimum gains; it is therefore put back on its constraints (31)-(33) first.
 
 Numbers in parentheses are the equations of the source named in `synthesis.lift.pose`; the two free variables are
 explained in `synthesis.lift.objective`.
@@ -12,24 +15,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from synthesis.errors import FieldError
-from synthesis.lift.admissible import (
+from synthesis.lift.objective import (
+    OPEN_END,
     SEARCH_LIMIT,
+    Built,
+    Evaluator,
+    Optimum,
+    Task,
     active_inequalities,
     arm_range,
     check_task,
+    design_from_angle,
+    equation_residuals,
     inequality_slacks,
     infeasible,
     intervals,
+    project,
     roomiest_arm,
-    travel_to_top,
 )
-from synthesis.lift.motion import travel_time
-from synthesis.lift.objective import OPEN_END, Evaluator, Task, design_from_angle, driven_speed, equation_residuals
-from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_turn
+from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height
 from synthesis.one_variable import Floats, closer_looks
 from synthesis.work import Work
 
@@ -43,22 +52,6 @@ GLOBAL_LOOKS = 4
 """Closer looks over gamma while the valleys over l2 are only being told apart."""
 CANDIDATES = 3
 """Local optima over l2 that are followed to the end."""
-
-
-@dataclass(frozen=True)
-class Optimum:
-    """The best design of a task, its objective, the active inequalities by name and the slacks of all of them."""
-
-    design: Design
-    objective: float
-    active: tuple[str, ...]
-    slacks: dict[str, float]
-    equations: dict[str, float]
-    duration: float
-    velocity_bottom: float
-    mean_velocity: float
-    dead_point_length: float
-    evaluations: int
 
 
 def optimize(task: Task, work: Work | None = None) -> Optimum:
@@ -130,8 +123,6 @@ def _answer(found: Optimum, unit: Task, task: Task) -> Optimum:
         objective=found.objective * (1.0 if task.objective.kind == "normalized" else speed * speed),
         active=tuple(name.replace("upper_bound", bound) for name in found.active),
         slacks={name.replace("upper_bound", bound): slack for name, slack in found.slacks.items()},
-        duration=found.duration / speed,
-        velocity_bottom=found.velocity_bottom * speed,
         mean_velocity=found.mean_velocity * speed,
     )
 
@@ -157,25 +148,19 @@ def _optimize_at_unit_speed(task: Task, work: Work) -> Optimum:
     for value, arm, gamma in sorted(_narrow(arms, values, gammas, int(at), evaluator) for at in valleys):
         fields = design_from_angle(arm, gamma, drive.length, task.low, task.high).as_tuple()
         design = Design(*(float(field) for field in fields))
-        turn_dead = dead_point(design)
-        if np.isfinite(value) and turn_dead > np.arctan2(design.b, task.low) + gamma:
+        built = Built(design, gamma, float(pose_at_height(design, task.low).turn), drive.length)
+        if np.isfinite(value) and dead_point(design) > built.turn:
             break
     else:
         raise infeasible(task)
     slacks = {name: float(slack) for name, slack in inequality_slacks(design, task).items()}
-    # the start is collinear, so that B moves along the line OA
-    gain = (drive.length + design.l2) / task.low
-    bottom = pose_at_turn(design, np.arctan2(design.b, task.low) + gamma)
     return Optimum(
-        design=design,
+        built,
         objective=float(value),
+        mean_velocity=float(evaluator.moments(design, gamma)[1]),
         active=active_inequalities(slacks, gamma, design.l2, task),
         slacks=slacks,
         equations=equation_residuals(design, drive.length, task.low, task.high),
-        duration=float(travel_time(travel_to_top(design, task), drive.speed, drive.acceleration)),
-        velocity_bottom=float(np.sign(drive.speed) * driven_speed(bottom, drive) * gain),
-        mean_velocity=float(evaluator.moments(design, gamma)[1]),
-        dead_point_length=float(pose_at_turn(design, turn_dead).length),
         evaluations=evaluator.evaluations,
     )
 
@@ -213,3 +198,60 @@ def _narrow(
         step = (right - left) / (CLOSER_LOOK - 1)
         left, right = max(best[1] - step, left), min(best[1] + step, right)
     return best
+
+
+STROKE = (200.0, 510.0)
+ARMS = {200.0: 347.4, 210.0: 353.9, 220.0: 351.9, 230.0: 348.9, 240.0: 356.3, 250.0: 354.6}
+"""Printed l2 = l4 by cylinder length l1'."""
+FITTED = (250.0,)
+"""Cylinder lengths whose arm is not printed in full: two of its digits are lost, and (31) gives them from the printed b."""
+SLOPE_STEP = 1e-4
+"""Step of the slope along l4 = l2, as a share of l2."""
+SAME = 1e-9
+"""Share by which a stroke or a length may differ from the table's."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """The published design, put back on the constraints that its printed digits miss by their rounding."""
+
+    design: Design
+    objective: float
+    slope: float
+    """df/dl2 along l4 = l2."""
+    reason: str
+    source: Literal["printed", "fitted"]
+    """Fitted: a digit that is lost in print is inferred."""
+
+
+def published_for(task: Task, optimum: Optimum) -> Published | None:
+    """The published design for a task beside its optimum; None where the source has none for this stroke and cylinder."""
+    if not np.allclose((task.low, task.high), STROKE, rtol=SAME, atol=0.0):
+        return None
+    length = min(ARMS, key=lambda one: abs(one - task.cylinder.length))
+    if abs(length - task.cylinder.length) > SAME * length:
+        return None
+    arm = ARMS[length]
+    step = SLOPE_STEP * arm
+    arms = np.array([arm - step, arm, arm + step])
+    designs = project(arms, arms, task.cylinder.length, task.low, task.high)
+    values = Evaluator(task)(designs)
+    if not np.all(np.isfinite(values)):
+        return None
+    design = Design(*(float(value[1]) for value in designs.as_tuple()))
+    objective, slope = float(values[1]), float((values[2] - values[0]) / (2 * step))
+    reason = _reason(task, optimum, design, objective, slope)
+    return Published(design, objective, slope, reason, "fitted" if length in FITTED else "printed")
+
+
+def _reason(task: Task, optimum: Optimum, design: Design, objective: float, slope: float) -> str:
+    largest = max(design.as_dict().items(), key=lambda entry: entry[1])
+    if largest[1] > task.upper_bound:
+        return f"not admissible here: {largest[0]} = {largest[1]:.6g} is above the upper bound {task.upper_bound:.6g}"
+    gain = 1 - optimum.objective / objective
+    if not gain > SAME:
+        return f"as good as the optimum: its f is {objective:.6g}"
+    return (
+        f"not the optimum: on the same constraints its f is {objective:.6g}, the optimum's is {100 * gain:.3g} % lower; "
+        f"along l4 = l2 it changes by {slope:.4g} per unit of l2; the optimum has l2 = {optimum.design.l2:.6g}"
+    )

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -31,15 +31,22 @@ SEARCH_BLOCK = 256
 """Designs whose dead points are searched at a time."""
 
 
+Length = Annotated[Any, float]
+"""A float or an array; one number in a reply."""
+
+
 @dataclass(frozen=True)
 class Design:
-    """The five fixed lengths of a lift; floats or arrays that broadcast."""
+    """The five fixed lengths.
 
-    l2: Any
-    l3: Any
-    l4: Any
-    l5: Any
-    b: Any
+    Numbers of one lift, or arrays that broadcast, of many.
+    """
+
+    l2: Length
+    l3: Length
+    l4: Length
+    l5: Length
+    b: Length
 
     def as_tuple(self) -> tuple[Any, Any, Any, Any, Any]:
         """The lengths in the order (l2, l3, l4, l5, b)."""

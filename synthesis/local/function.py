@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.function.answers import Generator, exchanged
-from synthesis.function.bounds import FunctionLimits
 from synthesis.function.search import FunctionSearch
 from synthesis.function.wanted import Wanted
 from synthesis.local.beginning import report_of, turning_fully
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 def refine_function(
     wanted: Wanted,
-    limits: FunctionLimits,
+    limits: Limits,
     largest: bool,
     linkage: Linkage,
     offset: float | None,
@@ -32,7 +32,7 @@ def refine_function(
     Parameters
     ----------
     wanted : Wanted
-    limits : FunctionLimits
+    limits : Limits
         Lengths that are given replace those of the linkage, and zeros that are given its own.
     largest : bool
         As of `function.search.generate`.
@@ -54,7 +54,7 @@ def refine_function(
         mirrored = wanted.mirrored(), limits, largest, linkage.mirrored(), other
         made, report = refine_function(*mirrored, tolerance, work)
         return [one.mirrored() for one in made], report
-    run = FunctionSearch(wanted, limits.exchanged(), largest, 1, tolerance, work)
+    run = FunctionSearch(wanted, limits, largest, 1, tolerance, work)
     given: list[Generator] = []
     found: list[Generator] = []
     seconds = work.elapsed

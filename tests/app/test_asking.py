@@ -13,10 +13,10 @@ from xml.etree import ElementTree
 import pytest
 
 import linkage_atlas as la
-from app import bundled, cli, progress
-from app.exits import Exit, exit_of
+from app import asking, cli
+from app.arguments import Exit, exit_of
 from app.fourbar.models import SynthesizeRequest
-from app.registry import all_queries, worked_example
+from app.registry import all_examples, all_queries, worked_example
 from app.settings import Settings, atlas_of
 from linkage_atlas import cache
 
@@ -257,7 +257,7 @@ def test_the_codes_come_out_of_the_command(run) -> None:
 
 def test_every_example_is_a_request_of_its_command(run) -> None:
     listed = run("example")[1]
-    for name, example in bundled.all_examples().items():
+    for name, example in all_examples().items():
         code, out, err = run("example", name)
         assert code == Exit.OK and f"linkage-atlas {example.command} FILE" in err
         assert f"\n{name.removeprefix('synthesize-')} " in listed
@@ -269,7 +269,7 @@ def test_every_example_is_a_request_of_its_command(run) -> None:
 def test_a_question_answers_every_example_of_its_own_by_the_same_name(run, monkeypatch) -> None:
     asked = []
     monkeypatch.setattr("app.asking.read_request", lambda query, text, *rest: asked.append(text) or 1 / 0)
-    for name, example in bundled.all_examples().items():
+    for name, example in all_examples().items():
         with pytest.raises(ZeroDivisionError):
             run(*example.command.split(), "--example", name)
         assert json.loads(asked.pop()) == example.request
@@ -283,7 +283,7 @@ def test_a_machine_of_the_page_is_answered_as_the_request_that_is_printed_for_it
 
 
 def test_examples_are_laid_out_for_editing() -> None:
-    shown = bundled.pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
+    shown = cli._pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
     assert shown.splitlines() == [
         "{",
         '  "position": [',
@@ -343,11 +343,11 @@ class Terminal(io.StringIO):
 def test_what_takes_long_says_so_on_a_terminal_only(on_terminal, seconds, monkeypatch) -> None:
     import time
 
-    monkeypatch.setattr(progress, "DELAY", 0.02)
-    monkeypatch.setattr(progress, "STEP", 0.01)
+    monkeypatch.setattr(asking, "DELAY", 0.02)
+    monkeypatch.setattr(asking, "STEP", 0.01)
     stream = Terminal() if on_terminal else io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
-    with progress.waiting("searching", 30):
+    with asking.waiting("searching", 30):
         time.sleep(seconds)
     assert ("searching" in stream.getvalue()) == (on_terminal and seconds > 0)
     assert stream.getvalue().rstrip(" \r") == "" or "of at most 30" in stream.getvalue()

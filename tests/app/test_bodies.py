@@ -12,6 +12,7 @@ from app.bodies import MAX_CONTAINERS, MAX_KEYS, MAX_VALUES, json_pieces, read_r
 from app.problems import Invalid, Malformed
 from app.query import Column, Numbers, Places, ReplyModel
 from app.registry import all_queries
+from app.replies import json_of, reply_model
 from app.resources import ServiceResources
 from app.settings import Settings
 
@@ -83,7 +84,8 @@ def test_a_reply_is_that_of_the_model() -> None:
     query = QUERIES["/v1/function"]
     body = next(iter(query.examples.values()))
     answer = query.answer(query.request.model_validate(body), ServiceResources(Settings(atlas="none")))
-    assert b"".join(json_pieces(answer)) == answer.model_dump_json().encode()
+    assert b"".join(json_pieces(answer)) == json_of(answer)
+    assert query.reply is type(answer) and reply_model(query.reply).model_validate_json(json_of(answer))
 
 
 def test_the_length_of_a_reply_is_said(client) -> None:

@@ -22,7 +22,7 @@ import pytest
 
 import linkage_atlas
 from app import cli
-from app.registry import all_queries, function_queries, motion_queries, worked_example
+from app.registry import all_queries, queries_named, worked_example
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [str(Path(sysconfig.get_path("scripts")) / "linkage-atlas")]
@@ -81,7 +81,11 @@ def test_file_and_standard_input_give_the_same_reply(verb, run, request_file, sm
     assert len(replies[0]["matches" if verb == "match" else "solutions"]) == 3
 
 
-@pytest.mark.parametrize("query", [*motion_queries(), *function_queries()], ids=lambda query: query.command)
+@pytest.mark.parametrize(
+    "query",
+    [*queries_named("match"), *queries_named("synthesize"), *queries_named("function")],
+    ids=lambda query: query.command,
+)
 def test_every_query_prints_a_table(query, run, small_path) -> None:
     """Those of the scenes: tests/app/scenes/test_scenes.py."""
     name = sorted(query.examples)[0]

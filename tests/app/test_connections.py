@@ -14,13 +14,15 @@ from typing import Any
 
 import pytest
 import uvicorn
+from starlette.routing import Route
 
-from app import connections
+from app import bodies, connections
+from app.computed import Threads
 from app.connections import protocol_of
 from app.main import create_app
-from app.problems import Ending, Overloaded
+from app.resources import ServiceResources
 from app.settings import Settings
-from app.turnstile import Turnstile
+from tests.conftest import listening
 
 PATIENCE = 20.0
 NEEDLE = (
@@ -30,22 +32,12 @@ LIVEZ = b"GET /livez HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n"
 
 
 @contextmanager
-def serving(**settings: Any) -> Iterator[tuple[int, uvicorn.Server]]:
+def serving(app: Any = None, ending: int = 1, **settings: Any) -> Iterator[tuple[int, uvicorn.Server]]:
+    """The service; at its end clients have that many seconds."""
     chosen = Settings(atlas="none", **settings)
-    config = uvicorn.Config(
-        create_app(chosen), log_config=None, http=protocol_of(chosen), timeout_graceful_shutdown=1, ws="none"
-    )
-    server = uvicorn.Server(config)
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
-        thread.start()
-        while not server.started:
-            time.sleep(0.01)
-        yield listener.getsockname()[1], server
-        server.should_exit = True
-        thread.join(PATIENCE)
-        assert not thread.is_alive()
+    options = {"http": protocol_of(chosen), "timeout_graceful_shutdown": ending, "ws": "none"}
+    with listening(app or create_app(chosen), **options) as found:
+        yield found
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +52,13 @@ def connected(port: int) -> socket.socket:
 
 def everything(client: socket.socket) -> bytes:
     """What comes until the connection is closed."""
-    received = b""
+    received = bytearray()
     try:
         while part := client.recv(1 << 16):
             received += part
     except ConnectionResetError:
         pass
-    return received
+    return bytes(received)
 
 
 def said(reply: bytes) -> tuple[int, dict[str, Any]]:
@@ -119,7 +111,7 @@ def test_a_client_that_has_closed_its_own_side_is_answered(request_bytes, port) 
     with closing(connected(port)) as client:
         client.sendall(request_bytes)
         client.shutdown(socket.SHUT_WR)
-        assert everything(client).startswith(b"HTTP/1.1 200")
+        assert b"HTTP/1.1 200" in everything(client)
 
 
 def test_a_half_closed_client_of_a_long_request_is_answered(monkeypatch, port) -> None:
@@ -157,96 +149,111 @@ def test_no_more_connections_than_files() -> None:
 
 
 def test_an_unfinished_body_holds_no_one_up_at_the_end() -> None:
-    with serving() as (port, server), closing(connected(port)) as client:
+    with serving(ending=1000, body_seconds=1000.0) as (port, server), closing(connected(port)) as client:
         client.sendall(NEEDLE[:-1])
         time.sleep(0.2)
-        begin = time.monotonic()
         server.should_exit = True
-        everything(client)
-        assert time.monotonic() - begin < 2
+        everything(client)  # the client's patience is less than the service's
 
 
-# -- turns ------------------------------------------------------------------------------------------------------------
+def test_an_empty_line_before_a_request_and_an_address_in_absolute_form_are_taken(port) -> None:
+    for sent in (b"\r\n" + LIVEZ, LIVEZ.replace(b"/livez", b"http://a/livez")):
+        with closing(connected(port)) as client:
+            client.sendall(sent)
+            assert everything(client).startswith(b"HTTP/1.1 200")
 
 
-class Patient:
-    async def receive(self) -> dict[str, str]:
-        await asyncio.Event().wait()
-        return {}
+def test_what_is_no_request_is_told_with_the_headers_of_every_reply(port) -> None:
+    with closing(connected(port)) as client:
+        client.sendall(b"no HTTP\r\n\r\n")
+        assert b"content-security-policy: default-src 'none'" in everything(client).lower()
 
 
-def turns(turnstile: Turnstile, story: Any) -> Any:
-    async def told() -> Any:
-        def ask(seconds: float, long: bool) -> asyncio.Task[Any]:
-            def work(body: Any, resources: Any) -> float:
-                time.sleep(seconds)
-                return time.perf_counter()
-
-            return asyncio.create_task(turnstile.run(Patient(), work, None, None, long))
-
-        return await story(ask)
-
-    return asyncio.run(told())
+def eventually(holds: Any) -> bool:
+    """Whether something holds before long."""
+    end = time.monotonic() + PATIENCE
+    while not (found := holds()) and time.monotonic() < end:
+        time.sleep(0.01)
+    return bool(found)
 
 
-@pytest.mark.parametrize("places", [2, 3, 5])
-def test_short_requests_do_not_wait_for_long_ones(places) -> None:
-    async def story(ask):
-        long = [ask(0.4, True) for _ in range(8)]
-        await asyncio.sleep(0.05)
-        short = [ask(0.01, False) for _ in range(10)]
-        last_short, first_long = max(await asyncio.gather(*short)), min(await asyncio.gather(*long))
-        return first_long - last_short
-
-    assert turns(Turnstile(places, 64), story) > 0
+@pytest.fixture
+def unread(monkeypatch) -> Iterator[tuple[int, uvicorn.Server]]:
+    """A service whose clients may be slow to read, with a large reply at /large."""
+    monkeypatch.setattr(bodies.Held, "most", bodies.Held.most)
+    with serving(max_connections=20, reply_seconds=1.0, reply_memory_bytes=100 << 20) as (port, server):
+        large = Route("/large", lambda _: bodies.Reply(b"x" * (24 << 20)))
+        server.config.app.router.routes.insert(0, large)
+        yield port, server
 
 
-def test_long_requests_do_not_wait_for_ever() -> None:
-    async def story(ask):
-        short = [ask(0.02, False) for _ in range(40)]
-        long = [ask(0.02, True) for _ in range(3)]
-        return max(await asyncio.gather(*long)) < max(await asyncio.gather(*short))
-
-    for places in (1, 2, 3):
-        assert turns(Turnstile(places, 64), story)
-
-
-def test_long_requests_leave_room_to_wait() -> None:
-    async def story(ask):
-        long = [ask(0.1, True) for _ in range(100)]
-        await asyncio.sleep(0.02)
-        short = [ask(0.001, False) for _ in range(5)]
-        return await asyncio.gather(*long, return_exceptions=True), await asyncio.gather(*short)
-
-    long, short = turns(Turnstile(2, 16), story)
-    assert sum(isinstance(one, Overloaded) for one in long) == 100 - 1 - 8 and len(short) == 5
+def test_clients_that_do_not_read_make_room_and_are_cut_off(unread) -> None:
+    port, _ = unread
+    with ExitStack() as stack:
+        for _ in range(40):
+            client = stack.enter_context(closing(connected(port)))
+            client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\n\r\n")
+        with closing(connected(port)) as client:
+            client.sendall(LIVEZ)
+            assert everything(client).startswith(b"HTTP/1.1 200")
+        assert eventually(lambda: bodies.Held.total == 0)
 
 
-def test_the_end_of_the_service_ends_its_work() -> None:
-    turnstile = Turnstile(2, 4)
-
-    class Resources:
-        max_budget_ms = 1e6
-
-        def work(self, budget, cancelled):
-            from linkage_atlas import Work
-
-            return Work(budget, cancelled)
-
-    async def story() -> Any:
-        def work(body: Any, resources: Any) -> None:
-            watch = resources.work()
-            while not watch.expired():
-                time.sleep(0.005)
-
-        task = asyncio.create_task(turnstile.run(Patient(), work, None, Resources()))
-        await asyncio.sleep(0.05)
-        turnstile.stop()
-        return await asyncio.gather(task, return_exceptions=True)
-
-    assert isinstance(asyncio.run(story())[0], Ending)
+def test_replies_that_are_not_read_hold_only_so_much(unread) -> None:
+    port, _ = unread
+    with ExitStack() as stack:
+        starts = []
+        for _ in range(6):
+            client = stack.enter_context(closing(connected(port)))
+            client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\n\r\n")
+            starts.append(client.recv(12))
+        assert starts.count(b"HTTP/1.1 200") >= 4 and b"HTTP/1.1 503" in starts
+    assert eventually(lambda: bodies.Held.total == 0)
 
 
-def test_the_time_in_the_queue_is_said(client) -> None:
-    timing = client.post("/v1/knotter/needle", json={}).headers["server-timing"]
-    assert timing.startswith("queue;dur=") and ", answer;dur=" in timing
+def test_a_client_that_reads_gets_a_large_reply_whole(unread) -> None:
+    port, _ = unread
+    with closing(connected(port)) as client:
+        client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n")
+        received = everything(client)
+    assert len(received.partition(b"\r\n\r\n")[2]) == 24 << 20
+
+
+def test_requests_whose_clients_have_gone_leave_their_places(monkeypatch) -> None:
+    monkeypatch.setattr(connections, "_PROBE_SECONDS", 1000.0)
+    begun = threading.Event()
+
+    class Computing(Threads):
+        async def answer(self, request, question, content):
+            async def compute(queued, cancelled):
+                begun.set()
+                while not cancelled():
+                    await asyncio.sleep(0.01)
+
+            return await self._turnstile.turn(request, compute)
+
+    settings = Settings(atlas="none", max_concurrent=1)
+    resources = ServiceResources(settings)
+    app = create_app(settings, resources, lambda turnstile: Computing(resources, turnstile))
+    with serving(app) as (port, _):
+        turnstile = app.state.turnstile
+        with closing(connected(port)) as first:
+            first.sendall(NEEDLE)
+            assert begun.wait(PATIENCE)
+            for _ in range(5):
+                with closing(connected(port)) as client:
+                    client.sendall(NEEDLE)
+                    assert eventually(lambda: turnstile.waiting == 1)
+                assert eventually(lambda: turnstile.waiting == 0)
+        assert eventually(lambda: turnstile.computing == 0)
+
+
+def test_large_bodies_that_do_not_come_keep_no_place() -> None:
+    head = NEEDLE[:-2].replace(b"Length: 2", b"Length: 900000")
+    with serving(body_seconds=1000.0) as (port, _), ExitStack() as stack:
+        for _ in range(18):
+            client = stack.enter_context(closing(connected(port)))
+            client.sendall(head + b" " * 1000)
+        with closing(connected(port)) as client:
+            client.sendall(head + b"{}".ljust(900000))
+            assert client.recv(12) == b"HTTP/1.1 200"

@@ -224,7 +224,7 @@ def test_a_front_that_is_killed_is_replaced_and_listens_on_the_same_port(running
     until(answers)
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
 def test_the_end_is_told_to_clients_and_leaves_no_process(name, tmp_path) -> None:
     with serving(tmp_path, ending_seconds=2.5) as running:
         with closing(running.sent("/v1/lift/batch")) as busy:
@@ -241,6 +241,34 @@ def test_the_end_is_told_to_clients_and_leaves_no_process(name, tmp_path) -> Non
         assert running.process.wait(PATIENCE) == 0
         log = running.log.read_text()
         assert "Traceback" not in log
+
+
+def test_a_successor_takes_over_without_a_refused_request(tmp_path) -> None:
+    with serving(tmp_path, max_budget_ms=2000) as running:
+        statuses, ended = [], threading.Event()
+
+        def ask() -> None:
+            while not ended.is_set():
+                statuses.append(running.post(NEEDLE)[0])
+
+        asking = [threading.Thread(target=ask) for _ in range(2)]
+        with closing(running.sent("/v1/lift/batch")) as busy:
+            for thread in asking:
+                thread.start()
+            os.kill(running.process.pid, signal.SIGUSR1)
+            assert running.process.wait(PATIENCE) == 0
+            # it took all of its time, and not only that until the end
+            assert "longer than this service allows" in json.load(busy.getresponse())["detail"]
+        before = len(statuses)
+        until(lambda: len(statuses) > before + 10)
+        ended.set()
+        for thread in asking:
+            thread.join()
+        assert set(statuses) == {200}
+        front = re.findall(r"Started server process \[(\d+)\]", running.log.read_text())[-1]
+        successor = int(re.search(r"PPid:\s*(\d+)", status(int(front)))[1])
+        os.kill(successor, signal.SIGTERM)
+        until(lambda: not status(successor))
 
 
 def test_processes_share_the_atlas_and_what_is_prepared_later(small_bytes, tmp_path) -> None:

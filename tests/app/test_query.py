@@ -19,5 +19,5 @@ def test_a_model_is_built_when_it_is_first_used_or_with_all_others() -> None:
     queries = all_queries()  # which loads the scenes
     build_models()
     assert Outer.__pydantic_complete__
-    assert all(model.__pydantic_complete__ for query in queries for model in (query.request, query.reply))
+    assert all(model.__pydantic_complete__ for query in queries for model in (query.request,))
     assert all(model.__pydantic_complete__ for base in (RequestModel, ReplyModel) for model in base.__subclasses__())

@@ -6,24 +6,22 @@ import asyncio
 import http.client
 import json
 import logging
-import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from typing import Any
 
 import numpy as np
 import pytest
-import uvicorn
 
 import linkage_atlas as la
 from app.main import create_app
-from app.problems import Overloaded
+from app.problems import Ending, Overloaded
 from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile
+from tests.conftest import listening
 
 PATIENCE = 30.0
 SOON = 2.0
@@ -89,24 +87,11 @@ def resources(tmp_path_factory) -> ServiceResources:
     return Slow(Settings(atlas=tmp_path_factory.mktemp("turns") / "none", max_concurrent=1, max_waiting=1))
 
 
-@contextmanager
-def serving(resources: ServiceResources) -> Iterator[Service]:
-    service = create_app(resources=resources)
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        server = uvicorn.Server(uvicorn.Config(service, log_config=None))
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
-        thread.start()
-        until(lambda: server.started)
-        yield Service(listener.getsockname()[1], service.state.turnstile)
-        server.should_exit = True
-        thread.join(PATIENCE)
-
-
 @pytest.fixture(scope="module")
 def service(resources) -> Iterator[Service]:
-    with serving(resources) as service:
-        yield service
+    app = create_app(resources=resources)
+    with listening(app) as (port, _):
+        yield Service(port, app.state.turnstile)
 
 
 @pytest.mark.parametrize(
@@ -201,23 +186,95 @@ def test_long_work_asks_the_clock_throughout(path, body, small_bytes, tmp_path, 
     assert resources.left == -1 and time.process_time() - begin < SOON
 
 
+class Patient:
+    async def receive(self) -> dict[str, str]:
+        await asyncio.Event().wait()
+        return {}
+
+
+def turns(turnstile: Turnstile, story: Any) -> Any:
+    async def told() -> Any:
+        def ask(seconds: float, long: bool) -> asyncio.Task[Any]:
+            def work(body: Any, resources: Any) -> float:
+                time.sleep(seconds)
+                return time.perf_counter()
+
+            return asyncio.create_task(turnstile.run(Patient(), work, None, None, long))
+
+        return await story(ask)
+
+    return asyncio.run(told())
+
+
+@pytest.mark.parametrize("places", [2, 3, 5])
+def test_short_requests_do_not_wait_for_long_ones(places) -> None:
+    async def story(ask):
+        long = [ask(0.4, True) for _ in range(8)]
+        await asyncio.sleep(0.05)
+        short = [ask(0.01, False) for _ in range(10)]
+        last_short, first_long = max(await asyncio.gather(*short)), min(await asyncio.gather(*long))
+        return first_long - last_short
+
+    assert turns(Turnstile(places, 64), story) > 0
+
+
+def test_long_requests_do_not_wait_for_ever() -> None:
+    async def story(ask):
+        short = [ask(0.02, False) for _ in range(40)]
+        long = [ask(0.02, True) for _ in range(3)]
+        return max(await asyncio.gather(*long)) < max(await asyncio.gather(*short))
+
+    for places in (1, 2, 3):
+        assert turns(Turnstile(places, 64), story)
+
+
+def test_long_requests_leave_room_to_wait() -> None:
+    async def story(ask):
+        long = [ask(0.1, True) for _ in range(100)]
+        await asyncio.sleep(0.02)
+        short = [ask(0.001, False) for _ in range(5)]
+        return await asyncio.gather(*long, return_exceptions=True), await asyncio.gather(*short)
+
+    long, short = turns(Turnstile(2, 16), story)
+    assert sum(isinstance(one, Overloaded) for one in long) == 100 - 1 - 8 and len(short) == 5
+
+
+def test_the_end_of_the_service_ends_its_work() -> None:
+    turnstile = Turnstile(2, 4)
+
+    class Resources:
+        max_budget_ms = 1e6
+
+        def work(self, budget, cancelled):
+            from linkage_atlas import Work
+
+            return Work(budget, cancelled)
+
+    async def story() -> Any:
+        def work(body: Any, resources: Any) -> None:
+            watch = resources.work()
+            while not watch.expired():
+                time.sleep(0.005)
+
+        task = asyncio.create_task(turnstile.run(Patient(), work, None, Resources()))
+        await asyncio.sleep(0.05)
+        turnstile.stop()
+        return await asyncio.gather(task, return_exceptions=True)
+
+    assert isinstance(asyncio.run(story())[0], Ending)
+
+
+def test_the_time_in_the_queue_is_said(client) -> None:
+    timing = client.post("/v1/knotter/needle", json={}).headers["server-timing"]
+    assert timing.startswith("queue;dur=") and ", answer;dur=" in timing
+
+
 def test_of_many_that_come_at_once_no_more_than_may_wait_are_let_in() -> None:
-    class Patient:
-        async def receive(self) -> dict[str, str]:
-            await asyncio.Event().wait()
-            return {}
+    async def story(ask):
+        first = await asyncio.gather(*(ask(0.05, False) for _ in range(50)), return_exceptions=True)
+        return [*first, await ask(0.0, False)]
 
-    async def burst() -> list[Any]:
-        turnstile = Turnstile(2, 4)
-
-        def work(body: Any, resources: Any) -> str:
-            time.sleep(0.05)
-            return "done"
-
-        one = [turnstile.run(Patient(), work, None, None) for _ in range(50)]
-        first = await asyncio.gather(*one, return_exceptions=True)
-        return [*first, await turnstile.run(Patient(), work, None, None)]
-
-    *first, later = asyncio.run(burst())
-    assert first.count("done") == 6 and sum(isinstance(reply, Overloaded) for reply in first) == 44
-    assert later == "done"  # places are given back
+    *first, later = turns(Turnstile(2, 4), story)
+    assert sum(isinstance(one, float) for one in first) == 6
+    assert sum(isinstance(one, Overloaded) for one in first) == 44
+    assert isinstance(later, float), "places are given back"

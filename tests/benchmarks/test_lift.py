@@ -8,8 +8,8 @@ import pytest
 from benchmarks import report
 from benchmarks.lift_pictures import REFERENCE, task
 from synthesis.lift.objective import Evaluator, Objective, project
+from synthesis.lift.optimum import ARMS, FITTED, STROKE
 from synthesis.lift.pose import Cylinder
-from synthesis.lift.published import ARMS, FITTED, STROKE
 
 RESULTS = report.load("lift")
 

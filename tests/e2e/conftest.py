@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import re
 import shutil
-import socket
 import subprocess
 import sys
-import threading
 import time
-from pathlib import Path
 
 import pytest
-import uvicorn
 
 from app.main import create_app
 from app.settings import Settings
+from tests.conftest import listening
+from tests.e2e.page import ROOT, MotionPage
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
@@ -36,18 +34,8 @@ OPTIONS = (
 @pytest.fixture(scope="session")
 def address():
     """The service on a free port, without an atlas, whatever lies in the working folder: the page needs none."""
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        server = uvicorn.Server(uvicorn.Config(create_app(Settings(with_atlas=False)), log_level="error"))
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
-        thread.start()
-        for _ in range(1200):
-            if server.started:
-                break
-            time.sleep(0.05)
-        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
-        server.should_exit = True
-        thread.join(10)
+    with listening(create_app(Settings(with_atlas=False))) as (port, _):
+        yield f"http://127.0.0.1:{port}"
 
 
 @pytest.fixture(scope="session")
@@ -56,7 +44,7 @@ def served(tmp_path_factory):
     log = tmp_path_factory.mktemp("served") / "log"
     command = [sys.executable, "-m", "app.start", "serve", "--no-atlas", "--port", "0"]
     with log.open("w") as out:
-        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, cwd=Path(__file__).parents[2])
+        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, cwd=ROOT)
     try:
         for _ in range(1200):
             if found := re.search(r"running on (http://127.0.0.1:\d+)", log.read_text()):
@@ -79,14 +67,17 @@ def browser(tmp_path_factory, downloads):
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 
+    if not (CHROMIUM and DRIVER):
+        pytest.skip("there is no chromium with chromedriver (Debian: chromium, chromium-driver)")
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
     for option in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}", "--window-size=1280,900"):
         options.add_argument(option)
-    options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(DRIVER))
     driver.set_script_timeout(60)
+    where = {"behavior": "allow", "downloadPath": str(downloads), "eventsEnabled": True}
+    driver.execute_cdp_cmd("Browser.setDownloadBehavior", where)
     yield driver
     driver.quit()
 
@@ -98,3 +89,40 @@ def moving(browser):
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [motion]})
     yield
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+@pytest.fixture(scope="session")
+def pages(browser, address, downloads) -> MotionPage:
+    """The browser as tests use it, with nothing opened yet."""
+    return MotionPage(browser, address, downloads)
+
+
+@pytest.fixture
+def page(pages):
+    """The page of motions, freshly loaded at 1280 pixels; afterwards its console must be free of errors."""
+    pages.load()
+    yield pages
+    pages.assert_no_errors()
+
+
+@pytest.fixture
+def standing(pages):
+    """The page as the test before has left it, if that took this fixture too: for tests that read what they put in themselves.
+
+    To load the page takes longer than most of them.
+    """
+    if pages.run("return Boolean(window.standing)"):
+        pages.run("window.stub = null; for (const one of document.querySelectorAll('details')) one.open = false")
+    else:
+        pages.load()
+        pages.run("window.standing = true")
+    yield pages
+    pages.assert_no_errors()
+
+
+@pytest.fixture
+def edited(page):
+    """The page with its first machine at rest, in the mode that edits the linkage."""
+    page.rest()
+    page.mode("hand")
+    return page

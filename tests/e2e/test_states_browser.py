@@ -5,106 +5,70 @@ With ``LINKAGE_ATLAS_SCREENSHOTS=1`` the pictures docs/img/<state>-<width>-<them
 
 from __future__ import annotations
 
-import io
-import os
+import itertools
 
 import pytest
+from selenium.webdriver.common.keys import Keys
 
-from tests.e2e.test_page_browser import (  # noqa: F401
-    IDLE,
-    ROOT,
-    By,
-    Keys,
-    choose,
-    drag,
-    faults,
-    find,
-    mode,
-    opened,
-    pick,
-    pytestmark,
-    resize,
-    rest,
-    slide,
-    wait,
-)
+from tests.conftest import some_of
+from tests.e2e.page import CARDS, IDLE, keep
 
 SIZES = {360: 740, 1280: 800, 1440: 900}
 
 
 def start(page) -> None:
-    rest(page)
-    slide(page, 14)
+    page.rest()
+    page.slide(14)
 
 
 def gallery(page) -> None:
-    find(page, "open-gallery").click()
+    page.click("open-gallery")
 
 
 def limits(page) -> None:
-    page.execute_script("document.getElementById('limits').open = true")
-    find(page, "transmission").send_keys("95")
-    page.execute_script("document.getElementById('limits').scrollIntoView({block: 'start'})")
+    page.unfold("limits")
+    page.find("transmission").send_keys("95")
+    page.run("document.getElementById('limits').scrollIntoView({block: 'start'})")
 
 
 def solved(page) -> None:
-    find(page, "solve").click()
-    wait(page, f"document.querySelectorAll('#solutions li').length && {IDLE}")
-    rest(page)
-    page.execute_script("document.getElementById('results').scrollIntoView({block: 'start'})")
+    page.click("solve")
+    page.wait(f"{CARDS} && {IDLE}")
+    page.rest()
+    page.run("document.getElementById('results').scrollIntoView({block: 'start'})")
 
 
 def hand(page) -> None:
-    find(page, "show-menu").click()
-    find(page, "ghosts").click()
-    find(page, "show-menu").click()
-    mode(page, "hand")
-    page.execute_script("document.getElementById('canvas').scrollIntoView({block: 'center'})")
-    drag(page, page.find_element(By.CSS_SELECTOR, "#canvas [data-joint=c]"), 10, -8)
+    page.click("show-menu")
+    page.click("ghosts")
+    page.click("show-menu")
+    page.mode("hand")
+    page.canvas()
+    page.drag(page.one("#canvas [data-joint=c]"), 10, -8)
 
 
 def sheet(page) -> None:
-    page.execute_script("window.dispatchEvent(new Event('beforeprint'))")
-    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    page.run("window.dispatchEvent(new Event('beforeprint'))")
+    page.cdp("Emulation.setEmulatedMedia", {"media": "print"})
 
 
 STATES = {"start": start, "gallery": gallery, "limits": limits, "hand": hand, "solved": solved, "sheet": sheet}
 
 
-def keep(page, name: str) -> None:
-    """A picture of the state in docs/img, in few colours, if it is asked for."""
-    if not os.environ.get("LINKAGE_ATLAS_SCREENSHOTS"):
-        return
-    from PIL import Image
-
-    picture = Image.open(io.BytesIO(page.get_screenshot_as_png())).convert("RGB")
-    picture.quantize(128, dither=Image.Dither.NONE).save(ROOT / f"docs/img/{name}.png", optimize=True)
-
-
-@pytest.mark.parametrize(
-    ("width", "theme"),
-    [
-        (360, "light"),
-        *(
-            pytest.param(width, theme, marks=pytest.mark.wide)
-            for width, theme in [(360, "dark"), (1280, "light"), (1280, "dark"), (1440, "light"), (1440, "dark")]
-        ),
-    ],
-)
-def test_every_state_is_whole_and_accessible(opened, width, theme) -> None:  # noqa: F811
-    resize(opened, width, SIZES[width])
-    if opened.execute_script("return document.documentElement.dataset.theme") != theme:
-        find(opened, "theme").click()
+@pytest.mark.parametrize(("width", "theme"), some_of([*itertools.product(SIZES, ("light", "dark"))], 1))
+def test_every_state_is_whole_and_accessible(page, width, theme) -> None:
+    page.resize(width, SIZES[width])
+    page.theme(theme)
     for name, show in STATES.items():
-        opened.execute_script("scrollTo(0, 0)")
-        show(opened)
-        assert opened.execute_script("return document.documentElement.scrollWidth") <= width, name
-        keep(opened, f"{name}-{width}-{theme}")
-        assert faults(opened) == [], name
+        page.run("scrollTo(0, 0)")
+        show(page)
+        assert page.width <= width, name
+        keep(page, f"{name}-{width}-{theme}")
+        assert page.faults() == [], name
         if name == "gallery":
-            find(opened, "gallery-close").click()
+            page.click("gallery-close")
         if name == "limits":
-            field = find(opened, "transmission")
+            field = page.find("transmission")
             field.send_keys(Keys.BACKSPACE * 2, Keys.TAB)
-            opened.execute_script("document.getElementById('limits').open = false")
-    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+            page.run("document.getElementById('limits').open = false")
+    page.cdp("Emulation.setEmulatedMedia", {"media": ""})

@@ -7,66 +7,10 @@ import json
 
 import numpy as np
 import pytest
+from selenium.webdriver.common.keys import Keys
 
-from tests.e2e.test_page_browser import (  # noqa: F401
-    FREE,
-    IDLE,
-    ActionChains,
-    By,
-    Keys,
-    Select,
-    asked,
-    assert_no_errors,
-    choose,
-    click_canvas,
-    drag,
-    drawn,
-    faults,
-    find,
-    load,
-    mode,
-    opened,
-    path_request,
-    pick,
-    placed,
-    pytestmark,
-    rest,
-    solve,
-    solve_soon,
-    stub,
-    table,
-    take,
-    trace,
-    view,
-    wait,
-)
-from tests.e2e.test_tasks_browser import text_of
-
-READY = "document.body.dataset.ready"
-CARDS = "document.querySelectorAll('#solutions li').length"
-
-
-def paste(page, rows: str) -> None:
-    find(page, "paste").click()
-    page.execute_script("document.getElementById('paste-text').value = arguments[0]", rows)
-    find(page, "paste-use").click()
-
-
-def undo(page, again: bool = False) -> None:
-    keys = ActionChains(page).key_down(Keys.CONTROL)
-    keys = keys.key_down(Keys.SHIFT).send_keys("z").key_up(Keys.SHIFT) if again else keys.send_keys("z")
-    keys.key_up(Keys.CONTROL).perform()
-
-
-def reload(page) -> None:
-    page.refresh()
-    wait(page, READY)
-
-
-def draw(page, places) -> None:
-    mode(page, "path")
-    trace(page, find(page, "canvas"), places)
-
+from tests.conftest import some_of
+from tests.e2e.page import CARDS, IDLE, READY, VERDICTS, MotionPage, path_request
 
 OVAL = [(round(150 * np.cos(t)), round(-80 * np.sin(t))) for t in np.linspace(0, 2 * np.pi, 30)]
 
@@ -74,63 +18,60 @@ OVAL = [(round(150 * np.cos(t)), round(-80 * np.sin(t))) for t in np.linspace(0,
 # -- the draft ---------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_drawn_or_pasted_survives_reload_back_and_other_pages(opened, address) -> None:  # noqa: F811
-    draw(opened, OVAL)
-    oval = placed(opened)
-    assert text_of(opened, "draft-text").startswith("Draft, kept in this browser")
-    reload(opened)
-    assert placed(opened) == pytest.approx(oval) and find(opened, "closed").is_selected()
-    assert text_of(opened, "draft-text").startswith("Draft") and not find(opened, "draft-open").is_displayed()
-    paste(opened, "x in, y in\n0, 0\n1, 2\n3, 2.5")
+def test_what_is_drawn_or_pasted_survives_reload_back_and_other_pages(page) -> None:
+    page.draw(OVAL)
+    oval = page.placed()
+    assert page.text("draft-text").startswith("Draft, kept in this browser")
+    page.reload()
+    assert page.placed() == pytest.approx(oval) and page.ticked("closed")
+    assert page.text("draft-text").startswith("Draft") and not page.shown("draft-open")
+    page.paste("x in, y in\n0, 0\n1, 2\n3, 2.5")
     for away in ("/function", "/scenes/lift"):
-        opened.get(f"{address}{away}")
-        wait(opened, READY, 60)
-        opened.back()
-        wait(opened, READY)
-        assert placed(opened).tolist() == [[0, 0], [1, 2], [3, 2.5]]
-        opened.get(address)
-        wait(opened, READY)
-        assert placed(opened).tolist() == [[0, 0], [1, 2], [3, 2.5]]
-    assert find(opened, "length-unit").get_attribute("value") == "in"
-    find(opened, "draft-discard").click()
-    assert "Casement" in text_of(opened, "example-note") and not find(opened, "draft").is_displayed()
-    reload(opened)
-    assert "Casement" in text_of(opened, "example-note") and not find(opened, "draft").is_displayed()
+        page.go(away)
+        page.back()
+        assert page.placed().tolist() == [[0, 0], [1, 2], [3, 2.5]]
+        page.go()
+        assert page.placed().tolist() == [[0, 0], [1, 2], [3, 2.5]]
+    assert page.value("length-unit") == "in"
+    page.click("draft-discard")
+    assert "Casement" in page.text("example-note") and not page.shown("draft")
+    page.reload()
+    assert "Casement" in page.text("example-note") and not page.shown("draft")
 
 
-def test_an_example_is_a_draft_only_once_it_is_changed(opened) -> None:  # noqa: F811
-    choose(opened, "wiper")
-    assert not find(opened, "draft").is_displayed()
-    assert opened.execute_script("return localStorage.getItem('linkage-atlas-motion')") is None
-    find(opened, "any-order").click()
-    assert find(opened, "draft").is_displayed()
-    choose(opened, "leg")
-    assert "kept in this browser" in text_of(opened, "draft-text"), "another example leaves the draft"
-    find(opened, "draft-open").click()
-    assert find(opened, "any-order").is_selected() and len(table(opened)) == 9
+def test_an_example_is_a_draft_only_once_it_is_changed(page) -> None:
+    page.choose("wiper")
+    assert not page.shown("draft")
+    assert page.run("return localStorage.getItem('linkage-atlas-motion')") is None
+    page.click("any-order")
+    assert page.shown("draft")
+    page.choose("leg")
+    assert "kept in this browser" in page.text("draft-text"), "another example leaves the draft"
+    page.click("draft-open")
+    assert page.ticked("any-order") and len(page.table()) == 9
 
 
-def test_a_link_wins_over_the_draft_and_leaves_it(opened, address) -> None:  # noqa: F811
-    paste(opened, "0, 0\n10, 20\n30, 25")
-    link = opened.execute_async_script(
+def test_a_link_wins_over_the_draft_and_leaves_it(page) -> None:
+    page.paste("0, 0\n10, 20\n30, 25")
+    link = page.later(
         "const [body, done] = arguments; import('/static/link.js').then(async (l) => done(await l.toFragment(body)))",
         {"position": [[1, 2], [3, 4], [5, 9]], "crank_span": 50},
     )
-    opened.get("about:blank")
-    opened.get(f"{address}/#{link}")
-    wait(opened, f"{READY} && {IDLE}")
-    assert placed(opened)[0].tolist() == [1, 2] and "is replaced once" in text_of(opened, "draft-text")
-    find(opened, "draft-open").click()
-    assert placed(opened)[1].tolist() == [10, 20]
-    undo(opened)
-    assert placed(opened)[0].tolist() == [1, 2]
-    reload(opened)
-    kept = opened.execute_script("return localStorage.getItem('linkage-atlas-motion')")
+    page.browser.get("about:blank")
+    page.browser.get(f"{page.address}/#{link}")
+    page.wait(f"{READY} && {IDLE}")
+    assert page.placed()[0].tolist() == [1, 2] and "is replaced once" in page.text("draft-text")
+    page.click("draft-open")
+    assert page.placed()[1].tolist() == [10, 20]
+    page.undo()
+    assert page.placed()[0].tolist() == [1, 2]
+    page.reload()
+    kept = page.run("return localStorage.getItem('linkage-atlas-motion')")
     assert json.loads(kept)["content"]["request"]["position"][1] == [10, 20]
-    find(opened, "add-row").click()
-    assert opened.execute_script("return location.hash") == "", "the address no longer says what is there"
-    reload(opened)
-    assert len(table(opened)) == 4 and text_of(opened, "draft-text").startswith("Draft, kept")
+    page.click("add-row")
+    assert page.run("return location.hash") == "", "the address no longer says what is there"
+    page.reload()
+    assert len(page.table()) == 4 and page.text("draft-text").startswith("Draft, kept")
 
 
 BROKEN = (
@@ -150,195 +91,175 @@ BROKEN = (
 )
 
 
-@pytest.mark.parametrize("page", ["motion", "function"])
-def test_a_store_with_something_else_in_it_breaks_no_page(opened, address, page) -> None:  # noqa: F811
-    for content in BROKEN:
-        opened.execute_script("localStorage.setItem(arguments[0], arguments[1])", f"linkage-atlas-{page}", content)
-        opened.get(address if page == "motion" else f"{address}/function")
-        wait(opened, READY)
-        if page == "motion":
-            assert "Casement" in text_of(opened, "example-note"), content
+@pytest.mark.parametrize("wide", some_of([False, True], 1))
+@pytest.mark.parametrize("kind", ["motion", "function"])
+def test_a_store_with_something_else_in_it_breaks_no_page(page, kind, wide) -> None:
+    for content in BROKEN if wide else BROKEN[::4]:
+        page.run("localStorage.setItem(arguments[0], arguments[1])", f"linkage-atlas-{kind}", content)
+        page.go("" if kind == "motion" else "/function")
+        if kind == "motion":
+            assert "Casement" in page.text("example-note"), content
         else:
-            assert find(opened, "name").get_attribute("value") == "log10", content
-        assert not find(opened, "draft").is_displayed() or "fields" in content
+            assert page.value("name") == "log10", content
+        assert not page.shown("draft") or "fields" in content
 
 
-def test_without_a_store_the_page_works(opened, address) -> None:  # noqa: F811
+def test_without_a_store_the_page_works(page) -> None:
     source = (
         "Object.defineProperty(window, 'localStorage', {get() { throw new DOMException('no', 'SecurityError') }})"
     )
-    script = opened.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": source})
-    opened.get(address)
-    wait(opened, READY)
-    opened.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
-    paste(opened, "0, 0\n10, 20\n30, 25")
-    assert len(table(opened)) == 3 and not find(opened, "draft").is_displayed()
+    script = page.cdp("Page.addScriptToEvaluateOnNewDocument", {"source": source})
+    page.go()
+    page.cdp("Page.removeScriptToEvaluateOnNewDocument", script)
+    page.paste("0, 0\n10, 20\n30, 25")
+    assert len(page.table()) == 3 and not page.shown("draft")
 
 
 # -- one undo ------------------------------------------------------------------------------------------------------------
 
 
-def card(page) -> str:
-    return pick(page, "#solutions [aria-pressed=true]").text
-
-
-def test_undo_takes_back_motion_and_joints_in_the_order_in_which_they_were_changed(opened) -> None:  # noqa: F811
-    rest(opened)
-    opened.execute_script("document.getElementById('limits').open = true")
-    family, before = find(opened, "family").get_attribute("value"), drawn(opened, "c")
-    find(opened, "any-order").click()
-    mode(opened, "hand")
-    drag(opened, pick(opened, "#canvas [data-joint=c]"), 14, -9)
-    first = drawn(opened, "c")
-    drag(opened, pick(opened, "#canvas [data-joint=a]"), 5, 6)
-    second = drawn(opened, "a")
-    Select(find(opened, "family")).select_by_value("crank_rocker")
-    undo(opened)
-    assert find(opened, "family").get_attribute("value") == family and abs(drawn(opened, "a") - second) < 0.5
-    undo(opened)
-    assert abs(drawn(opened, "a") - second) > 1 and abs(drawn(opened, "c") - first) < 0.5
-    assert card(opened).startswith("By hand") and find(opened, "any-order").is_selected()
-    undo(opened)
-    assert abs(drawn(opened, "c") - before) < 0.5 and not card(opened).startswith("By hand")
-    assert not any("By hand" in one.text for one in opened.find_elements(By.CSS_SELECTOR, "#solutions button"))
-    assert find(opened, "any-order").is_selected(), "the motion is as it was"
-    undo(opened)
-    assert not find(opened, "any-order").is_selected() and not find(opened, "undo").is_enabled()
+def test_undo_takes_back_motion_and_joints_in_the_order_in_which_they_were_changed(page) -> None:
+    page.rest()
+    page.unfold("limits")
+    family, before = page.value("family"), page.drawn("c")
+    page.click("any-order")
+    page.mode("hand")
+    page.drag(page.pick("#canvas [data-joint=c]"), 14, -9)
+    first = page.drawn("c")
+    page.drag(page.pick("#canvas [data-joint=a]"), 5, 6)
+    second = page.drawn("a")
+    page.select("family", "crank_rocker")
+    page.undo()
+    assert page.value("family") == family and abs(page.drawn("a") - second) < 0.5
+    page.undo()
+    assert abs(page.drawn("a") - second) > 1 and abs(page.drawn("c") - first) < 0.5
+    assert page.card().startswith("By hand") and page.ticked("any-order")
+    page.undo()
+    assert abs(page.drawn("c") - before) < 0.5 and not page.card().startswith("By hand")
+    assert not any("By hand" in one.text for one in page.cards())
+    assert page.ticked("any-order"), "the motion is as it was"
+    page.undo()
+    assert not page.ticked("any-order") and not page.find("undo").is_enabled()
     for _ in range(4):
-        undo(opened, again=True)
-    assert abs(drawn(opened, "a") - second) < 0.5 and card(opened).startswith("By hand")
-    assert find(opened, "family").get_attribute("value") == "crank_rocker" and not find(opened, "redo").is_enabled()
+        page.undo(again=True)
+    assert abs(page.drawn("a") - second) < 0.5 and page.card().startswith("By hand")
+    assert page.value("family") == "crank_rocker" and not page.find("redo").is_enabled()
 
 
-def test_undo_takes_back_a_joint_that_was_typed_or_moved_by_keys(opened) -> None:  # noqa: F811
-    rest(opened)
-    mode(opened, "hand")
-    before = drawn(opened, "c")
-    joint = pick(opened, "#canvas [data-joint=c]")
-    for _ in range(3):
-        joint.send_keys(Keys.ARROW_RIGHT)
-    moved = drawn(opened, "c")
-    find(opened, "joint-c-y").send_keys(Keys.CONTROL, "a")
-    find(opened, "joint-c-y").send_keys(f"{moved.imag + 12:.1f}", Keys.ENTER)
-    assert abs(drawn(opened, "c").imag - moved.imag - 12) < 1
-    undo(opened)
-    assert abs(drawn(opened, "c") - moved) < 0.5
-    undo(opened)
-    assert abs(drawn(opened, "c") - before) < 0.5
+def test_undo_takes_back_a_joint_that_was_typed_or_moved_by_keys(edited) -> None:
+    page = edited
+    before = page.drawn("c")
+    page.pick("#canvas [data-joint=c]").send_keys(Keys.ARROW_RIGHT * 3)
+    moved = page.drawn("c")
+    page.type_into("joint-c-y", f"{moved.imag + 12:.1f}" + Keys.ENTER)
+    assert abs(page.drawn("c").imag - moved.imag - 12) < 1
+    page.undo()
+    assert abs(page.drawn("c") - moved) < 0.5
+    page.undo()
+    assert abs(page.drawn("c") - before) < 0.5
 
 
-def test_undo_of_another_motion_brings_its_answer_and_linkage_back(opened) -> None:  # noqa: F811
-    rest(opened)
-    mode(opened, "hand")
-    before = drawn(opened, "c")
-    drag(opened, pick(opened, "#canvas [data-joint=c]"), 14, -9)
-    moved = drawn(opened, "c")
-    find(opened, "new-path").click()
-    assert opened.execute_script(f"return {CARDS}") == 0 and text_of(opened, "example-note") == ""
-    undo(opened)
-    assert "Casement" in text_of(opened, "example-note") and card(opened).startswith("By hand")
-    assert abs(drawn(opened, "c") - moved) < 0.5
-    assert not opened.execute_script("return document.querySelector('#results [data-earlier]').checkVisibility()")
-    undo(opened)
-    assert abs(drawn(opened, "c") - before) < 0.5
+def test_undo_of_another_motion_brings_its_answer_and_linkage_back(edited) -> None:
+    page = edited
+    before = page.drawn("c")
+    page.drag(page.pick("#canvas [data-joint=c]"), 14, -9)
+    moved = page.drawn("c")
+    page.click("new-path")
+    assert page.count("#solutions li") == 0 and page.text("example-note") == ""
+    page.undo()
+    assert "Casement" in page.text("example-note") and page.card().startswith("By hand")
+    assert abs(page.drawn("c") - moved) < 0.5
+    assert not page.run("return document.querySelector('#results [data-earlier]').checkVisibility()")
+    page.undo()
+    assert abs(page.drawn("c") - before) < 0.5
 
 
 # -- links in a tab that is open ----------------------------------------------------------------------------------------
 
 
-def test_a_link_pasted_into_an_open_tab_is_solved(opened) -> None:  # noqa: F811
+def test_a_link_pasted_into_an_open_tab_is_solved(page) -> None:
     request = path_request([0, 60, 120])
-    own = opened.execute_async_script(
+    own = page.later(
         "const [body, done] = arguments; import('/static/link.js').then(async (l) => done(await l.toFragment(body)))",
         request,
     )
-    stub(opened, request, [0, 60, 120])
-    opened.execute_script("location.hash = arguments[0]", own)
-    wait(opened, f"{CARDS} === 4 && {IDLE}")
-    assert asked(opened)["position"] == request["position"] and len(table(opened)) == 3
-    opened.back()
-    wait(opened, "document.getElementById('example-note').textContent.includes('Casement')")
-    paste(opened, "0, 0\n10, 20\n30, 25")
-    opened.execute_script("window.asked = []; location.hash = arguments[0]", own)
-    wait(opened, f"{CARDS} === 4 && {IDLE} && window.asked.length")
-    undo(opened)
-    assert placed(opened).tolist() == [[0, 0], [10, 20], [30, 25]]
+    page.stub(request, [0, 60, 120])
+    page.run("location.hash = arguments[0]", own)
+    page.wait(f"{CARDS} === 4 && {IDLE}")
+    assert page.asked()["position"] == request["position"] and len(page.table()) == 3
+    page.back()
+    page.wait("document.getElementById('example-note').textContent.includes('Casement')")
+    page.paste("0, 0\n10, 20\n30, 25")
+    page.run("window.asked = []; location.hash = arguments[0]", own)
+    page.wait(f"{CARDS} === 4 && {IDLE} && window.asked.length")
+    page.undo()
+    assert page.placed().tolist() == [[0, 0], [10, 20], [30, 25]]
 
 
 # -- cards belong to what was asked --------------------------------------------------------------------------------------
 
 
-def earlier(page) -> bool:
-    """Whether each card that is shown says that it is of an earlier request; they all do, or none."""
-    script = (
-        "return [...document.querySelectorAll('[data-earlier]')].filter((one) => one.closest('.card').checkVisibility())"
-        ".map((one) => one.checkVisibility())"
-    )
-    (all_of_them,) = set(page.execute_script(script)) or {None}
-    return all_of_them
-
-
-def test_cards_of_an_earlier_request_say_so_or_are_gone(opened) -> None:  # noqa: F811
-    assert earlier(opened) is False
-    find(opened, "any-order").click()
-    assert earlier(opened) is True, "the motion is another one"
-    assert faults(opened) == []
-    undo(opened)
-    assert earlier(opened) is False
-    opened.execute_script("window.real = window.fetch; window.fetch = () => Promise.reject(new TypeError('gone'))")
-    find(opened, "solve").click()
-    wait(opened, "document.getElementById('status').classList.contains('bad')")
-    assert earlier(opened) is True and "cannot be reached" in text_of(opened, "status")
-    opened.execute_script("window.fetch = window.real")
+def test_cards_of_an_earlier_request_say_so_or_are_gone(page) -> None:
+    assert page.earlier() is False
+    page.click("any-order")
+    assert page.earlier() is True, "the motion is another one"
+    assert page.faults() == []
+    page.undo()
+    assert page.earlier() is False
+    page.run("window.real = window.fetch; window.fetch = () => Promise.reject(new TypeError('gone'))")
+    page.click("solve")
+    page.wait("document.getElementById('status').classList.contains('bad')")
+    assert page.earlier() is True and "cannot be reached" in page.text("status")
+    page.run("window.fetch = window.real")
     request = path_request([0, 60, 120], limits={"link_min": 99})
-    take(opened, request)
-    assert opened.execute_script(f"return {CARDS}") == 0 and earlier(opened) is None
-    stub(opened, request, [0, 60, 120])
-    solve(opened)
-    assert earlier(opened) is False and opened.execute_script(f"return {CARDS}") == 4
-    stub(opened, request, [0, 60, 120], [])
-    opened.execute_script(
+    page.take(request)
+    assert page.count("#solutions li") == 0 and page.earlier() is None
+    page.stub(request, [0, 60, 120])
+    page.solve()
+    assert page.earlier() is False and page.count("#solutions li") == 4
+    page.stub(request, [0, 60, 120], [])
+    page.run(
         "window.stub.status = 'infeasible';"
         "window.stub.report.notes = ['link_min excludes every linkage that was looked for; at 42.5 there is one']"
     )
-    find(opened, "solve").click()
-    wait(opened, IDLE)
-    assert opened.execute_script(f"return {CARDS}") == 0 and not find(opened, "results").is_displayed()
-    assert find(opened, "suggestions").is_displayed()
-    find(opened, "any-order").click()
-    assert not find(opened, "suggestions").is_displayed(), "they are of the motion before"
-    find(opened, "new-motion").click()
-    assert text_of(opened, "status") == "" and opened.execute_script(f"return {CARDS}") == 0
+    page.click("solve")
+    page.wait(IDLE)
+    assert page.count("#solutions li") == 0 and not page.shown("results")
+    assert page.shown("suggestions")
+    page.click("any-order")
+    assert not page.shown("suggestions"), "they are of the motion before"
+    page.click("new-motion")
+    assert page.text("status") == "" and page.count("#solutions li") == 0
 
 
-def test_an_answer_to_a_motion_that_was_changed_meanwhile_says_so(opened) -> None:  # noqa: F811
+def test_an_answer_to_a_motion_that_was_changed_meanwhile_says_so(page) -> None:
     request = path_request([0, 60, 120])
-    take(opened, request)
-    stub(opened, request, [0, 60, 120])
-    opened.execute_script(
+    page.take(request)
+    page.stub(request, [0, 60, 120])
+    page.run(
         "const own = window.fetch;"
         "window.fetch = async (...a) => { await new Promise((go) => { window.go = go; }); return own(...a) }"
     )
-    find(opened, "solve").click()
-    wait(opened, "window.go")
-    find(opened, "any-order").click()
-    opened.execute_script("window.go()")
-    wait(opened, f"{CARDS} === 4 && {IDLE}")
-    assert earlier(opened) is True and "has changed since" in text_of(opened, "status")
-    undo(opened)
-    assert earlier(opened) is False and "off by" in text_of(opened, "status")
+    page.click("solve")
+    page.wait("window.go")
+    page.click("any-order")
+    page.run("window.go()")
+    page.wait(f"{CARDS} === 4 && {IDLE}")
+    assert page.earlier() is True and "has changed since" in page.text("status")
+    page.undo()
+    assert page.earlier() is False and "off by" in page.text("status")
 
 
-def test_a_note_goes_with_its_motion(opened) -> None:  # noqa: F811
-    paste(opened, "0,0,0\n10,4,350\n10,4,350\n20,5,10")
-    assert "Poses 2 and 3 are the same" in text_of(opened, "example-note") and find(opened, "unwrap").is_displayed()
-    undo(opened)
-    assert "Casement" in text_of(opened, "example-note") and not find(opened, "unwrap").is_displayed()
+def test_a_note_goes_with_its_motion(page) -> None:
+    page.paste("0,0,0\n10,4,350\n10,4,350\n20,5,10")
+    assert "Poses 2 and 3 are the same" in page.text("example-note") and page.shown("unwrap")
+    page.undo()
+    assert "Casement" in page.text("example-note") and not page.shown("unwrap")
 
 
 def replies(page, *sizes: float) -> None:
     """Let the service answer stage by stage, each time with `FREE` so many times as large."""
-    page.execute_script(
+    page.run(
         "const [sizes] = arguments, reply = window.stub, stages = sizes.map((size, k) => { const one = structuredClone(reply);"
         "one.report.stopped_by = k < sizes.length - 1 ? 'budget' : 'converged';"
         "for (const s of one.solutions) { for (const n in s.links) s.links[n] *= size; s.mount.coupler_point.radius *= size;"
@@ -350,36 +271,23 @@ def replies(page, *sizes: float) -> None:
     )
 
 
-def in_view(page) -> bool:
-    return page.execute_script(
-        "const f = document.getElementById('canvas').getBoundingClientRect();"
-        "return [...document.querySelectorAll('#canvas [data-joint], #canvas .dot')].map((one) => one.getBoundingClientRect())"
-        ".every((one) => one.left > f.left && one.right < f.right && one.top > f.top && one.bottom < f.bottom)"
-    )
-
-
-def test_the_view_fits_a_new_answer_unless_the_user_has_moved_it(opened) -> None:  # noqa: F811
+def test_the_view_fits_a_new_answer_unless_the_user_has_moved_it(page) -> None:
     request = path_request([0, 60, 120])
-    take(opened, request)
-    stub(
-        opened,
-        request,
-        [0, 60, 120],
-        [{"order": True, "branch": True, "circuit": True, "buildable": True, "reasons": []}],
-    )
+    page.take(request)
+    page.stub(request, [0, 60, 120], VERDICTS[:1])
     for _ in range(3):
-        find(opened, "zoom-in").click()
-    replies(opened, 1, 3)
-    solve(opened)
-    assert drawn(opened, "a").real > 400, "the answer of the second stage"
-    assert in_view(opened)
-    find(opened, "zoom-in").click()
-    before = view(opened)
-    solve(opened)
-    assert view(opened) == before, "zoomed on purpose since the last answer to this motion"
-    find(opened, "any-order").click()
-    solve(opened)
-    assert view(opened) != before and in_view(opened), "another motion"
+        page.click("zoom-in")
+    replies(page, 1, 3)
+    page.solve()
+    assert page.drawn("a").real > 400, "the answer of the second stage"
+    assert page.in_view()
+    page.click("zoom-in")
+    before = page.view()
+    page.solve()
+    assert page.view() == before, "zoomed on purpose since the last answer to this motion"
+    page.click("any-order")
+    page.solve()
+    assert page.view() != before and page.in_view(), "another motion"
 
 
 # -- paths drawn by mouse ------------------------------------------------------------------------------------------------
@@ -406,17 +314,17 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize(
-    "shape", ["oval", *(pytest.param(name, marks=pytest.mark.wide) for name in SHAPES if name != "oval")]
-)
-def test_a_shape_drawn_by_mouse_is_solved(browser, served, shape) -> None:
+@pytest.mark.parametrize("shape", some_of([*SHAPES], 1))
+def test_a_shape_drawn_by_mouse_is_solved(browser, served, downloads, shape) -> None:
     """By the service as it is run, within the memory of a request."""
-    load(browser, served)
-    draw(browser, SHAPES[shape])
-    assert len(table(browser)) == 24
-    find(browser, "solve").click()
-    wait(browser, f"{IDLE} && document.getElementById('status').textContent", 90)
-    assert "off by" in text_of(browser, "status"), text_of(browser, "status")
-    assert browser.execute_script(f"return {CARDS}") >= 1 and earlier(browser) is False
-    assert in_view(browser)
-    assert_no_errors(browser)
+    page = MotionPage(browser, served, downloads)
+    page.load()
+    page.draw(SHAPES[shape])
+    assert len(page.table()) == 24
+    page.click("solve")
+    page.wait(f"{IDLE} && document.getElementById('status').textContent", 90)
+    assert "off by" in page.text("status"), page.text("status")
+    assert page.count("#solutions li .verdict") >= 1 and page.earlier() is False and page.in_view()
+    page.rest()
+    assert page.count("#marks .mark") == 24 and page.text("at-sample") == "sample 1"
+    page.assert_no_errors()

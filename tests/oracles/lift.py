@@ -311,7 +311,29 @@ def search(wanted: Task, polish: bool = False) -> tuple[float, Design]:
     return min((best(place) for place in places), key=lambda pair: pair[0])
 
 
-# -- what a design within constraints is like -----------------------------------------------------------------
+# -- forces, and what a design within constraints is like -----------------------------------------------------------------
+
+
+def newton(moved, weight):
+    """Cylinder, link and slide force by the equilibrium of the triangle with the platform, shape (n, 3).
+
+    A second way that shares nothing with the derivatives of a `Pose`: moments about A and forces in x and y.
+    """
+    pose, design = moved.pose, moved.pose.design
+    a = np.stack(np.broadcast_arrays(-design.b, pose.height), axis=-1)
+    b = np.stack([pose.x, pose.y], axis=-1)
+    c = np.stack([design.l3 * pose.sin_turn - design.b, pose.root], axis=-1)
+    along = b / np.linalg.norm(b, axis=-1, keepdims=True)
+    way = (c - np.array([-design.b, 0.0])) / design.l5
+    matrix = np.zeros((len(b), 3, 3))
+    matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2] = along[:, 0], way[:, 0], 1.0
+    matrix[:, 1, 0], matrix[:, 1, 1] = along[:, 1], way[:, 1]
+    for k, (point, direction) in enumerate(((b, along), (c, way))):
+        arm = point - a
+        matrix[:, 2, k] = (arm[:, 0] * direction[:, 1] - arm[:, 1] * direction[:, 0]) / design.l2
+    right = np.zeros((len(b), 3, 1))
+    right[:, 1, 0] = weight
+    return np.linalg.solve(matrix, right)[:, :, 0]
 
 
 def circle_meets(p, r, q, s, side):

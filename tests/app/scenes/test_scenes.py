@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 
 from app import cli
+from app.replies import json_of, reply_model
 from app.scenes import scene_queries
 from synthesis.work import Cancelled, Work
 
@@ -45,9 +47,9 @@ def test_example_is_answered_alike_over_http_and_on_the_command_line(query, name
         assert cli.main([*query.command.split(), "--example", name]) == 0
         table, messages = capsys.readouterr()
     (answer,) = known.values()  # one request, read alike
-    assert over_http.content == answer.model_dump_json().encode()
+    assert over_http.content == json_of(answer)
     assert reply == over_http.json()
-    assert query.table(query.reply.model_validate(reply)).strip()
+    assert query.table(reply_model(query.reply).model_validate(reply)).strip()
     assert messages == "" and len(table.splitlines()) >= 2 and "{" not in table and "nan" not in table.lower()
 
 
@@ -60,6 +62,15 @@ def test_malformed_requests_are_the_clients_fault(query, body, client) -> None:
     assert 400 <= reply.status_code < 500, reply.text
     assert reply.headers["content-type"] == "application/problem+json"
     assert reply.json()["errors"][0]["pointer"].startswith("#")
+
+
+@pytest.mark.parametrize("query", scene_queries(), ids=lambda query: query.command)
+@pytest.mark.parametrize("literal", ["NaN", "-Infinity", "1e999", '"\\ud800"', "{}"])
+def test_numbers_that_are_none(query, literal, client) -> None:
+    text = max((json.dumps(body) for body in query.examples.values()), key=len)
+    content = re.sub(r"(?<=[\[ ])-?[0-9.]+(?=[,}\]])", lambda _: literal, text, count=1)
+    reply = client.post(query.path, content=content, headers={"content-type": "application/json"})
+    assert content != text and 400 <= reply.status_code < 500 and reply.json()["errors"]
 
 
 class Leaving:

@@ -15,8 +15,8 @@ from scipy.optimize import brentq
 
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links, highest, lowest
-from synthesis.chain.report import chord_error, report, wheel_conflict
-from synthesis.chain.slot import find_slot
+from synthesis.chain.crescent import crescent_angles
+from synthesis.chain.slot import chord_error, find_slot, pins_at, report, wheel_conflict
 from synthesis.errors import FieldError
 from tests.oracles.chain import Transfer, free_pin_at_100_degrees, printed_case_list
 
@@ -57,13 +57,15 @@ def theta(slot, degrees):
 # Published numbers
 
 
-def test_p1_wheel_radius(canonical) -> None:
-    assert canonical[0].wheel_radius == pytest.approx(PRINTED["wheel_radius"], abs=0.005)
-
-
-def test_p2_xi_and_alpha_make_a_right_angle(canonical, printed) -> None:
-    for crescent in (canonical[0], printed[0]):
-        assert math.degrees(crescent.xi + crescent.alpha) == pytest.approx(90, abs=1e-9)
+def test_p1_p2_p6_p7_p8_critical_closure_gives_the_printed_layout(canonical, printed) -> None:
+    crescent = canonical[0]
+    assert crescent.wheel_radius == pytest.approx(PRINTED["wheel_radius"], abs=0.005)
+    assert crescent.lower_radius == pytest.approx(PRINTED["lower_radius"], abs=0.01)
+    assert crescent.eccentricity == pytest.approx(PRINTED["eccentricity"], abs=0.01)
+    assert math.degrees(crescent.xi) == pytest.approx(PRINTED["xi_deg"], abs=0.05)
+    assert math.degrees(crescent.alpha) == pytest.approx(PRINTED["alpha_deg"], abs=0.05)
+    for one in (crescent, printed[0]):
+        assert math.degrees(one.xi + one.alpha) == pytest.approx(90, abs=1e-9)
 
 
 def test_p3_tangency_residual_of_the_printed_numbers(printed) -> None:
@@ -80,14 +82,6 @@ def test_p4_xi_three_ways(printed) -> None:
 def test_p5_sixteen_links_close(canonical, printed) -> None:
     assert closing_links(printed[0].track, L) == PRINTED["links"]
     assert closing_links(canonical[0].track, L) == PRINTED["links"]
-
-
-def test_p6_p7_p8_critical_closure_gives_the_printed_layout(canonical) -> None:
-    crescent = canonical[0]
-    assert crescent.lower_radius == pytest.approx(PRINTED["lower_radius"], abs=0.01)
-    assert crescent.eccentricity == pytest.approx(PRINTED["eccentricity"], abs=0.01)
-    assert math.degrees(crescent.xi) == pytest.approx(PRINTED["xi_deg"], abs=0.05)
-    assert math.degrees(crescent.alpha) == pytest.approx(PRINTED["alpha_deg"], abs=0.05)
 
 
 def test_p9_the_defect_has_the_period_of_one_link(canonical) -> None:
@@ -149,11 +143,6 @@ def test_defect_and_checks(canonical, facts) -> None:
     assert facts.clearance == pytest.approx(CANONICAL["clearance"], abs=0.01)
     conflict = 90 * wheel_conflict(slot, chain.RIGHT_WHEEL).value
     assert conflict == pytest.approx(CANONICAL["wheel_phase_conflict_deg"], abs=0.005)
-
-
-def test_all_chords_equal_the_pitch_at_9001_phases(canonical) -> None:
-    slot = canonical[1]
-    assert chord_error(slot, np.linspace(slot.start, slot.end, 9001)) < 1e-10
 
 
 def test_every_pin_near_the_slot_is_on_track_or_slot(canonical) -> None:
@@ -327,18 +316,6 @@ def test_one_of_radius_and_eccentricity_gives_the_other(canonical) -> None:
     assert r2 == pytest.approx(crescent.lower_radius, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("links", "radii", "nearest"),
-    [(15, (None, 381.5, 90.22), 16), (17, (None, 381.5, 90.22), 16), (16, (None, 381.0, None), 17), (14, (), 15)],
-)
-def test_wrong_number_of_links_is_refused(links, radii, nearest) -> None:
-    with pytest.raises(FieldError) as caught:
-        chain.crescent_slot(L, links, R1, *radii)
-    assert caught.value.field == "/links"
-    assert caught.value.details["nearest_links"] == nearest
-    assert caught.value.details["amount"] > 0
-
-
 def test_stretch_tells_the_missing_length() -> None:
     """Half a millimetre off the critical radius: the sensitivity is 0.033 deg per 0.01 mm with b fixed."""
     with pytest.raises(FieldError) as caught:
@@ -415,3 +392,64 @@ def test_a_free_pin_on_a_straight_run() -> None:
     assert np.isfinite(slot.normals(np.array([slot.start, slot.end]))).all()
     lifted = slot.path(np.array([0.5 * (slot.start + slot.end)])) - track.points(track.place(middle))
     assert lifted[0].imag > 5
+
+
+# All pins and their angles
+
+PHASES = 9001
+
+
+@pytest.fixture(scope="module")
+def found(canonical):
+    crescent, slot = canonical
+    phases = np.linspace(slot.start, slot.end, PHASES)
+    pins = pins_at(slot, phases)
+    return crescent, slot, phases, pins, crescent_angles(crescent, slot, pins)
+
+
+def test_all_sixteen_chords_close_at_9001_phases(found) -> None:
+    _, slot, phases, pins, _ = found
+    assert pins.points.shape == (PHASES, 16)
+    chords = np.abs(np.roll(pins.points, -1, axis=1) - pins.points)
+    assert np.abs(chords / 131 - 1).max() < 1e-9
+    assert np.array_equal(pins.points, slot.pins(phases))
+
+
+def test_angles_place_every_pin(found) -> None:
+    """A naive way back from the angle to the point, by the definitions of the source."""
+    crescent, slot, _, pins, theta = found
+    r0, r1, r2, b = crescent.wheel_radius, crescent.upper_radius, crescent.lower_radius, crescent.eccentricity
+    c = r0 + r1
+    back = {
+        0: -c + r0 * np.exp(1j * theta),
+        1: 1j * b + r2 * np.exp(1j * (theta - np.pi / 2)),
+        2: c + r0 * np.exp(1j * (np.pi - theta)),
+        3: r1 * np.exp(1j * (theta - np.pi / 2)),
+    }
+    for pin in set(range(16)) - {slot.free - 1}:
+        made = np.choose(pins.segment[:, pin], [back[part][:, pin] for part in range(4)])
+        assert np.abs(made - pins.points[:, pin]).max() < 1e-9, pin
+    free = slot.free - 1
+    radius = np.abs(pins.points[:, free])
+    assert np.abs(radius * np.exp(1j * (theta[:, free] - np.pi / 2)) - pins.points[:, free]).max() < 1e-9
+
+
+def test_pins_on_one_part_are_one_link_apart(found) -> None:
+    crescent, slot, phases, pins, theta = found
+    wheel, upper, lower = crescent.link_angles(131.0)
+    assert theta[:, 0] == pytest.approx(phases / crescent.wheel_radius, abs=1e-12)
+    for part, step in ((0, wheel), (1, lower), (2, -wheel), (3, -upper)):
+        for pin in range(15):
+            if slot.free - 1 in (pin, pin + 1):
+                continue
+            both = (pins.segment[:, pin] == part) & (pins.segment[:, pin + 1] == part)
+            assert np.abs(theta[both, pin + 1] - theta[both, pin] - step).max(initial=0.0) < 1e-12
+    # the source's phi: the free pin hangs half-way between its neighbours
+    assert np.abs((theta[:, 12] + theta[:, 14]) / 2 - theta[:, 13]).max() < 1e-12
+
+
+def test_link_angles_are_continuous_and_point_to_the_next_pin(found) -> None:
+    _, _, _, pins, _ = found
+    angles = pins.link_angle
+    assert np.abs(np.diff(angles, axis=0)).max() < 0.01
+    assert np.abs(pins.points + 131 * np.exp(1j * angles) - np.roll(pins.points, -1, axis=1)).max() < 1e-9

@@ -13,10 +13,18 @@ import pytest
 
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links
-from synthesis.chain.export import contours, roller_walls, to_csv, to_dxf, to_svg
-from synthesis.chain.groove import TOLERANCE, groove, sampled, slot_run
-from synthesis.chain.report import report
-from synthesis.chain.slot import find_slot
+from synthesis.chain.groove import (
+    TOLERANCE,
+    contours,
+    groove,
+    roller_walls,
+    sampled,
+    slot_run,
+    to_csv,
+    to_dxf,
+    to_svg,
+)
+from synthesis.chain.slot import find_slot, report
 from synthesis.errors import FieldError
 
 ROLLER = 25.0

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links
-from synthesis.chain.report import report, wheel_conflict
+from synthesis.chain.slot import report, wheel_conflict
 from synthesis.chain.track import Segment, Track, arc, line
 from tests.conftest import some_of
 from tests.oracles.chain import Path, crescent, free_pin, least_overrun, rounded_polygon, stadium

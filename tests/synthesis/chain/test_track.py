@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 
 from synthesis.chain.closure import Chain, closing_links
 from synthesis.chain.crescent import driving_segment, level_crescent, stadium, tightest_room
-from synthesis.chain.errors import ChordError, ChordFault, TrackError
-from synthesis.chain.report import report
-from synthesis.chain.slot import find_slot
-from synthesis.chain.track import Motion, Segment, Track, arc, line
+from synthesis.chain.slot import find_slot, report
+from synthesis.chain.track import ChordError, ChordFault, Motion, Segment, Track, TrackError, arc, line
 from synthesis.errors import FieldError
 
 

@@ -13,10 +13,15 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.placement import response_to_lengths, scan
-from synthesis.fourbar.rounding import _nearest_first, best_from_stock, nearest_of, round_to_grid
-from synthesis.fourbar.solution import Solution, assess, mounted
-from synthesis.fourbar.within import within
+from synthesis.fourbar.rounding import (
+    _nearest_first,
+    best_from_stock,
+    nearest_of,
+    response_to_lengths,
+    round_to_grid,
+    scan,
+)
+from synthesis.fourbar.solution import Solution, assess, mounted, within
 from synthesis.target import Target, make_target
 from synthesis.work import Cancelled, Work
 

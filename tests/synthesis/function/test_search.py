@@ -9,8 +9,8 @@ import pytest
 
 import linkage_atlas as la
 from linkage_atlas.door import seed_tables
+from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import finished
-from synthesis.function.bounds import FunctionLimits
 from synthesis.function.problem import Problem
 from synthesis.function.search import generate, refit
 from synthesis.function.wanted import Wanted
@@ -59,7 +59,7 @@ def test_in_narrow_valleys_the_best_go_on_before_others_begin() -> None:
 @pytest.mark.parametrize("largest", [False, True])
 def test_generators_are_the_same_alone_and_among_others(largest: bool) -> None:
     wanted = wanted_of(np.log10, 1.0, 2.0, 60.0, 90.0, samples=21)
-    found, _ = generate(seed_tables(), wanted, FunctionLimits(links=(None, None, None, 2.5)), False, 6, 1e-10)
+    found, _ = generate(seed_tables(), wanted, Limits("any", links=(None, None, None, 2.5)), False, 6, 1e-10)
     linkages = [one.linkage for one in found]
     assert len(found) > 3 and {one.linkage.links[3] for one in found} == {2.5}
     together = finished(wanted, linkages, largest)
@@ -88,9 +88,9 @@ def test_the_least_largest_error_is_the_best_known(function, span, limits, known
 def test_the_least_largest_error_is_a_minimum_with_alternating_extremes() -> None:
     """No step in any direction lowers it, and with five unknowns six extremes alternate."""
     wanted = wanted_of(lambda x: 1 / x, 1, 2, 90, -90)
-    best = generate(seed_tables(), wanted, FunctionLimits(), True, 1, 1e-10)[0][0]
+    best = generate(seed_tables(), wanted, Limits("any"), True, 1, 1e-10)[0][0]
     assert best.errors.alternations == 6
-    problem = Problem(wanted, FunctionLimits(), True)
+    problem = Problem(wanted, Limits("any"), True)
     crank, coupler, rocker, ground = best.linkage.links
     x = np.append(np.log(np.array([crank, rocker, coupler]) / ground), [best.linkage.start, best.offset + np.pi])
     steps = np.random.default_rng(0).normal(size=(400, 5)) * 10.0 ** np.random.default_rng(1).uniform(
@@ -106,8 +106,8 @@ def test_the_least_largest_error_is_a_minimum_with_alternating_extremes() -> Non
 
 def test_a_mirrored_function_gives_the_mirrored_linkages() -> None:
     wanted = wanted_of(np.exp, 0, 1, 90, 90, 33)
-    one = generate(seed_tables(), wanted, FunctionLimits(), True, 2, 1e-10)[0]
-    other = generate(seed_tables(), wanted.mirrored(), FunctionLimits(), True, 2, 1e-10)[0]
+    one = generate(seed_tables(), wanted, Limits("any"), True, 2, 1e-10)[0]
+    other = generate(seed_tables(), wanted.mirrored(), Limits("any"), True, 2, 1e-10)[0]
     for a, b in zip(one, other):
         assert a.linkage.links == b.linkage.links and a.linkage.branch == -b.linkage.branch
         assert a.offset == -b.offset and a.errors == b.errors
@@ -180,7 +180,7 @@ def test_no_time_is_no_error() -> None:
     found, report = generate(
         seed_tables(),
         wanted_of(np.exp, 0, 1, 90, 90),
-        FunctionLimits(transmission_angle_min=0.5),
+        Limits("any", transmission_angle_min=0.5),
         True,
         3,
         1e-10,
@@ -199,7 +199,7 @@ def test_the_same_bytes_every_time() -> None:
 
 def test_refit_holds_the_lengths() -> None:
     wanted = wanted_of(np.log, 1, 3, 90, 90)
-    held = FunctionLimits(transmission_angle_min=0.5, links=(None, None, None, 50.0))
+    held = Limits("any", transmission_angle_min=0.5, links=(None, None, None, 50.0))
     best = generate(seed_tables(), wanted, held, False, 1, 1e-10)[0][0]
     links = np.round(np.array(best.linkage.links))
     again = refit(wanted, best, links, True, 1e-10, Work())

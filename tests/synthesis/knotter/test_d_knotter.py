@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from synthesis.knotter import d_knotter
-from synthesis.knotter.mechanism import Linear
-from synthesis.knotter.needle import Needle
-from synthesis.knotter.segment_triangle import crossing_point
+from synthesis.knotter.conditions import crossing_curve, point_paths, step_before
+from synthesis.knotter.d_knotter import Needle
+from synthesis.knotter.mechanism import Linear, dimensions, varied
+from synthesis.knotter.segment_triangle import Crossing, classify
 from synthesis.knotter.study import solve, study
+from tests.oracles.knotter import Exact
 
 FIGURES = json.loads((Path(__file__).parents[2] / "reference" / "knotter.json").read_text())
 PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]
@@ -52,33 +54,18 @@ def row(key: str) -> int:
 # A1 to A6: the needle
 
 
-def test_needle_is_free_between_the_roots_of_equation_4() -> None:
-    assert np.degrees(Needle().free_range()) == pytest.approx(FIGURES["L_roots"], abs=1e-9)
-
-
-def test_needle_has_its_largest_clearance() -> None:
+def test_needle_and_its_whole_numbers() -> None:
     needle = Needle()
+    assert np.degrees(needle.free_range()) == pytest.approx(FIGURES["L_roots"], abs=1e-9)
     value, angle = FIGURES["L_max"]
     assert needle.clearance(needle.best()) == pytest.approx(value, abs=1e-8)
     assert np.degrees(needle.best()) == pytest.approx(angle, abs=1e-5)
-
-
-@pytest.mark.parametrize("degrees", FIGURES["L"])
-def test_needle_clearance(degrees: str) -> None:
-    assert Needle().clearance(np.radians(float(degrees))) == pytest.approx(FIGURES["L"][degrees], abs=1e-10)
-
-
-@pytest.mark.parametrize("degrees", FIGURES["d5"])
-def test_length_of_equation_5(degrees: str) -> None:
-    assert Needle().lay(np.radians(float(degrees))) == pytest.approx(FIGURES["d5"][degrees], abs=1e-10)
-
-
-def test_angle_for_the_published_length() -> None:
-    assert np.degrees(Needle().angles_for_lay(54.0)) == pytest.approx([FIGURES["alpha2_for_54"]], abs=1e-9)
-
-
-def test_published_whole_numbers_are_the_exact_ones_cut_off() -> None:
-    needle = Needle()
+    for degrees, value in FIGURES["L"].items():
+        assert needle.clearance(np.radians(float(degrees))) == pytest.approx(value, abs=1e-10), degrees
+    for degrees, value in FIGURES["d5"].items():
+        assert needle.lay(np.radians(float(degrees))) == pytest.approx(value, abs=1e-10), degrees
+    assert np.degrees(needle.angles_for_lay(54.0)) == pytest.approx([FIGURES["alpha2_for_54"]], abs=1e-9)
+    # the published whole numbers are the exact ones cut off
     assert needle.smallest_whole_degree() == FIGURES["paper"]["alpha2_limit"]
     assert int(needle.lay(np.radians(8.0))) == FIGURES["paper"]["d5"]
 
@@ -124,19 +111,20 @@ def test_bite_events(key: str, reference) -> None:
     assert np.degrees(found.enter[index]) == pytest.approx(angle, abs=1e-8)
     assert EDGES["bite"][found.opened_by[index] - 2] == "S8S9"
     assert found.fraction[index] == pytest.approx(fraction, abs=1e-8)
-
-
-def test_place_of_the_chosen_pairs_bite(reference) -> None:
-    assert reference.conditions["bite"].point[row("10,25")] == pytest.approx(FIGURES["E2_10_25"], abs=1e-8)
+    if key == "10,25":
+        assert found.point[index] == pytest.approx(FIGURES["E2_10_25"], abs=1e-8)
 
 
 # A9, A10: clearance
 
 
-@pytest.mark.parametrize("key", FIGURES["S10_j3_at_270"])
-def test_hook_past_the_disc(key: str, reference) -> None:
-    expected = FIGURES["S10_j3_at_270"][key]
-    assert reference.conditions["clearance"].value[row(key)] == pytest.approx(expected, abs=1e-9)
+def test_hook_past_the_disc(reference) -> None:
+    found = reference.conditions["clearance"]
+    for key, value in FIGURES["S10_j3_at_270"].items():
+        assert found.value[row(key)] == pytest.approx(value, abs=1e-9), key
+    for key, angle in FIGURES["worst_angle"].items():
+        assert np.degrees(found.worst_driver[row(key)]) == pytest.approx(angle, abs=1e-9), key
+    assert found.worst[row("10,25")] == pytest.approx(FIGURES["worst_10_25"], abs=1e-9)
 
 
 @pytest.mark.parametrize("sense", [-1, 1])
@@ -160,16 +148,6 @@ def test_worst_angle_of_the_locked_hook(pair, sense) -> None:
     assert found.worst_driver[0] == pytest.approx(np.radians(270.0) + shift, abs=1e-11)
 
 
-@pytest.mark.parametrize("key", FIGURES["worst_angle"])
-def test_reference_of_the_worst_angle(key: str, reference) -> None:
-    worst = reference.conditions["clearance"].worst_driver[row(key)]
-    assert np.degrees(worst) == pytest.approx(FIGURES["worst_angle"][key], abs=1e-9)
-
-
-def test_reference_of_the_worst_clearance(reference) -> None:
-    assert reference.conditions["clearance"].worst[row("10,25")] == pytest.approx(FIGURES["worst_10_25"], abs=1e-9)
-
-
 # A12: the published pattern
 
 
@@ -185,27 +163,6 @@ def test_published_patterns_come_out(inputs: str) -> None:
 
 def test_feasible_pairs_are_the_published_ones(reference) -> None:
     assert [list(PAIRS[index]) for index in np.flatnonzero(reference.feasible)] == FIGURES["paper"]["feasible"]
-
-
-def scanned_before_hit(machine, step: float) -> np.ndarray:
-    """E1 at the last step of a scan before the first hit, as the source did it."""
-    driver = np.radians(np.arange(0, 180, step))
-    condition = d_knotter.wrap()
-    corners = condition.positions(machine, driver)
-    enter = condition.evaluate(machine, 1).enter[0]
-    y, z = np.array(crossing_point(*corners)[1:])
-    before = np.flatnonzero(driver < enter)[-1]
-    return np.array([y[before], z[before]])
-
-
-@pytest.mark.parametrize("key", FIGURES["paper"]["E1_before_hit"])
-def test_printed_points_before_the_hit(key: str) -> None:
-    alpha1, alpha3 = map(int, key.split(","))
-    found = scanned_before_hit(at_pair(alpha1, alpha3, **reference_print()), FIGURES["REF_PRINT"]["scan_step"])
-    assert found == pytest.approx(FIGURES["REF_PRINT"]["E1_before_hit"][key], abs=6e-5)
-    assert found == pytest.approx(FIGURES["paper"]["E1_before_hit"][key], abs=0.05)
-    other = scanned_before_hit(at_pair(alpha1, alpha3), 2.0)
-    assert other == pytest.approx(FIGURES["REF_scan_step_2"][key], abs=6e-4)
 
 
 def test_bites_of_alpha1_10_are_nearest_the_middle_of_the_edge(reference) -> None:
@@ -282,3 +239,80 @@ def test_alpha2_is_an_angle_of_a_sequence_and_d6_acts_along_k() -> None:
     # o1 lies d6 above the plane i0 o0 j0; tip - foot is good to the rounding of 142 mm, 3e-14, times d6
     assert (tip - foot) @ (0 - foot) == pytest.approx(d_knotter.PUBLISHED_LENGTHS["d6"], abs=1e-11)
     assert "8.81°" in (Path(__file__).parents[3] / "docs" / "knotter.md").read_text()
+
+
+# Curves over the bill's angle
+
+
+@pytest.mark.parametrize("key", FIGURES["wrap"])
+def test_e1_runs_into_the_triangle_at_the_exact_event(key) -> None:
+    machine, condition = at_pair(*map(int, key.split(","))), d_knotter.wrap()
+    angle, _, y, z, leave = FIGURES["wrap"][key]
+    driver = np.radians([angle - 1e-6, angle, angle + 1e-6, leave - 1e-6, leave + 1e-6])
+    curve = crossing_curve(machine, condition, driver)
+    assert curve.inside[[0, 2, 3, 4]].tolist() == [False, True, True, False]
+    assert curve.point[1] == pytest.approx([0, y, z], abs=1e-7) and curve.on_rope.all()
+
+
+def test_crossings_are_those_of_the_equations_typed_out() -> None:
+    machine, exact = at_pair(10, 25), Exact(10, 25)
+    degrees = np.arange(60, 130, 7.0)
+    curve = crossing_curve(machine, d_knotter.wrap(), np.radians(degrees))
+    for row, at in enumerate(degrees):
+        (y, z), share, corners = exact.wrap(float(np.radians(at)))
+        assert curve.point[row, 1:] == pytest.approx([float(y), float(z)], abs=1e-9)
+        assert curve.on_rope[row] == (0 < share < 1)
+        assert curve.triangle[:, row, 1:] == pytest.approx(
+            np.array([[float(x) for x in c] for c in corners]), abs=1e-12
+        )
+
+
+@pytest.mark.parametrize("name", ["wrap", "bite"])
+def test_inside_is_the_verdict_of_the_exact_predicate(name) -> None:
+    machine, condition = at_pair(20, 25), getattr(d_knotter, name)()
+    driver = np.linspace(*condition.window, 1001)
+    curve = crossing_curve(machine, condition, driver)
+    corners = [np.array(np.broadcast_arrays(*place)).T for place in condition.positions(machine, driver)]
+    assert np.array_equal(curve.inside, classify(*corners) == Crossing.CROSSES) and curve.inside.any()
+
+
+def test_a_rope_parallel_to_its_plane_has_no_crossing() -> None:
+    machine = varied(at_pair(10, 25), {"S7.j": 0.0})
+    driver = np.linspace(0, 6, 7)
+    level = varied(machine, {"d9": 0.0, "d10": 0.0})
+    curve = crossing_curve(level, d_knotter.bite(), driver)
+    assert np.isfinite(curve.point).all()  # S0 is off the plane: one end in it crosses there
+    still = d_knotter.SegmentHitsTriangle("still", ("S3", "S4"), ("S5", "O5", "S10"), "u4", (0.0, 1.0), 0)
+    moved = varied(machine, {"S3.j": 5.0, "S4.j": 5.0, "S5.j": 0.0})
+    assert np.isnan(crossing_curve(moved, still, driver).point).all()
+
+
+@pytest.mark.parametrize("key", FIGURES["paper"]["E1_before_hit"])
+def test_step_before_points_of_table_1(key) -> None:
+    scan_step = np.radians(FIGURES["REF_PRINT"]["scan_step"])
+    pair = tuple(map(int, key.split(",")))
+    _, point = step_before(at_pair(*pair, **reference_print()), d_knotter.wrap(), scan_step)
+    assert point[1:] == pytest.approx(FIGURES["REF_PRINT"]["E1_before_hit"][key], abs=6e-5)
+    assert point[1:] == pytest.approx(FIGURES["paper"]["E1_before_hit"][key], abs=0.05)
+    _, point = step_before(at_pair(*pair), d_knotter.wrap(), np.radians(2.0))
+    assert point[1:] == pytest.approx(FIGURES["REF_scan_step_2"][key], abs=6e-4)
+    assert step_before(varied(at_pair(*pair), {"S3.j": -500.0, "S4.j": -500.0}), d_knotter.wrap(), 0.1) is None
+
+
+def test_paths_keep_distances_within_a_body() -> None:
+    driver = np.linspace(0, 6, 30)
+    paths = point_paths(at_pair(10, 25), ["S1", "S3", "S8", "S10", "S0"], "shaft", driver)
+    for one, other in (("S1", "S3"), ("S8", "S10")):
+        length = np.linalg.norm(paths[one] - paths[other], axis=1)
+        assert np.ptp(length) < 1e-12
+    assert np.ptp(paths["S0"], axis=0).max() > 50
+
+
+def test_a_machine_with_its_own_dimensions_is_itself() -> None:
+    machine = at_pair(10, 25)
+    known = dimensions(machine)
+    assert {"d1", "beta.lead", "beta.ratio", "S1.j", "S10.k"} <= set(known) and "O5.i" not in known
+    many = varied(machine, {name: np.full(3, value) for name, value in known.items()})
+    for condition in d_knotter.conditions():
+        one, three = condition.evaluate(machine, 1), condition.evaluate(many, 3)
+        assert three.margin == pytest.approx(np.repeat(one.margin, 3), abs=1e-12)

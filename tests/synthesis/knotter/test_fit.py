@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from synthesis.knotter import d_knotter
-from synthesis.knotter.dimensions import dimensions, varied
 from synthesis.knotter.fit import Pattern, Wanted, directions, extents, rank, search, single_ranges
+from synthesis.knotter.mechanism import dimensions, varied
 from synthesis.knotter.study import study
 from synthesis.work import Cancelled, Work
 

@@ -12,11 +12,10 @@ from scipy.optimize import brentq
 
 from synthesis.errors import FieldError
 from synthesis.knotter import d_knotter
-from synthesis.knotter.conditions import Clearance, Scalar
-from synthesis.knotter.entry import Found, SegmentHitsTriangle, inside_windows
+from synthesis.knotter.conditions import Clearance, Found, Scalar, SegmentHitsTriangle, inside_windows
+from synthesis.knotter.d_knotter import Needle
 from synthesis.knotter.events import Events
 from synthesis.knotter.mechanism import Chain, Linear, Mechanism, Shift, Table, Turn
-from synthesis.knotter.needle import Needle
 from synthesis.knotter.segment_triangle import segment_triangle_distance
 from synthesis.knotter.study import solve, study
 from tests.oracles.knotter import Twin

@@ -10,11 +10,17 @@ import numpy as np
 import pytest
 
 from synthesis.errors import FieldError
-from synthesis.lift import constrained
-from synthesis.lift.constrained import Constrained, Space, optimize_within
-from synthesis.lift.constraints import Constraints, jerky_run, measured, rows_of, slacks
+from synthesis.lift.constraints import (
+    Constraints,
+    Space,
+    jerky_run,
+    measured,
+    optimize_within,
+    rows_of,
+    slacks,
+)
 from synthesis.lift.motion import motion
-from synthesis.lift.objective import Objective, Task
+from synthesis.lift.objective import Built, Objective, Optimum, Task
 from synthesis.lift.optimum import optimize
 from synthesis.lift.pose import Cylinder, Design
 from synthesis.work import Cancelled, Work
@@ -26,7 +32,7 @@ LOOSE = Constraints({name: (51.0, 600.0) for name in ("l2", "l3", "l4", "l5", "b
 
 
 @cache
-def found(name: str) -> Constrained:
+def found(name: str) -> Optimum:
     return optimize_within(*CASES[name])
 
 
@@ -161,7 +167,7 @@ def test_slacks_are_negative_exactly_where_a_limit_is_missed() -> None:
     task, wanted = CASES["default"]
     loose = optimize_within(task, LOOSE).built
     missed = {row.name for row in rows_of(wanted, measured(loose, task)) if not row.kept}
-    one = constrained.Built(
+    one = Built(
         Design(*(np.array([value]) for value in loose.design.as_tuple())),
         *(np.array([value]) for value in (loose.gamma, loose.turn, loose.closed)),
     )

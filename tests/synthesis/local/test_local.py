@@ -10,23 +10,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.limits import FAMILIES, Limits, in_family
+from synthesis.fourbar.limits import FAMILIES, Limits, in_family, practical_limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.practical import practical_limits
-from synthesis.fourbar.solution import assess
-from synthesis.fourbar.within import within
+from synthesis.fourbar.solution import assess, keeps, within
 from synthesis.free.align import squared_errors
 from synthesis.free.motion import chart_of
 from synthesis.free.poses import make_poses
 from synthesis.free.rows import JointProblem
 from synthesis.function.answers import exchanged, finished, rocker_angles
-from synthesis.function.bounds import FunctionLimits
 from synthesis.function.wanted import Wanted
 from synthesis.local import poses as free
 from synthesis.local.beginning import turning_fully
 from synthesis.local.function import refine_function
 from synthesis.local.motion import refine_motion
 from synthesis.local.poses import refine_poses
+from synthesis.mechanism import Placed
 from synthesis.target import TURN, make_target
 from synthesis.work import Work
 
@@ -38,10 +36,11 @@ TRUE = {
 CRANK = np.linspace(0.0, 1.1, 9)
 LIMITS = (
     Limits(),
-    Limits(transmission_angle_min=np.deg2rad(40)),
-    Limits(pivot_box=(-40.0, -40.0, 120.0, 120.0), link_min=15.0, link_max=170.0),
-    Limits(family="any", link_ratio_max=4.0, pivot_a=3 + 4j),
+    Limits(transmission_angle_min=np.deg2rad(20)),
+    Limits(pivot_box=(-40.0, -40.0, 170.0, 120.0), link_min=15.0, link_max=180.0),
+    Limits(family="any", link_ratio_max=10.0, pivot_a=3 + 4j),
 )
+"""All kept by the crank-rocker."""
 
 
 def moved(linkage: Linkage, size: float, random: np.random.Generator) -> Linkage:
@@ -91,42 +90,58 @@ def test_a_moved_linkage_comes_back_where_a_part_is_asked_for(part: str) -> None
         assert found.errors.objective < 1e-10
 
 
-def asked_and_begun(seed: int) -> tuple[dict, Limits, Linkage]:
-    """A motion that no linkage makes, limits, and a linkage somewhere."""
-    random = np.random.default_rng(seed)
-    asked = motion_of(moved(TRUE["crank_rocker"], 0.05, random))
-    asked["position"] = asked["position"] + 3 * (random.standard_normal(9) + 1j * random.standard_normal(9))
-    return asked, LIMITS[seed % len(LIMITS)], moved(TRUE["crank_rocker"], 0.3, random)
-
-
 def kept_at(target, limits: Limits, linkage: Linkage) -> list:
     """The linkage with its errors, if it keeps the limits."""
     return within(target, limits, assess(target, [linkage])) if linkage.joints(CRANK).closed else []
 
 
-@settings(max_examples=12)
-@given(st.integers(0, 10**6))
-def test_no_refinement_is_worse_than_its_beginning_and_each_keeps_the_limits(seed: int) -> None:
-    asked, limits, begin = asked_and_begun(seed)
+def asked_and_begun(seed: int, keeps: bool) -> tuple[dict, Limits, Linkage]:
+    """A motion that no linkage makes, limits, and a linkage somewhere, or one as far away as these limits are kept."""
+    random, limits = np.random.default_rng(seed), LIMITS[seed % len(LIMITS)]
+    asked = motion_of(moved(TRUE["crank_rocker"], 0.05, random))
+    asked["position"] = asked["position"] + 3 * (random.standard_normal(9) + 1j * random.standard_normal(9))
+    target = make_target(**asked, crank_angle=CRANK)
+    for size in (0.3, 0.1, 0.03, 0.01, 0.0):
+        begin = moved(TRUE["crank_rocker"], size, random)
+        begin = replace(begin, pivot_a=limits.pivot_a or begin.pivot_a)
+        if not keeps or kept_at(target, limits, begin):
+            break
+    return asked, limits, begin
+
+
+@settings(max_examples=16)
+@given(st.integers(0, 10**6), st.booleans())
+def test_no_refinement_is_worse_than_its_beginning_and_each_keeps_the_limits(seed: int, keeps: bool) -> None:
+    asked, limits, begin = asked_and_begun(seed, keeps)
     target = make_target(**asked, crank_angle=CRANK)
     found, report = refine_motion(target, limits, begin, 1e-10, Work())
     assert within(target, limits, found) == found
-    if kept := kept_at(target, limits, begin):
-        assert found[0].errors.objective <= kept[0].errors.objective
+    kept = kept_at(target, limits, begin)
+    assert kept or not keeps
+    assert not kept or found[0].errors.objective <= kept[0].errors.objective
     assert not found or report.trace[-1][1] == found[0].errors.objective
 
 
-@settings(max_examples=3)
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_mirrored_request_gives_the_mirrored_linkage(seed: int) -> None:
+    """Its limits are mirrored too: a box, a pivot."""
+    asked, limits, begin = asked_and_begun(seed, keeps=True)
+    target = make_target(**asked, crank_angle=CRANK)
+    (one,), _ = refine_motion(target, limits, begin, 1e-10, Work())
+    (other,), _ = refine_motion(target.mirrored(), limits.mirrored(), begin.mirrored(), 1e-10, Work())
+    assert np.allclose(other.linkage.links, one.linkage.links) and other.linkage.branch == -one.linkage.branch
+    assert np.isclose(other.linkage.pivot_a, np.conj(one.linkage.pivot_a))
+
+
+@settings(max_examples=4)
 @given(st.integers(0, 10**6))
 def test_the_same_holds_where_crank_angles_are_free(seed: int) -> None:
-    asked, limits, begin = asked_and_begun(seed)
+    asked, limits, begin = asked_and_begun(seed, keeps=True)
     target = make_target(**asked, crank_angle=CRANK)
-    found, _ = refine_poses(make_poses(**asked), limits, begin, CRANK, 1e-10, Work())
-    for one in found:
-        assert within(replace(target, crank=one.crank, found=True), limits, [one])
-        assert np.all(np.diff(one.crank) > 0) or np.all(np.diff(one.crank) < 0)
-    if kept := kept_at(target, limits, begin):
-        assert found[0].errors.objective <= kept[0].errors.objective * (1 + 1e-9)
+    (one,), _ = refine_poses(make_poses(**asked), limits, begin, CRANK, 1e-10, Work())
+    assert within(replace(target, crank=one.crank, found=True), limits, [one])
+    assert np.all(np.diff(one.crank) > 0) or np.all(np.diff(one.crank) < 0)
+    assert one.errors.objective <= kept_at(target, limits, begin)[0].errors.objective * (1 + 1e-9)
 
 
 def test_practical_limits_are_kept_from_a_linkage_that_breaks_them() -> None:
@@ -210,7 +225,7 @@ def test_a_function_generator_is_refined(largest: bool, sense: int) -> None:
     random, crank = np.random.default_rng(7), sense * np.linspace(0, 0.9, 12)
     output = rocker_angles([true], crank)[0]
     wanted = Wanted(crank, output)
-    for limits in (FunctionLimits(), FunctionLimits(transmission_angle_min=0.5, link_ratio_max=8.0)):
+    for limits in (Limits("any"), Limits("any", transmission_angle_min=0.5, link_ratio_max=8.0)):
         begin = moved(true, 0.01, random)
         (found,), _ = refine_function(wanted, limits, largest, begin, None, 1e-10, Work())
         links = np.array(found.linkage.links)
@@ -220,22 +235,22 @@ def test_a_function_generator_is_refined(largest: bool, sense: int) -> None:
         else:
             assert np.allclose(links / links[3], np.array(true.links) / true.links[3], rtol=1e-6)
             assert found.errors.objective < 1e-10
-        lengths = np.array([exchanged(found.linkage).links])
-        assert (
-            limits.exchanged().kept_by(lengths, np.array([found.linkage.start]), wanted.interval).all() or sense < 0
-        )
+        used = wanted.interval.after(np.array([found.linkage.start]))
+        other = exchanged(found.linkage)
+        placed = Placed(np.array([other.links]), np.array([float(other.branch)]), used)
+        assert keeps(wanted.target, limits.exchanged(), placed, 1e-12).all() or sense < 0
 
 
 @settings(max_examples=8)
 @given(st.integers(0, 10**6))
 def test_no_refined_generator_is_worse_than_its_beginning(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    crank, begin = np.linspace(0, 0.9, 12), moved(TRUE["any"], 0.3, random)
+    random, crank = np.random.default_rng(seed), np.linspace(0, 0.9, 12)
     wanted = Wanted(crank, np.cumsum(np.abs(random.standard_normal(12))) * 0.1)
+    begins = (moved(TRUE["any"], size, random) for size in (0.3, 0.1, 0.03, 0.01, 0.0))
+    begin = next(one for one in begins if one.transmission_angle_min(wanted.interval) >= 0.2)
     largest, offset = bool(seed % 2), float(random.standard_normal())
-    limits = FunctionLimits(transmission_angle_min=0.2)
+    limits = Limits("any", transmission_angle_min=0.2)
     found, report = refine_function(wanted, limits, largest, begin, offset, 1e-10, Work())
-    if begin.transmission_angle_min(wanted.interval) >= 0.2:
-        own = finished(wanted, [begin], largest, np.array([offset]) if largest else None)[0]
-        assert found[0].errors.objective <= own.errors.objective * (1 + 1e-9)
-        assert report.trace[0][1] == pytest.approx(own.errors.objective, rel=1e-9)
+    own = finished(wanted, [begin], largest, np.array([offset]) if largest else None)[0]
+    assert found[0].errors.objective <= own.errors.objective * (1 + 1e-9)
+    assert report.trace[0][1] == pytest.approx(own.errors.objective, rel=1e-9)

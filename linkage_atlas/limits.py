@@ -1,0 +1,189 @@
+"""Limits as a user gives them, checked by name; and where they exclude every linkage, which of them do, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from linkage_atlas.motions import Motion, column, number, radians_in
+from synthesis.errors import FieldError
+from synthesis.fourbar.limits import FORMS, LINKS, Form, Limits, practical_limits
+from synthesis.fourbar.solution import Solution
+from synthesis.target import Samples
+from synthesis.work import Work
+
+PRESETS = ("practical", "none")
+"""Sets of limits by name: the first holds by default where the crank angles are free, the second where they are given."""
+LIMITS = {name: form for name, form in FORMS.items() if form.kind != "reach"}
+"""The limits of a request, beside its ``preset``."""
+FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns != "place"}
+"""Those of a request for function generators."""
+_STEPS = 6
+"""Halvings of the way that a limit gives."""
+_SECONDS = 4.0
+"""Longest time that is spent on the reason."""
+
+Search = Callable[[Limits, Work], tuple[list[Solution], Any]]
+
+
+def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
+    """The limits of a request, checked against its motion."""
+    checked = _read(limits, motion.samples, motion.radian, LIMITS, PRESETS[0] if motion.free else PRESETS[1], {})
+    checked.check_against(motion.samples)
+    return checked
+
+
+def read_function_limits(limits: Mapping[str, Any] | None, samples: Samples, degrees: bool) -> Limits:
+    """The limits of a request for function generators, which are of any family where it names none."""
+    checked = _read(limits, samples, radians_in(degrees), FUNCTION_LIMITS, PRESETS[1], {"family": "any"})
+    if any(checked.links) and checked.links[3] is None:
+        raise FieldError("/limits/links/ground", "needed where other lengths are given")
+    return checked
+
+
+def _read(
+    limits: Mapping[str, Any] | None,
+    samples: Samples,
+    radian: float,
+    forms: Mapping[str, Form],
+    preset: str,
+    default: dict[str, Any],
+) -> Limits:
+    given = default | {name: value for name, value in (limits or {}).items() if value is not None}
+    for name in given:
+        if name not in (*forms, "preset"):
+            raise FieldError.no_such("/limits", name, (*forms, "preset"), "limit")
+    preset = given.pop("preset", preset)
+    if preset not in PRESETS:
+        raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {preset!r}")
+    given = {name: _value(f"limits/{name}", FORMS[name].kind, value, radian) for name, value in given.items()}
+    return Limits(**(practical_limits(samples, given) if preset == "practical" else given))
+
+
+def _value(field: str, kind: str, value: Any, radian: float) -> Any:
+    """A limit's value as `Limits` has it."""
+    match kind:
+        case "angle":
+            return number(field, value) * radian
+        case "length" | "ratio":
+            return number(field, value)
+        case "point":
+            return complex(*_numbers(field, value, 2, "[x, y]"))
+        case "box":
+            return tuple(_numbers(field, value, 4, "[xmin, ymin, xmax, ymax]"))
+        case "boxes":
+            return tuple(_value(f"{field}/{k}", "box", box, radian) for k, box in enumerate(value))
+        case "links":
+            return _lengths(field, value)
+    return value
+
+
+def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:
+    found = column(field, values)
+    if found.shape != (size,):
+        raise FieldError(f"/{field}", f"wanted {form}, found {found.size} numbers")
+    if not np.all(np.isfinite(found)):
+        raise FieldError(f"/{field}/{int(np.argmin(np.isfinite(found)))}", "wanted a finite number")
+    return found.tolist()
+
+
+def _lengths(field: str, given: Any) -> tuple[float | None, ...]:
+    """Given lengths in the order of a four-bar."""
+    if not isinstance(given, Mapping):
+        raise FieldError(f"/{field}", f"wanted some of {', '.join(LINKS)} with their lengths")
+    for name in given:
+        if name not in LINKS:
+            raise FieldError.no_such(f"/{field}", name, LINKS, "link")
+    values = [given.get(name) for name in LINKS]
+    return tuple(None if value is None else number(f"{field}/{name}", value) for name, value in zip(LINKS, values))
+
+
+# -- what excludes every linkage --------------------------------------------------------------------------------------
+
+
+def what_excludes(limits: Limits, motion: Motion, search: Search, work: Work) -> list[str]:
+    """Sentences on the limits, one or two, without which there are linkages; none where that was not found out in time.
+
+    Parameters
+    ----------
+    limits : Limits
+        Within which a search found nothing.
+    motion : Motion
+    search : callable
+        The search that found nothing, for other limits and work of its own.
+    work : Work
+        What is left of its time may be used.
+    """
+    watch = work.part(_SECONDS)
+    names = limits.given
+    notes: list[str] = []
+    for name in names:
+        if watch.expired():
+            return notes
+        found, _ = search(_without(limits, name), watch)
+        if found:
+            notes.append(_sentence(limits, name, motion, search, watch))
+    for one, other in combinations(names, 2):
+        if notes or watch.expired():
+            break
+        found, _ = search(_without(_without(limits, one), other), watch)
+        if found:
+            notes.append(f"no linkage was found within {one} and {other} together; without these two there are")
+    return notes
+
+
+def _without(limits: Limits, name: str) -> Limits:
+    """The limits without one of them; a family gives way to any."""
+    return _changed(limits, name, "any" if name == "family" else getattr(Limits(), name))
+
+
+def _changed(limits: Limits, name: str, value: Any) -> Limits:
+    changes: dict[str, Any] = {name: value}
+    return replace(limits, **changes)
+
+
+def _sentence(limits: Limits, name: str, motion: Motion, search: Search, watch: Work) -> str:
+    """What a limit would have to be, as near to what it is as was found."""
+    extent = 1.0 if motion.samples.position is None else motion.samples.extent
+    low, high, best = 0.0, 1.0, None
+    for _ in range(_STEPS):
+        middle = (low + high) / 2
+        eased = _eased(limits, name, middle, extent)
+        if eased is None or watch.expired():
+            break
+        if search(eased, watch)[0]:
+            high, best = middle, eased
+        elif not watch.expired():
+            low = middle
+    shown = name if name != "pivot_reach" else "the distance of the pivots"
+    if best is None:
+        return f"{shown} excludes every linkage that was looked for; without it there are some"
+    return f"{shown} excludes every linkage that was looked for; at {_shown(best, name, motion)} there is one"
+
+
+def _eased(limits: Limits, name: str, part: float, extent: float) -> Limits | None:
+    """The limits with one that has given way by a part of all that it can; None where it cannot in degrees."""
+    value, form = getattr(limits, name), FORMS[name]
+    match form.kind:
+        case "angle":
+            return _changed(limits, name, value * (1 - part))
+        case "length" | "ratio":
+            return _changed(limits, name, value * (1 - part) if form.least else value / (1 - part))
+        case "box":
+            by = part / (1 - part) * extent
+            return _changed(limits, name, (value[0] - by, value[1] - by, value[2] + by, value[3] + by))
+    return None
+
+
+def _shown(limits: Limits, name: str, motion: Motion) -> str:
+    """A limit's value in the user's unit."""
+    value = getattr(limits, name)
+    if FORMS[name].kind == "angle":
+        return f"{value / motion.radian:.3g} {'degrees' if motion.degrees else 'radians'}"
+    if isinstance(value, tuple):
+        return f"[{', '.join(f'{number:.4g}' for number in value)}]"
+    return f"{value:.4g}"

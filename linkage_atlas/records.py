@@ -1,0 +1,67 @@
+"""What a reply holds: the fields of frozen dataclasses and named tuples, under their names, with a sentence below each.
+
+They are the contract of the HTTP interface too, which is described and written from them. An annotation that Python and JSON
+do not share is ``Annotated[type in Python, type in JSON]``; an array is a list of numbers where it does not say otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from math import isfinite
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Values = Annotated[Floats, list[float | None]]
+"""(n,): null where a value is not finite."""
+Vectors = Annotated[Floats, list[tuple[float, float] | None]]
+"""(n, 2): null where a row is not finite."""
+
+KEPT = {"kept": True}
+"""Metadata of a field that Python alone has."""
+
+
+class Record:
+    """Base of dataclasses that are a reply, or a part of one."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract; null where there is no finite value."""
+        return dict(plain(self))
+
+
+@cache
+def names_of(kind: Any) -> tuple[str, ...]:
+    """Names of the fields that a reply has of a dataclass or a named tuple, in order; of any other type none."""
+    if is_dataclass(kind):
+        return tuple(field.name for field in fields(kind) if "kept" not in field.metadata)
+    return getattr(kind, "_fields", ())
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: dicts, lists and numbers; None for a number, or a row of an array, that is not finite."""
+    if isinstance(value, float):
+        return float(value) if isfinite(value) else None
+    if isinstance(value, np.ndarray):
+        return _numbers(value)
+    kind: Any = type(value)
+    if names := names_of(kind):
+        return {name: plain(getattr(value, name)) for name in names}
+    if isinstance(value, Mapping):
+        return {name: plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        # a list of numbers is plain: number by number it would take a second for a thousand curves
+        return list(value) if value and type(value[0]) is float else [plain(part) for part in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _numbers(values: Floats) -> list[Any]:
+    good: Any = np.isfinite(values)
+    if good.all():
+        return values.tolist()
+    if values.ndim < 2:
+        return [value if fine else None for value, fine in zip(values.tolist(), good)]
+    return [row if fine else None for row, fine in zip(values.tolist(), good.all(axis=-1))]

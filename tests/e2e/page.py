@@ -1,0 +1,464 @@
+"""A page in the browser as the tests use it: its parts by their ids, what it shows, and what a user does to it."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from selenium.common.exceptions import JavascriptException
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select
+
+import linkage_atlas as la
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = json.loads((ROOT / "app/static/examples.json").read_text())
+READY = "document.body.dataset.ready"
+IDLE = "document.getElementById('progress').hidden"
+CARDS = "document.querySelectorAll('#solutions li').length"
+WATCH = (
+    "const done = arguments[0], end = performance.now() + 1000;"
+    "(function look() { let met; try { met = Boolean(CONDITION) } catch (error) { return done(String(error)) }"
+    "if (met || performance.now() > end) done(met); else setTimeout(look, 20) })()"
+)
+"""Looks for a condition within the page for a second: to ask the browser each time costs more than what is waited for."""
+IN_SIGHT = (
+    "const e = document.querySelector(arguments[0]), b = document.querySelector('.fourbar .solve');"
+    "if (e && b && !b.contains(e) && e.getBoundingClientRect().bottom > b.getBoundingClientRect().top)"
+    "e.scrollIntoView({block: 'center'}); return e"
+)
+"""An element, scrolled out from under the bar with Solve, which stays in sight; found and scrolled by one call of the browser."""
+ASKED = (
+    "window.asked=[];const own=window.fetch;window.fetch=async(...a)=>{if(!String(a[0]).startsWith('/v1/'))return own(...a);"
+    "window.asked.push(JSON.parse(a[1].body));const s=a[0]==='/v1/synthesize'&&window.stub;"
+    "return s?new Response(JSON.stringify(s),{headers:{'content-type':'application/json'}}):own(...a)}"
+)
+"""Keeps the bodies of the page's requests; a reply in `window.stub` stands in for the service's."""
+FREE = la.FourBar(
+    20, 60, 55, 58, start_angle=30, pivot_a=(10, 5), ground_angle=8, coupler_point=(40, 35), body_offset=12
+)
+"""A crank-rocker whose motions the tests ask for."""
+WORKS = {"order": True, "branch": True, "circuit": True, "within_tolerance": None, "buildable": True, "reasons": []}
+VERDICTS = [
+    WORKS,
+    WORKS
+    | {"buildable": False, "reasons": ["transmission angle 21.9 degrees over the used interval, below 35", "b"]},
+    WORKS | {"within_tolerance": False, "reasons": ["sample 3 is off by 2.4 times what is allowed, the most of all"]},
+    WORKS
+    | {"order": False, "branch": False, "buildable": False, "reasons": ["samples 2 and 3 lie on different branches"]},
+]
+
+
+def keep(page: Page, name: str) -> None:
+    """A picture of what is shown in docs/img, in few colours, if ``LINKAGE_ATLAS_SCREENSHOTS=1`` asks for it."""
+    if os.environ.get("LINKAGE_ATLAS_SCREENSHOTS"):
+        from PIL import Image
+
+        picture = Image.open(io.BytesIO(page.browser.get_screenshot_as_png())).convert("RGB")
+        picture.quantize(128, dither=Image.Dither.NONE).save(ROOT / f"docs/img/{name}.png", optimize=True)
+
+
+def path_request(angles: Any, **more: Any) -> dict[str, Any]:
+    return {"position": np.round(FREE.joints(angles).body_point, 6).tolist(), "timing": "free", **more}
+
+
+class Page:
+    """Any page of the service."""
+
+    def __init__(self, browser: Any, address: str, downloads: Path) -> None:
+        self.browser, self.address, self.downloads = browser, address, downloads
+
+    # -- scripts and parts --------------------------------------------------------------------------------------------
+
+    def run(self, script: str, *arguments: Any) -> Any:
+        return self.browser.execute_script(script, *arguments)
+
+    def later(self, script: str, *arguments: Any) -> Any:
+        """What a script gives to the function that is its last argument."""
+        return self.browser.execute_async_script(script, *arguments)
+
+    def cdp(self, command: str, arguments: dict[str, Any]) -> Any:
+        return self.browser.execute_cdp_cmd(command, arguments)
+
+    def wait(self, condition: str, seconds: float = 30.0) -> None:
+        """Until a JavaScript expression is true."""
+        end, met = time.monotonic() + seconds, False
+        while met is not True:
+            assert not met, f"{condition}: {met}"
+            assert time.monotonic() < end, f"waited for {condition}"
+            try:
+                met = self.later(WATCH.replace("CONDITION", condition))
+            except JavascriptException as error:  # another page has come meanwhile
+                if "unloaded" not in str(error):
+                    raise
+
+    def pick(self, selector: str) -> Any:
+        element = self.run(IN_SIGHT, selector)
+        assert element is not None, f"there is no {selector}"
+        return element
+
+    def find(self, name: str) -> Any:
+        return self.pick(f"#{name}")
+
+    def one(self, selector: str) -> Any:
+        return self.browser.find_element(By.CSS_SELECTOR, selector)
+
+    def all(self, selector: str) -> list[Any]:
+        return self.browser.find_elements(By.CSS_SELECTOR, selector)
+
+    @property
+    def active(self) -> Any:
+        return self.browser.switch_to.active_element
+
+    def text(self, name: str) -> str:
+        return self.find(name).text
+
+    @property
+    def focus(self) -> str:
+        return self.run("return document.activeElement.id")
+
+    def content(self, name: str) -> str:
+        """Text of a part, also where it is not shown."""
+        return self.run("return document.getElementById(arguments[0]).textContent", name)
+
+    def texts(self, selector: str) -> list[str]:
+        return self.run("return [...document.querySelectorAll(arguments[0])].map((one) => one.innerText)", selector)
+
+    def value(self, name: str) -> str:
+        return self.find(name).get_attribute("value")
+
+    def shown(self, name: str) -> bool:
+        return self.find(name).is_displayed()
+
+    def ticked(self, name: str) -> bool:
+        return self.find(name).is_selected()
+
+    def count(self, selector: str) -> int:
+        return self.run("return document.querySelectorAll(arguments[0]).length", selector)
+
+    @property
+    def width(self) -> int:
+        """Pixels that the page is wide, with what sticks out."""
+        return self.run("return document.documentElement.scrollWidth")
+
+    # -- what a user does ---------------------------------------------------------------------------------------------
+
+    def resize(self, width: int, height: int = 900) -> None:
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.cdp("Emulation.setDeviceMetricsOverride", size)
+
+    def forget(self) -> None:
+        """Leave the page; its browser knows it no longer."""
+        self.browser.get("about:blank")
+        self.cdp("Storage.clearDataForOrigin", {"origin": self.address, "storageTypes": "local_storage"})
+
+    def go(self, path: str = "", seconds: float = 60.0) -> None:
+        self.browser.get(f"{self.address}{path}")
+        self.wait(READY, seconds)
+
+    def load(self, path: str = "", width: int = 1280) -> None:
+        """Load a page as if for the first time."""
+        self.forget()
+        self.resize(width)
+        self.browser.get_log("browser")
+        self.go(path)
+
+    def reload(self) -> None:
+        self.browser.refresh()
+        self.wait(READY)
+
+    def back(self) -> None:
+        self.browser.back()
+        self.wait(READY)
+
+    def assert_no_errors(self) -> None:
+        wrong = [row for row in self.browser.get_log("browser") if row["level"] in ("SEVERE", "WARNING")]
+        assert not wrong, wrong
+
+    def click(self, name: str) -> None:
+        self.find(name).click()
+
+    def centre(self, element: Any) -> Any:
+        self.run("arguments[0].scrollIntoView({block: 'center'})", element)
+        return element
+
+    def press(self, selector: str, way: str = "mouse") -> None:
+        """A button, by mouse, by Enter or by a tap."""
+        element = self.pick(selector)
+        if way == "keyboard":
+            element.send_keys(Keys.ENTER)
+        else:
+            self.centre(element).click()
+
+    def select(self, name: str, value: str) -> None:
+        Select(self.find(name)).select_by_value(value)
+
+    def unfold(self, *names: str) -> None:
+        self.run("for (const name of arguments[0]) document.getElementById(name).open = true", names)
+
+    def type_into(self, name: str, entry: str) -> None:
+        """What a user does: click, select all, type."""
+        self.run("arguments[0].closest('details')?.setAttribute('open', '')", self.find(name))
+        self.click(name)
+        self.actions().key_down(Keys.CONTROL).send_keys("a").key_up(Keys.CONTROL).send_keys(entry).perform()
+
+    def actions(self, duration: int = 250) -> ActionChains:
+        return ActionChains(self.browser, duration=duration)
+
+    def drag(self, element: Any, dx: float, dy: float, begin: tuple[float, float] = (0, 0)) -> None:
+        chain = self.actions(50).move_to_element_with_offset(element, *begin)
+        chain.click_and_hold().move_by_offset(dx, dy).release().perform()
+
+    def saved(self, name: str, button: str = "", way: str = "mouse") -> bytes:
+        """A file that the page gives, once its button has been pressed if one is named."""
+        file, end = self.downloads / name, time.monotonic() + 20
+        if button:
+            file.unlink(missing_ok=True)
+            self.press(button, way)
+        while not file.exists():
+            assert time.monotonic() < end, f"{name} was not saved"
+            time.sleep(0.05)
+        time.sleep(0.1)
+        return file.read_bytes()
+
+    def middle_of(self, element: Any) -> tuple[float, float]:
+        script = "const f = arguments[0].getBoundingClientRect(); return [f.x + f.width / 2, f.y + f.height / 2]"
+        return tuple(self.run(script, self.centre(element)))
+
+    def touch(self, places: list[tuple[float, float]]) -> None:
+        """A finger that comes down at the first place, goes through the others, and is lifted."""
+        self.cdp("Emulation.setTouchEmulationEnabled", {"enabled": True})
+        for k, (x, y) in enumerate(places):
+            points = {"type": "touchMove" if k else "touchStart", "touchPoints": [{"x": x, "y": y}]}
+            self.cdp("Input.dispatchTouchEvent", points)
+        self.cdp("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        self.cdp("Emulation.setTouchEmulationEnabled", {"enabled": False})
+
+    def theme(self, name: str) -> None:
+        if self.run("return document.documentElement.dataset.theme") != name:
+            self.click("theme")
+
+    def faults(self, within: str = "html") -> list[str]:
+        """What axe-core calls serious or critical, on the page or within a part of it, where the rest is as it was."""
+        if not self.run("return Boolean(window.axe)"):
+            self.run((ROOT / "tests/vendor/axe.min.js").read_text())
+        found = self.later("axe.run(arguments[0], {resultTypes: ['violations']}).then(arguments[1])", within)
+        return [
+            f"{row['id']}: {row['nodes'][0]['html'][:150]} {row['nodes'][0].get('failureSummary', '')[:200]}"
+            for row in found["violations"]
+            if row["impact"] in ("serious", "critical")
+        ]
+
+    def follow_link(self) -> None:
+        """Copy the link to what is there, leave the page, and open the link."""
+        self.press("#link")
+        self.wait("location.hash.length > 10")
+        link = self.browser.current_url
+        self.browser.get("about:blank")
+        self.browser.get(link)
+
+    def listen(self) -> None:
+        """Keep the bodies of requests from now on."""
+        self.run(ASKED)
+
+    def asked(self) -> dict[str, Any]:
+        """The last request."""
+        return self.run("return window.asked.at(-1)")
+
+
+class MotionPage(Page):
+    """The page of motions and paths."""
+
+    def choose(self, name: str) -> None:
+        """Open a machine of the gallery; what it does is at rest."""
+        self.click("open-gallery")
+        self.one(f"#gallery [data-example={name}]").click()
+        self.rest()
+
+    def rest(self) -> None:
+        """Let the linkage stand still at the first sample."""
+        self.run(
+            "const p = document.getElementById('play'), s = document.getElementById('slider');"
+            "if (p.ariaLabel === 'Pause') p.click(); s.value = 0; s.dispatchEvent(new Event('input'))"
+        )
+
+    def slide(self, travel: float) -> None:
+        self.run(
+            "const s=document.getElementById('slider');s.value=arguments[0];s.dispatchEvent(new Event('input'))",
+            travel,
+        )
+
+    def mode(self, name: str) -> None:
+        self.press(f"[data-mode={name}]")
+
+    # -- the motion ---------------------------------------------------------------------------------------------------
+
+    def table(self) -> list[list[float]]:
+        return self.run(
+            "return [...document.querySelectorAll('#poses tbody tr')]"
+            ".map(row => [...row.querySelectorAll('input')].map(input => Number(input.value)))"
+        )
+
+    def placed(self) -> np.ndarray:
+        """Positions of the table."""
+        return np.array([row[1:3] for row in self.table()])
+
+    def cell(self, name: str, *keys: str) -> None:
+        """Type into a cell of the table."""
+        cell = self.pick(f"#poses [aria-label='{name}']")
+        cell.click()
+        cell.send_keys(Keys.CONTROL, "a")
+        cell.send_keys(*keys)
+
+    def paste(self, rows: str) -> None:
+        self.click("paste")
+        self.run("document.getElementById('paste-text').value = arguments[0]", rows)
+        self.click("paste-use")
+
+    def take(self, request: dict[str, Any]) -> None:
+        self.paste(json.dumps(request))
+        assert self.text("paste-error") == ""
+
+    def request(self) -> dict[str, Any]:
+        """The request as the page shows it."""
+        self.unfold("request")
+        self.wait("document.getElementById('request-text').textContent")
+        return json.loads(self.text("request-text"))
+
+    def undo(self, again: bool = False) -> None:
+        keys = self.actions().key_down(Keys.CONTROL)
+        keys = keys.key_down(Keys.SHIFT).send_keys("z").key_up(Keys.SHIFT) if again else keys.send_keys("z")
+        keys.key_up(Keys.CONTROL).perform()
+
+    # -- the canvas ---------------------------------------------------------------------------------------------------
+
+    def canvas(self) -> Any:
+        return self.centre(self.find("canvas"))
+
+    def click_canvas(self, *places: tuple[float, float]) -> None:
+        canvas = self.canvas()
+        for x, y in places:
+            self.actions(0).move_to_element_with_offset(canvas, x, y).click().perform()
+
+    def trace(self, places: list[tuple[float, float]], on: str = "canvas") -> None:
+        """Drag along places, in pixels from the middle of the canvas, or of another part."""
+        x, y = places[0]
+        chain = self.actions(5).move_to_element_with_offset(self.centre(self.find(on)), x, y).click_and_hold()
+        for u, v in places[1:]:
+            chain.move_by_offset(u - x, v - y)
+            x, y = u, v
+        chain.release().perform()
+
+    def draw(self, places: list[tuple[float, float]]) -> None:
+        self.mode("path")
+        self.trace(places)
+
+    def view(self) -> tuple[float, float, float]:
+        """Middle and scale of the canvas."""
+        return tuple(map(float, self.find("canvas").get_attribute("data-view").split(" ")))
+
+    def all_drawn(self) -> dict[str, complex]:
+        """Where each joint is drawn, in world coordinates."""
+        found, width, height, shown = self.run(
+            "const s=document.getElementById('canvas'),f=s.getBoundingClientRect();"
+            "const at=(one)=>{const c=one.getBoundingClientRect();"
+            "return [c.x+c.width/2-f.x-s.clientLeft, c.y+c.height/2-f.y-s.clientTop]};"
+            "return [Object.fromEntries([...s.querySelectorAll('[data-joint]')].map(one=>[one.dataset.joint, at(one)])),"
+            "s.clientWidth, s.clientHeight, s.dataset.view.split(' ').map(Number)]"
+        )
+        cx, cy, scale = shown
+        return {
+            joint: complex(cx + (x - width / 2) / scale, cy - (y - height / 2) / scale)
+            for joint, (x, y) in found.items()
+        }
+
+    def drawn(self, joint: str) -> complex:
+        return self.all_drawn()[joint]
+
+    def in_view(self) -> bool:
+        """Whether all joints and poses lie inside the canvas."""
+        return self.run(
+            "const f = document.getElementById('canvas').getBoundingClientRect();"
+            "return [...document.querySelectorAll('#canvas [data-joint], #canvas .dot')]"
+            ".map((one) => one.getBoundingClientRect())"
+            ".every((one) => one.left > f.left && one.right < f.right && one.top > f.top && one.bottom < f.bottom)"
+        )
+
+    # -- answers ------------------------------------------------------------------------------------------------------
+
+    def solve(self) -> None:
+        self.click("solve")
+        self.wait(IDLE)
+        self.rest()
+
+    def found(self) -> None:
+        """Until the first linkages are there, and no waiting for better ones."""
+        self.wait(f"{CARDS} && !document.getElementById('results').hidden")
+        self.run("const s = document.getElementById('stop'); if (!s.hidden) s.click()")
+        self.wait(IDLE)
+
+    def solve_soon(self) -> None:
+        self.run("document.getElementById('solutions').replaceChildren()")
+        self.click("solve")
+        self.found()
+        self.rest()
+
+    def cards(self) -> list[Any]:
+        return self.all("#solutions button")
+
+    def card(self) -> str:
+        """Text of the card that is chosen."""
+        return self.pick("#solutions [aria-pressed=true]").text
+
+    def earlier(self) -> bool | None:
+        """Whether each card that is shown says that it is of an earlier request; they all do, or none."""
+        script = (
+            "return [...document.querySelectorAll('[data-earlier]')].filter((one) => one.closest('.card').checkVisibility())"
+            ".map((one) => one.checkVisibility())"
+        )
+        (all_of_them,) = set(self.run(script)) or {None}
+        return all_of_them
+
+    def answered(self, request: dict[str, Any], angles: Any, verdicts: Any = VERDICTS) -> None:
+        """Take a request and have it answered by `stub`."""
+        self.take(request)
+        self.stub(request, angles, verdicts)
+        self.solve()
+
+    def stub(self, request: dict[str, Any], angles: Any, verdicts: Any = VERDICTS) -> None:
+        """Let the next answers be `FREE` at these crank angles, once for each verdict."""
+        turned = "rotation" in request
+        solution = FREE.to_dict() | {
+            "source": "refined",
+            "type": None,
+            "crank_angle": list(map(float, angles)),
+            "errors": {
+                "rotation_rms": 0.3 if turned else None,
+                "rotation_max": 0.5 if turned else None,
+                "position_rms": 0.4,
+                "position_max": 0.9,
+                "objective": 0.01,
+            },
+            "excursion": 1.02,
+            "family": FREE.family,
+            "transmission_angle_min": 40.0,
+            "transmission_angle_min_turn": 33.0,
+            "condition": 10.0,
+            "determination": {"ill_posed": False, "resolution": 1e-3, "length_uncertainty": [0, 0, 0, 0]},
+            "sensitivity": None,
+            "rounded": None,
+        }
+        report = {"elapsed_ms": {"total": 80.0}, "trace": [[20, 0.1], [60, 0.01]], "stopped_by": "converged"}
+        reply = {
+            "status": "closest",
+            "solutions": [solution | {"rank": k + 1, "verdict": verdict} for k, verdict in enumerate(verdicts)],
+            "report": report | {"length_scale": 30.0, "seeds": 9, "windows": None, "exhaustive": None, "notes": []},
+        }
+        self.run(f"window.stub = arguments[0]; if (!window.asked) {{ {ASKED} }}", reply)

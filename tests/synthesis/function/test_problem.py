@@ -1,0 +1,82 @@
+"""The limits of function generators as conditions on length ratios: derivatives, and the check on the kinematics, agree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synthesis.fourbar.kinematics import close_loop
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.solution import keeps
+from synthesis.function.problem import Problem
+from synthesis.function.wanted import Wanted
+from synthesis.mechanism import Placed
+
+EVERY = Limits("full_crank", 0.5, 0.2, link_ratio_max=6.0)
+FAMILIES = ["any", "full_crank", "crank_rocker", "double_crank"]
+
+
+def problem(limits: Limits, span: float) -> Problem:
+    crank = np.linspace(0.0, span, 5)
+    return Problem(Wanted(crank, crank), limits, True)
+
+
+def candidates(seed: int, count: int = 400) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    zeros = np.zeros(count)
+    return np.column_stack([random.uniform(-1.2, 1.2, (count, 3)), random.uniform(-7, 7, count), zeros])
+
+
+def kept_by(limits: Limits, x: np.ndarray, span: float) -> np.ndarray:
+    asked = problem(limits, span).wanted
+    lengths = np.concatenate([np.exp(x[:, :3]), np.ones((len(x), 1))], axis=1)
+    return keeps(asked.target, limits, Placed(lengths, np.ones(len(x)), asked.interval.after(x[:, 3])))
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_derivatives(family: str) -> None:
+    x, asked = candidates(1), problem(replace(EVERY, family=family), 1.9)
+    _, slope = asked.conditions(x)
+    for k in range(4):
+        step = np.zeros(5)
+        step[k] = 1e-6
+        ahead, behind = (asked.conditions(x + side * step)[0] for side in (1, -1))
+        change = (ahead - behind) / 2e-6
+        # where the nearest angle leaves an end, or a crank gets longer than the ground, there are two slopes
+        agree = np.isclose(change, slope[:, :, k], atol=1e-4, rtol=1e-4)
+        assert agree.mean() > 0.985
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("span", [0.4, 2.0, 7.0, -1.3])
+def test_conditions_hold_where_the_kinematics_say_so(family: str, span: float) -> None:
+    x, limits = candidates(2), Limits(family, 0.4, 0.25, link_ratio_max=5.0)
+    value, _ = problem(limits, span).conditions(x)
+    kept = kept_by(limits, x, span)
+    if family == "any":  # whether the turn counts depends on the family, which is no condition here
+        assert np.all(kept <= kept_by(replace(limits, transmission_angle_min_turn=0.0), x, span))
+    assert 0 < kept.sum() < len(x)
+    np.testing.assert_array_equal(np.all(value >= -1e-12, axis=1), kept)
+
+
+@given(st.integers(0, 10_000))
+def test_limits_are_kept_at_dense_samples(seed: int) -> None:
+    x = candidates(seed, 20)
+    lengths = np.concatenate([np.exp(x[:, :3]), np.ones((20, 1))], axis=1)
+    closure = close_loop(lengths, x[:, 3:4] + np.linspace(0, 2.5, 2001))
+    dense = np.min(np.where(closure.closed, closure.transmission_angle, 0.0), axis=1)
+    clear = np.abs(dense - 0.4) > 1e-4
+    np.testing.assert_array_equal(kept_by(Limits("any", 0.4), x, 2.5)[clear], dense[clear] > 0.4)
+
+
+def test_given_lengths_are_ratios_of_the_ground() -> None:
+    limits = Limits("any", links=(30.0, None, 60.0, 120.0), link_min=20.0)
+    assert limits.exchanged().links == (30.0, 60.0, None, 120.0)
+    asked = problem(limits.over(120.0), 1.0)
+    np.testing.assert_allclose(np.exp(asked.given), [0.25, np.nan, 0.5])
+    np.testing.assert_allclose(np.exp(asked.box[0][:3]), [0.25, 1 / 6, 0.5])
+    np.testing.assert_allclose(np.exp(asked.box[1][:3]), [0.25, 20.0, 0.5])
