@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import re
 import signal
 import socket
 import subprocess
-import sys
 import sysconfig
 import time
 import urllib.error
@@ -21,7 +19,6 @@ from pathlib import Path
 import pytest
 
 import linkage_atlas
-from app import cli
 from app.registry import all_queries, queries_named, worked_example
 
 ROOT = Path(__file__).parents[2]
@@ -44,23 +41,6 @@ def request_file(tmp_path: Path) -> Path:
     path = tmp_path / "request.json"
     path.write_text(json.dumps({"rotation": example["rotation"], "crank_span": 70, "top": 3}))
     return path
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    """``run(*arguments, stdin=...)`` in this process: exit code, output, messages."""
-
-    def command(*arguments: object, stdin: str | bytes = "") -> tuple[int, str, str]:
-        raw = stdin.encode() if isinstance(stdin, str) else stdin
-        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(raw)))
-        try:
-            code = cli.main([str(argument) for argument in arguments])
-        except SystemExit as end:
-            code = end.code
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return command
 
 
 # -- requests ---------------------------------------------------------------------------------------------------------
