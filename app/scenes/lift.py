@@ -27,12 +27,12 @@ from app.replies import reply_model
 from linkage_atlas import FieldError, Work
 from synthesis.lift import loops
 from synthesis.lift.constraints import ConstraintRow, Constraints, measured, optimize_within, rows_of
-from synthesis.lift.files import columns, design_csv, design_dxf, design_svg, joints
+from synthesis.lift.files import columns, design_csv, design_dxf, design_svg
 from synthesis.lift.loops import condition, smallest_condition
 from synthesis.lift.motion import Drive, Motion, forces, least_bore, motion
 from synthesis.lift.objective import Built, Objective, Optimum, OptimumMotion, Task, rise
 from synthesis.lift.optimum import Published, optimize, optimize_batch, published_for
-from synthesis.lift.pose import Cylinder, Design, pose_at_turn, turns_at_length
+from synthesis.lift.pose import Cylinder, Design, joints, pose_at_turn, turns_at_length
 from synthesis.sheet import csv_text
 
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12

@@ -22,6 +22,7 @@ from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from synthesis.one_variable import EPSILON, Flags, Floats, bisect, rising_root
 
@@ -231,6 +232,19 @@ def _pose(design: Design, form: Shape, sin_turn: Any, cos_turn: Any) -> Pose:
     # x x' + y y', in which two products cancel each other
     half_square_1 = across * s - design.b * down + s_1 * y
     return Pose(design, form, sin_turn, cos_turn, root, s, s_1, across, down, x, y, np.hypot(x, y), half_square_1)
+
+
+def joints(pose: Pose) -> dict[str, NDArray[np.complex128]]:
+    """The joints A, B, C of poses and the pivots O, D, as x + i y."""
+    design = pose.design
+    turns = np.shape(pose.height)
+    return {
+        "O": np.zeros(turns, complex),
+        "D": np.full(turns, -design.b, complex),
+        "A": -design.b + 1j * np.asarray(pose.height),
+        "B": np.asarray(pose.x) + 1j * np.asarray(pose.y),
+        "C": design.l3 * np.asarray(pose.sin_turn) - design.b + 1j * np.asarray(pose.root),
+    }
 
 
 def top_length(design: Design, form: Shape) -> Any:

@@ -323,23 +323,6 @@ def test_stretch_tells_the_missing_length() -> None:
     assert caught.value.details["missing_length"] == pytest.approx(0.5 * 3.3 * math.pi / 180 * R1, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    ("radii", "field"),
-    [
-        ((60.0,), "/wheel_radius"),
-        ((None, 300.0, 10.0), "/lower_radius"),
-        ((None, 500.0, 90.0), "/lower_radius"),
-        ((None, 300.0, None), "/lower_radius"),
-        ((131e6 + 1,), "/wheel_radius"),
-        ((R0, 60.0, None), "/lower_radius"),
-    ],
-)
-def test_impossible_layouts_name_the_field(radii, field) -> None:
-    with pytest.raises(FieldError) as caught:
-        chain.crescent_slot(L, N, R1, *radii)
-    assert caught.value.field == field
-
-
 def test_the_triangle_of_a_very_flat_crescent_keeps_its_digits() -> None:
     r0, r2, b = 92.5, 2.0**27 + 300.5, 2.0**27
     crescent = chain.given_crescent(r0, 181.75, r2, b)

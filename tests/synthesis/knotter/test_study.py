@@ -280,24 +280,6 @@ def test_another_machine_is_another_page_of_data() -> None:
 # What cannot be answered
 
 
-@pytest.mark.parametrize(
-    ("points", "names"),
-    [
-        ({"S3": (0.0, 8.0, -28.0)}, ["S3", "S4"]),
-        ({"S5": (0.0, 12.0, -20.0)}, ["S3", "S4", "S5"]),
-        ({"S8": (0.0, 0.0, 0.0)}, ["O5", "S8"]),
-        ({"S1": (0.0, 16.0, -12.0)}, ["S1", "S3"]),
-        ({"S7": (56.5, 0.0, -30.5)}, ["S7", "S9"]),
-    ],
-)
-def test_degenerate_points_are_named(points, names) -> None:
-    with pytest.raises(FieldError) as caught:
-        study(d_knotter.mechanism(points=points), {}, d_knotter.conditions())
-    assert caught.value.field == "/points"
-    assert caught.value.details["points"] == names
-    assert all(name in caught.value.message for name in names)
-
-
 def test_a_rope_end_in_the_triangles_plane_never_crosses() -> None:
     found = d_knotter.wrap().evaluate(d_knotter.mechanism(points={"S1": (0.0, 14.0, -39.0)}), 1)
     assert found.found[0] == Found.ALWAYS_IN_PLANE and not found.holds[0] and found.windows[0] == 0

@@ -491,27 +491,6 @@ def test_heights_near_the_top_keep_their_digits() -> None:
         assert float(pose.turn) == pytest.approx(turn, rel=1e-5)
 
 
-REFUSALS = {
-    "triangle": (Design(300.0, 180.0, 490.0, 330.0, 480.0), CYLINDER, 10.0),
-    "l3<l5": (Design(300.0, 180.0, 240.0, 170.0, 480.0), CYLINDER, 10.0),
-    "dead_point": (INITIAL, Cylinder(218.0, 100.0), 0.42632),
-    "cylinder_length": (INITIAL, Cylinder(800.0, 100.0), 7.97727),
-    "speed": (INITIAL, Cylinder(220.0, 0.0, 5.0), 0.0),
-    "stopping": (INITIAL, Cylinder(220.0, 100.0, -10.0), 72.02273),
-    "proportion": (Design(300.0, 180.0, 240.0, 330.0, 1e9), CYLINDER, 8.2e8),
-    "top_lever": (Design(300.0, 180.0, 479.9, 330.0, 480.0), CYLINDER, 458.0758),
-}
-
-
-@pytest.mark.parametrize("constraint", REFUSALS)
-def test_refusals_name_the_constraint_and_the_amount(constraint) -> None:
-    design, cylinder, amount = REFUSALS[constraint]
-    with pytest.raises(FieldError) as caught:
-        motion(design, cylinder)
-    assert caught.value.details["constraint"] == constraint
-    assert caught.value.details["amount"] == pytest.approx(amount, abs=0.01, rel=1e-9)
-
-
 @pytest.mark.parametrize(("time", "amount"), [(5.73, 0.009773), (-1.0, 1.0), (1e300, 1e300)])
 def test_times_off_the_motion_are_refused(time, amount) -> None:
     with pytest.raises(FieldError) as caught:
