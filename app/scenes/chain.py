@@ -15,7 +15,6 @@ from app.query import (
     Column,
     Computed,
     Count,
-    Export,
     FiniteOrNull,
     Number,
     Query,
@@ -714,11 +713,7 @@ TOLERANCE = Query(
             },
         },
     },
-    exports={
-        "csv": Export(
-            "text/csv; charset=utf-8", lambda *asked: csv_text(wear_columns(answer_tolerance(*asked))).encode()
-        )
-    },
+    exports={"csv": lambda *asked: csv_text(wear_columns(answer_tolerance(*asked))).encode()},
     is_long=lambda request: len(request.pitch_errors) > 20,
 )
 
@@ -900,9 +895,9 @@ def render_csv(request: Any, resources: Resources) -> bytes:
 
 
 EXPORTS = {
-    "csv": Export("text/csv; charset=utf-8", render_csv),
-    "svg": Export("image/svg+xml", lambda *asked: to_svg(_shown(*asked).slot, asked[0].roller_radius).encode()),
-    "dxf": Export("image/vnd.dxf", lambda *asked: to_dxf(_shown(*asked).slot, asked[0].roller_radius).encode()),
+    "csv": render_csv,
+    "svg": lambda *asked: to_svg(_shown(*asked).slot, asked[0].roller_radius).encode(),
+    "dxf": lambda *asked: to_dxf(_shown(*asked).slot, asked[0].roller_radius).encode(),
 }
 
 QUERIES = (

@@ -16,7 +16,6 @@ from app.query import (
     Column,
     Computed,
     Count,
-    Export,
     Number,
     PositiveNumber,
     Query,
@@ -708,7 +707,7 @@ CURVES = Query(
         "fails_to_wrap": {"alpha1": 0, "alpha3": 20},
         "meets_the_disc": {"alpha1": 0, "alpha3": 25},
     },
-    exports={"csv": Export("text/csv; charset=utf-8", lambda *asked: curves_csv(answer_curves(*asked)))},
+    exports={"csv": lambda *asked: curves_csv(answer_curves(*asked))},
     is_long=lambda request: request.samples > 1000,
 )
 
@@ -1285,7 +1284,7 @@ QUERIES = (
             "wrap_only": {"conditions": ["wrap"], "grid": {"alpha1": [10], "alpha3": [20, 25, 30]}},
             "finite_disc": {"conditions": ["clearance"], "clearance": {"disc_radius": 35, "hook": "moving"}},
         },
-        exports={"csv": Export("text/csv", lambda *asked: scan_csv(answer_scan(*asked)).encode())},
+        exports={"csv": lambda *asked: scan_csv(answer_scan(*asked)).encode()},
         is_long=lambda request: math.prod(map(len, given_fields(request.grid).values())) > LONG_PAIRS,
     ),
     Query(

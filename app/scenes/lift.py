@@ -15,7 +15,6 @@ from app.query import (
     Column,
     Computed,
     Count,
-    Export,
     Number,
     Numbers,
     Places,
@@ -777,9 +776,9 @@ QUERIES = (
             },
         },
         exports={
-            "csv": Export("text/csv; charset=utf-8", motion_csv),
-            "svg": Export("image/svg+xml", _motion_drawn(design_svg)),
-            "dxf": Export("image/vnd.dxf", _motion_drawn(design_dxf)),
+            "csv": motion_csv,
+            "svg": _motion_drawn(design_svg),
+            "dxf": _motion_drawn(design_dxf),
         },
         is_long=lambda request: max(request.samples or 0, len(request.times or ())) > LONG_SAMPLES,
     ),
@@ -793,9 +792,9 @@ QUERIES = (
         table=optimize_table,
         is_long=lambda _: True,
         exports={
-            "csv": Export("text/csv; charset=utf-8", optimum_csv),
-            "svg": Export("image/svg+xml", _optimum_drawn(design_svg)),
-            "dxf": Export("image/vnd.dxf", _optimum_drawn(design_dxf)),
+            "csv": optimum_csv,
+            "svg": _optimum_drawn(design_svg),
+            "dxf": _optimum_drawn(design_dxf),
         },
         examples={
             "buildable": {
