@@ -114,7 +114,7 @@ def _gathered(pieces: Iterator[bytes]) -> Iterator[bytes]:
 class Held:
     """Bytes of a reply that its client has not yet taken; ``Held.total`` is of all replies of this process.
 
-    Raises `problems.Unread` where they would be more than ``Held.most``; a short reply is always sent.
+    Raises `problems.Unread` where they would be more than ``Held.most``; a short reply, or one alone, is always sent.
     """
 
     total = 0
@@ -122,7 +122,7 @@ class Held:
 
     def __init__(self, size: int) -> None:
         self._left = 0
-        if size > PIECE_BYTES and Held.total + size > Held.most:
+        if size > PIECE_BYTES and 0 < Held.total > Held.most - size:
             raise problems.Unread
         self.take(-size)
 

@@ -21,7 +21,7 @@ import linkage_atlas as la
 from app import computed, page, problems
 from app.bodies import Reply
 from app.doors import Doors
-from app.query import FILES, Files, Query, ReplyModel
+from app.query import FILES, MEDIA_TYPES, Files, Query, ReplyModel
 from app.registry import all_queries
 from app.replies import reply_model
 from app.resources import ServiceResources
@@ -203,12 +203,12 @@ def _add_query(app: FastAPI, query: Query) -> None:
         response_model=reply_model(query.reply),
         **_described(query.summary, query, query.examples),
     )
-    for kind, export in query.exports.items():
+    for kind, render in query.exports.items():
         add(
             f"{query.path}.{kind}",
             f"{name}_{kind}",
-            lambda body, resources, export=export: Reply(export.render(body, resources), export.media_type),
-            **_described(f"{query.summary} As {kind.upper()}.", query, query.examples, export.media_type),
+            lambda body, resources, render=render, kind=kind: Reply(render(body, resources), MEDIA_TYPES[kind]),
+            **_described(f"{query.summary} As {kind.upper()}.", query, query.examples, MEDIA_TYPES[kind]),
         )
     if query.files is not None:
         _add_files(app, query, query.files)

@@ -131,58 +131,42 @@ def install(app: FastAPI) -> None:
     """The routes ``/``, ``/function``, ``/static/...``, one page a scene, and what those pages are made from."""
     stored, shown = static_files(), static_files("docs")
     titles = scenes()
-    listed = made_once([{"name": name, "title": title} for name, title in titles.items()])
 
-    def of_scene(request: Request) -> str:
+    def page(path: str, file: StaticFile, **headers: str) -> None:
+        async def reply(request: Request) -> Response:
+            return file.reply(request, **headers)
+
+        app.add_route(path, reply, ["GET", "HEAD"])
+
+    def folder(path: str, files: dict[str, StaticFile]) -> None:
+        def reply(request: Request) -> Response:  # no coroutine: compressed on a thread
+            name = request.path_params["name"]
+            if name not in files or name.endswith(".html"):
+                raise NotFound("the page has no such file")
+            return files[name].reply(request)
+
+        app.add_route(path, reply, ["GET", "HEAD"])
+
+    def scene_of(request: Request) -> str:
         name: str = request.path_params["name"]
         if name not in titles:
             raise NotFound("there is no such scene")
         return name
 
-    def found(files: dict[str, StaticFile], request: Request) -> Response:
-        name = request.path_params["name"]
-        if name not in files or name.endswith(".html"):
-            raise NotFound("the page has no such file")
-        return files[name].reply(request)
-
-    async def page(request: Request) -> Response:
-        return stored["index.html"].reply(request)
-
-    async def function_page(request: Request) -> Response:
-        return stored["function.html"].reply(request)
-
-    async def docs(request: Request) -> Response:
-        return shown["index.html"].reply(request, **{"Content-Security-Policy": DOCS_POLICY})
-
-    def docs_file(request: Request) -> Response:  # no coroutine: compressed on a thread
-        return found(shown, request)
-
-    async def icon(request: Request) -> Response:
-        return stored["icon.svg"].reply(request)
-
-    async def static(request: Request) -> Response:
-        return found(stored, request)
-
-    async def scene_list(request: Request) -> Response:
-        return listed.reply(request)
-
     async def scene_page(request: Request) -> Response:
-        of_scene(request)
+        scene_of(request)
         return stored["scene.html"].reply(request)
 
-    def scene_queries_of(request: Request) -> Response:  # no coroutine: the schemas are made on a thread
-        return scene_details(of_scene(request)).reply(request)
+    def scene_queries(request: Request) -> Response:  # no coroutine: the schemas are made on a thread
+        return scene_details(scene_of(request)).reply(request)
 
-    for path, endpoint in {
-        "/": page,
-        "/function": function_page,
-        "/docs": docs,
-        "/redoc": docs,
-        "/docs/{name}": docs_file,
-        "/favicon.ico": icon,
-        "/static/{name:path}": static,
-        "/scenes": scene_list,
-        "/scenes/{name}": scene_page,
-        "/scenes/{name}/queries": scene_queries_of,
-    }.items():
-        app.add_route(path, endpoint, ["GET", "HEAD"])
+    page("/", stored["index.html"])
+    page("/function", stored["function.html"])
+    page("/favicon.ico", stored["icon.svg"])
+    for path in ("/docs", "/redoc"):
+        page(path, shown["index.html"], **{"Content-Security-Policy": DOCS_POLICY})
+    page("/scenes", made_once([{"name": name, "title": title} for name, title in titles.items()]))
+    folder("/static/{name:path}", stored)
+    folder("/docs/{name}", shown)
+    app.add_route("/scenes/{name}", scene_page, ["GET", "HEAD"])
+    app.add_route("/scenes/{name}/queries", scene_queries, ["GET", "HEAD"])

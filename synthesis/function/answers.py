@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.drawing import used_joints
+from synthesis.fourbar.files import used_joints
 from synthesis.fourbar.kinematics import Family, close_loop, principal
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.linkage import Linkage

@@ -224,37 +224,29 @@ def test_the_pivot_box_can_be_typed(page) -> None:
 def test_each_practical_limit_can_be_switched_off(page) -> None:
     page.click("new-motion")
     page.unfold("limits")
-
-    def limits() -> dict:
-        return page.request().get("limits", {})
-
-    assert limits() == {"preset": "practical"}
+    assert page.limits() == {"preset": "practical"}
     page.click("keep-turn")
-    assert limits() == {"preset": "practical", "transmission_angle_min_turn": 0}
+    assert page.limits() == {"preset": "practical", "transmission_angle_min_turn": 0}
     page.click("keep-reach")
-    assert limits() == {"preset": "none", "transmission_angle_min": 35, "link_ratio_max": 10}, "free angles bring it"
+    assert page.limits() == {"preset": "none", "transmission_angle_min": 35, "link_ratio_max": 10}
     page.select("timing", "even")
-    assert limits() == {"transmission_angle_min": 35, "link_ratio_max": 10}
+    assert page.limits() == {"transmission_angle_min": 35, "link_ratio_max": 10}
     page.select("timing", "free")
-    page.take({"position": [[0, 0], [3, 4]], "timing": "free", "limits": limits()})
+    page.take({"position": [[0, 0], [3, 4]], "timing": "free", "limits": page.limits()})
     assert not page.ticked("keep-turn") and page.ticked("keep-ratio")
     page.click("practical")
-    assert limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
+    assert page.limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
 
 
 def test_practical_limits_follow_what_is_known_of_the_crank_until_they_are_chosen(page) -> None:
     page.click("new-motion")
     page.unfold("limits")
-
-    def limits() -> dict:
-        return page.request().get("limits", {})
-
     assert page.ticked("practical") and "off" not in page.text("timing-note")
     page.select("timing", "even")
-    assert not page.ticked("practical") and limits() == {}
+    assert not page.ticked("practical") and page.limits() == {}
     assert "The practical limits are off" in page.text("timing-note")
     page.click("practical")
-    assert limits() == {"preset": "practical"} and "off" not in page.text("timing-note")
+    assert page.limits() == {"preset": "practical"} and "off" not in page.text("timing-note")
     page.select("timing", "free")
     page.click("keep-use")
     page.select("timing", "even")

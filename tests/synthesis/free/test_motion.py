@@ -7,7 +7,7 @@ import pytest
 
 import linkage_atlas as la
 from synthesis.fourbar.charts import FullCrankChart
-from synthesis.free.dyads import Body, linear_dyads, polished
+from synthesis.free.dyads import Body, evaluate_dyads, linear_dyads, polished
 from synthesis.free.joint import JointProblem, Timed, refine
 from synthesis.free.poses import Poses, make_poses
 from tests.oracles.free_classes import burmester_dyads, free_case, recompute_free
@@ -76,6 +76,21 @@ def test_five_poses_have_the_dyads_that_brute_force_finds(seed) -> None:
         near = np.abs(mine.body - point) + np.abs(mine.fixed - centre)
         assert near.min() < 1e-4 * (1 + abs(point) + abs(centre))
     assert len(others) <= mine.radius.size
+
+
+def test_the_error_of_a_dyad_is_the_cheapest_way_to_move_the_poses_onto_it() -> None:
+    """Each pose by itself, to first order: the least squares of a move and a turn that take its point onto the circle."""
+    case = free_case(1, 6)
+    body = Body(make_poses(case.rotation, case.position))
+    m, c, radius = 0.4 - 1.1j, 1.3 + 0.2j, 1.7
+    arm = body.turned * m
+    gap = body.position + arm - c
+    normal = gap / np.abs(gap)
+    ways = np.stack([normal.real, normal.imag, (np.conj(normal) * 1j * arm).real], axis=1)
+    ways /= np.stack([body.position_root, body.position_root, body.rotation_root], axis=1)
+    moves = [np.linalg.lstsq(way[None], [off], rcond=None)[0] for way, off in zip(ways, np.abs(gap) - radius)]
+    found = evaluate_dyads(body, np.array([[m.real, m.imag, c.real, c.imag, radius]]))
+    assert found.cost[0] == pytest.approx(sum(move @ move for move in moves))
 
 
 @pytest.mark.parametrize("seed", range(6))

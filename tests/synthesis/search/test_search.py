@@ -304,6 +304,20 @@ def test_more_time_is_never_worse(tables) -> None:
     assert all(later <= earlier * (1 + 1e-6) for earlier, later in pairwise(found))
 
 
+@pytest.mark.parametrize("offset", [None, 9.0])
+def test_a_start_and_an_offset_that_are_given_are_kept_to_the_last_round(offset, tables) -> None:
+    """Of a rotation that no linkage performs; whole turns of an offset do not count."""
+    request = make_case(UNREACHABLE, 6004, FEW).request
+    crank = np.radians(np.linspace(0, request["crank_span"], FEW))
+    target = Target(np.radians(request["rotation"]), None, crank=crank, start=0.7, offset=offset)
+    solutions, _ = search(tables, target, Limits(), 5)
+    assert solutions and all(one.linkage.start == pytest.approx(0.7, abs=1e-12) for one in solutions)
+    if offset is not None:
+        whole = replace(target, offset=offset - 2 * np.pi)
+        ours, theirs = (tables.best_starts(one, "any").cost for one in (target, whole))
+        np.testing.assert_allclose(theirs, ours, rtol=1e-9)
+
+
 def test_the_trace_falls_to_what_is_returned(tables) -> None:
     for kind in ("plain", "noise", UNREACHABLE):
         target = target_of(make_case(kind, 6002, FEW).request)
