@@ -299,7 +299,7 @@ def _file(
 
     if name == "json":
         return json_of(reply, 2)
-    return query.exports[name].render(request, resources)
+    return query.exports[name](request, resources)
 
 
 def _show(picture: bytes) -> None:

@@ -112,14 +112,17 @@ def _gathered(pieces: Iterator[bytes]) -> Iterator[bytes]:
 
 
 class Held:
-    """Bytes of a reply that its client has not yet taken; ``Held.total`` is of all replies of this process."""
+    """Bytes of a reply that its client has not yet taken; ``Held.total`` is of all replies of this process.
+
+    Raises `problems.Unread` where they would be more than ``Held.most``; a short reply, or one alone, is always sent.
+    """
 
     total = 0
     most = 64_000_000
 
     def __init__(self, size: int) -> None:
         self._left = 0
-        if Held.total + size > Held.most:
+        if size > PIECE_BYTES and 0 < Held.total > Held.most - size:
             raise problems.Unread
         self.take(-size)
 
@@ -140,17 +143,24 @@ class Reply(Response):
     content : model or bytes
     media_type : str
     headers : dict, optional
+    held : Held, optional
+        What is held of it from now on; default: all of it, once it is sent.
     """
 
     def __init__(
-        self, content: Any, media_type: str = "application/json", headers: dict[str, str] | None = None
+        self,
+        content: Any,
+        media_type: str = "application/json",
+        headers: dict[str, str] | None = None,
+        held: Held | None = None,
     ) -> None:
         if isinstance(content, bytes):
-            pieces = [content[k : k + PIECE_BYTES] for k in range(0, len(content), PIECE_BYTES)]
+            whole = memoryview(content)
+            pieces = [whole[k : k + PIECE_BYTES] for k in range(0, len(content), PIECE_BYTES)]
         else:
             pieces = list(_gathered(json_pieces(content)))
         self.pieces, self.size = pieces, sum(map(len, pieces))
-        self._held: Held | None = None
+        self._held = held
         super().__init__(None, media_type=media_type, headers={**(headers or {}), "Content-Length": str(self.size)})
 
     @classmethod

@@ -172,7 +172,7 @@ def _index(options: argparse.Namespace) -> int:
     atlas = opened(atlas_of(settings), settings)
     atlas.prepare(positions=settings.prepare_positions)
     for path in atlas.index_files:
-        print(f"{path}: {path.stat().st_size:,} bytes")
+        print(f"{path}: {sum(file.stat().st_size for file in path.iterdir()):,} bytes")
     return Exit.OK if atlas.index_files else Exit.FAILED
 
 

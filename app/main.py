@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import warnings
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -12,14 +13,15 @@ from typing import Annotated, Any, Literal
 from fastapi import FastAPI
 from pydantic import BeforeValidator, Field
 from pydantic.warnings import UnsupportedFieldAttributeWarning
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 
 import linkage_atlas as la
 from app import computed, page, problems
 from app.bodies import Reply
 from app.doors import Doors
-from app.query import FILES, Files, Query, ReplyModel
+from app.query import FILES, MEDIA_TYPES, Files, Query, ReplyModel
 from app.registry import all_queries
 from app.replies import reply_model
 from app.resources import ServiceResources
@@ -67,6 +69,7 @@ def create_app(
     if settings.log_json or settings.metrics:
         observed = import_module("app.observed")  # and with it the client library of Prometheus
         observed.install(app, settings, computing)
+    app.state.description, app.state.describing = None, asyncio.Lock()
     app.add_route("/openapi.json", _description, ["GET"], include_in_schema=False)
     return app
 
@@ -80,8 +83,15 @@ def described(app: FastAPI) -> dict[str, Any]:
     return document
 
 
-def _description(request: Request) -> Response:  # no coroutine: made on a thread
-    return JSONResponse(described(request.app))
+async def _description(request: Request) -> Response:
+    state = request.app.state
+    if state.description is None:
+        async with state.describing:
+            state.description = state.description or await run_in_threadpool(
+                lambda: page.made_once(described(request.app))
+            )
+    reply: Response = state.description.reply(request)
+    return reply
 
 
 class AtlasReply(ReplyModel):
@@ -193,12 +203,12 @@ def _add_query(app: FastAPI, query: Query) -> None:
         response_model=reply_model(query.reply),
         **_described(query.summary, query, query.examples),
     )
-    for kind, export in query.exports.items():
+    for kind, render in query.exports.items():
         add(
             f"{query.path}.{kind}",
             f"{name}_{kind}",
-            lambda body, resources, export=export: Reply(export.render(body, resources), export.media_type),
-            **_described(f"{query.summary} As {kind.upper()}.", query, query.examples, export.media_type),
+            lambda body, resources, render=render, kind=kind: Reply(render(body, resources), MEDIA_TYPES[kind]),
+            **_described(f"{query.summary} As {kind.upper()}.", query, query.examples, MEDIA_TYPES[kind]),
         )
     if query.files is not None:
         _add_files(app, query, query.files)

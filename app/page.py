@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -16,8 +17,9 @@ from typing import Any
 
 from fastapi import FastAPI
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 
+from app.bodies import Held, Reply
 from app.problems import NotFound
 from app.scenes import SCENES, queries_of
 
@@ -72,7 +74,7 @@ class StaticFile:
         if accepts_gzip(request.headers.get("accept-encoding", "")):
             content = self.compressed
             headers["Content-Encoding"] = "gzip"
-        return Response(content, media_type=self.media_type, headers=headers)
+        return Reply(content, self.media_type, headers, held=Held(0))
 
 
 def accepts_gzip(accept: str) -> bool:
@@ -103,8 +105,13 @@ def scenes() -> dict[str, str]:
     return {name: SCENE_TITLES.get(name, name.capitalize()) for name in SCENES}
 
 
+def made_once(content: Any) -> StaticFile:
+    """A reply in JSON that depends on no request."""
+    return StaticFile(json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode(), MEDIA_TYPES[".json"])
+
+
 @cache
-def scene_details(name: str) -> dict[str, Any]:
+def scene_details(name: str) -> StaticFile:
     """What a scene's page is made from: its queries with the schema of their requests and their examples."""
     queries = [
         {
@@ -117,7 +124,7 @@ def scene_details(name: str) -> dict[str, Any]:
         }
         for query in queries_of(name)
     ]
-    return {"name": name, "title": scenes()[name], "queries": queries}
+    return made_once({"name": name, "title": scenes()[name], "queries": queries})
 
 
 def install(app: FastAPI) -> None:
@@ -125,56 +132,41 @@ def install(app: FastAPI) -> None:
     stored, shown = static_files(), static_files("docs")
     titles = scenes()
 
-    def of_scene(request: Request) -> str:
+    def page(path: str, file: StaticFile, **headers: str) -> None:
+        async def reply(request: Request) -> Response:
+            return file.reply(request, **headers)
+
+        app.add_route(path, reply, ["GET", "HEAD"])
+
+    def folder(path: str, files: dict[str, StaticFile]) -> None:
+        def reply(request: Request) -> Response:  # no coroutine: compressed on a thread
+            name = request.path_params["name"]
+            if name not in files or name.endswith(".html"):
+                raise NotFound("the page has no such file")
+            return files[name].reply(request)
+
+        app.add_route(path, reply, ["GET", "HEAD"])
+
+    def scene_of(request: Request) -> str:
         name: str = request.path_params["name"]
         if name not in titles:
             raise NotFound("there is no such scene")
         return name
 
-    def found(files: dict[str, StaticFile], request: Request) -> Response:
-        name = request.path_params["name"]
-        if name not in files or name.endswith(".html"):
-            raise NotFound("the page has no such file")
-        return files[name].reply(request)
-
-    async def page(request: Request) -> Response:
-        return stored["index.html"].reply(request)
-
-    async def function_page(request: Request) -> Response:
-        return stored["function.html"].reply(request)
-
-    async def docs(request: Request) -> Response:
-        return shown["index.html"].reply(request, **{"Content-Security-Policy": DOCS_POLICY})
-
-    def docs_file(request: Request) -> Response:  # no coroutine: compressed on a thread
-        return found(shown, request)
-
-    async def icon(request: Request) -> Response:
-        return stored["icon.svg"].reply(request)
-
-    async def static(request: Request) -> Response:
-        return found(stored, request)
-
-    async def scene_list(request: Request) -> Response:
-        return JSONResponse([{"name": name, "title": title} for name, title in titles.items()])
-
     async def scene_page(request: Request) -> Response:
-        of_scene(request)
+        scene_of(request)
         return stored["scene.html"].reply(request)
 
-    def scene_queries_of(request: Request) -> Response:  # no coroutine: the schemas are made on a thread
-        return JSONResponse(scene_details(of_scene(request)))
+    def scene_queries(request: Request) -> Response:  # no coroutine: the schemas are made on a thread
+        return scene_details(scene_of(request)).reply(request)
 
-    for path, endpoint in {
-        "/": page,
-        "/function": function_page,
-        "/docs": docs,
-        "/redoc": docs,
-        "/docs/{name}": docs_file,
-        "/favicon.ico": icon,
-        "/static/{name:path}": static,
-        "/scenes": scene_list,
-        "/scenes/{name}": scene_page,
-        "/scenes/{name}/queries": scene_queries_of,
-    }.items():
-        app.add_route(path, endpoint, ["GET", "HEAD"])
+    page("/", stored["index.html"])
+    page("/function", stored["function.html"])
+    page("/favicon.ico", stored["icon.svg"])
+    for path in ("/docs", "/redoc"):
+        page(path, shown["index.html"], **{"Content-Security-Policy": DOCS_POLICY})
+    page("/scenes", made_once([{"name": name, "title": title} for name, title in titles.items()]))
+    folder("/static/{name:path}", stored)
+    folder("/docs/{name}", shown)
+    app.add_route("/scenes/{name}", scene_page, ["GET", "HEAD"])
+    app.add_route("/scenes/{name}/queries", scene_queries, ["GET", "HEAD"])

@@ -184,24 +184,10 @@ class Resources(Protocol):
         """What watches over an answer's time, in seconds, and over whether its client is still connected."""
 
 
-@dataclass(frozen=True)
-class Export:
-    """A reply in another format than JSON.
-
-    Parameters
-    ----------
-    media_type : str
-        The content type over HTTP.
-    render : callable
-        ``render(request, resources) -> bytes``.
-    """
-
-    media_type: str
-    render: Callable[[Any, Resources], bytes]
-
-
 FILES = {**FORMATS, "json": Format("application/json", ("json",))}
-"""Formats of one of a reply's solutions."""
+"""Formats of files by their names."""
+MEDIA_TYPES = {known.endings[0]: known.media_type for known in FILES.values()}
+"""Content types over HTTP by the ending of a route."""
 
 
 @dataclass(frozen=True)
@@ -256,7 +242,8 @@ class Query:
     examples : mapping
         Name to request body (plain JSON values), shown in the API's description; each must be answerable.
     exports : mapping
-        Format (``svg``, ``dxf``, ...) to `Export`; over HTTP a POST of the same body to ``path.format``.
+        Ending (``svg``, ``plates.dxf``, ..., of `MEDIA_TYPES`) to ``render(request, resources) -> bytes``, the reply as a file;
+        over HTTP a POST of the same body to ``path.ending``.
     files : Files, optional
         Of a reply's solutions. Without it the exports are what the command writes.
     from_csv : callable, optional
@@ -279,7 +266,7 @@ class Query:
     answer: Callable[[Any, Resources], Any]
     table: Callable[..., str]
     examples: Mapping[str, dict[str, Any]]
-    exports: Mapping[str, Export] = field(default_factory=dict)
+    exports: Mapping[str, Callable[[Any, Resources], bytes]] = field(default_factory=dict)
     from_csv: Callable[[str, dict[str, Any], bool], dict[str, Any]] | None = None
     is_long: Callable[[Any], bool] = lambda _: False
     files: Files | None = None

@@ -20,9 +20,11 @@ from linkage_atlas.records import names_of, plain
 
 _NAMES = {
     "AtlasType": "TypeReply",
+    "ConstraintRow": "ConstraintRow",
     "FunctionReport": "FunctionReport",
     "FunctionResult": "FunctionReply",
     "MatchReport": "MatchesReport",
+    "OptimumMotion": "OptimumMotion",
     "Report": "SynthesizeReport",
     "Result": "SynthesizeReply",
 }

@@ -199,24 +199,10 @@ def measure_large_radii() -> Iterator[dict[str, Any]]:
 
 
 def measure_far_origin(slot: Slot) -> dict[str, Any]:
-    """40 links along a stadium of whole numbers: bracketing in the drawing's coordinates, and ours."""
-    near, path, pitch, links = chain.stadium(64.0, 256.0), oracle.stadium(64.0, 256.0), 50.0, 40
-    starts, rows = np.linspace(0, near.total, 25, endpoint=False), []
-    exact = near.position(near.advance(near.place(starts), pitch, links))
-    for away in (0.0, 1e3, 1e6, 1e9):
-        # an arc's numbers begin with its centre, a line's are its two ends
-        places = {"arc": 2, "line": 4}
-        shifted = [(kind, *np.add(at[: places[kind]], away), *at[places[kind] :]) for kind, *at in path.parts]
-        far_path = oracle.Path(shifted)
-        far, found = moved(near, away), starts.tolist()
-        for _ in range(links):
-            found = [next_by_bracketing(far_path, s, pitch) for s in found]
-        ours = far.position(far.advance(far.place(starts), pitch, links))
-        errors = {"search": np.abs(found - exact).max(), "ours": np.abs(ours - exact).max()}
-        rows.append({"away": away, **errors, "spacing": float(np.spacing(away + near.total))})
+    """The chord's error of a slot whose track lies far from the origin."""
     track = slot.chain.track
     far_slot = find_slot(Chain(moved(track, 1e8), L, N), pictures.middle_of(track, chain.UPPER_ARC))
-    return {"rows": rows, "slot_chord_at_1e8": chord_error(far_slot, window(far_slot, 91))}
+    return {"slot_chord_at_1e8": chord_error(far_slot, window(far_slot, 91))}
 
 
 def measure_high_degree(slot: Slot) -> dict[str, Any]:
@@ -250,18 +236,6 @@ def measure_tracks() -> Iterator[dict[str, Any]]:
         found = {"slack": facts.slack_max.value, "depth": facts.depth_max.value, "radius": facts.radius_min}
         exact = {"end_step": facts.end_step, "chord": facts.chord_error}
         yield {"track": label, "pitch": slot.chain.pitch, "links": slot.chain.links} | found | exact
-
-
-def measure_free_pin_places() -> Iterator[dict[str, Any]]:
-    """Slack, depth and gain of a stadium's slot on its half circle and on its straight run."""
-    for links in (12, 16, 20):
-        track, row = chain.critical_stadium(50.0, links, 50 / math.sqrt(2)), {"links": links}
-        for name, segment in (("arc", 2), ("run", 1)):
-            facts = report(find_slot(Chain(track, 50.0, links), pictures.middle_of(track, segment)), np.zeros(1))
-            gain = f"{facts.condition:.2f}" if math.isfinite(facts.condition) else "without bound"
-            found = {"slack": facts.slack_max.value, "depth": facts.depth_max.value, "gain": gain}
-            row |= {f"{name}_{key}": value for key, value in found.items()}
-        yield row
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -305,7 +279,6 @@ def measure() -> Iterator[dict[str, Any]]:
         "far_origin": measure_far_origin(slot),
         "high_degree": measure_high_degree(slot),
         "tracks": list(measure_tracks()),
-        "free_pin_places": list(measure_free_pin_places()),
     }
 
 

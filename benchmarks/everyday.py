@@ -122,7 +122,6 @@ def summary(group: str, kind: str, replies: Sequence[Sequence[Reply]]) -> dict[s
     for budget in BUDGETS[:-1]:
         pairs = [({one.budget: one for one in some}[budget], some[-1]) for some in own]
         out[f"near_{budget}"] = float(np.mean([a.error <= WORSE * b.error for a, b in pairs])) if pairs else None
-        out[f"first_{budget}"] = float(np.mean([np.isfinite(a.error) for a, _ in pairs])) if pairs else None
     last = [some[-1] for some in own]
     out["exact"] = float(np.mean([one.error <= EXACT for one in last])) if last else None
     out["median_ms"] = 1000 * float(np.median([one.seconds for one in last])) if last else None

@@ -21,7 +21,7 @@ import linkage_atlas as la
 from benchmarks import baselines, report
 from benchmarks.report import Times
 from linkage_atlas.functions import read_dials
-from synthesis.fourbar.within import keeps
+from synthesis.fourbar.solution import keeps
 from synthesis.mechanism import Placed
 from synthesis.target import Target
 from tests.oracles.free_classes import close

@@ -13,18 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from app.registry import all_queries
+from tests.oracles.largest import CYLINDER, DESIGN, EXTRAS
 
-_DESIGN = {"l2": 351.9, "l3": 162.8, "l4": 351.9, "l5": 347.2, "b": 535.8}
-_CYLINDER = {"length": 220.0, "speed": 100.0}
-_EXTRAS = [
-    "angles",
-    "angular_velocities",
-    "angular_accelerations",
-    "points",
-    "conditions",
-    "residual",
-    "instant_centre",
-]
 PATIENCE = 90.0
 
 
@@ -75,7 +65,7 @@ def expensive() -> dict[str, tuple[str, str]]:
         "path of 1,024 points": ("/v1/synthesize", {"position": _places(1024), "timing": "free", "top": 100}),
         "lift: 100,000 samples, everything": (
             "/v1/lift/motion",
-            {"design": _DESIGN, "cylinder": _CYLINDER, "samples": 100_000, "include": _EXTRAS},
+            {"design": DESIGN, "cylinder": CYLINDER, "samples": 100_000, "include": EXTRAS},
         ),
         "lift: 24 cylinders": (
             "/v1/lift/batch",
@@ -108,7 +98,7 @@ SHORT = {
     "type": ("/v1/types/45185", None),
     "needle": ("/v1/knotter/needle", "{}"),
     "match": ("/v1/match", {"rotation": [22.5, 20.2, 17.8, 15.3, 12.9, 10.5, 8.2, 6.2], "crank_span": 70, "top": 2}),
-    "lift": ("/v1/lift/motion", {"design": _DESIGN, "cylinder": _CYLINDER, "samples": 21}),
+    "lift": ("/v1/lift/motion", {"design": DESIGN, "cylinder": CYLINDER, "samples": 21}),
 }
 """What well-meant clients ask."""
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -22,17 +23,18 @@ import numpy as np
 from benchmarks import report
 from benchmarks.report import ROOT
 from benchmarks.service import Service, environment, match_bodies, running, serve_command
+from linkage_atlas.cache import index_of
 
 NO_LIMIT = 10**12
 ANY_SIZE = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT}
 """Settings of a service that takes an atlas of any size."""
-FILES = ("index", "positions", "spans", "paths")
+PARTS = ("cells", "positions", "short_spans")
 ASKED = ("first_cpu_ms", "mean_cpu_ms", "asked_resident_bytes", "asked_unique_bytes")
 """What is not told of the first start, which goes on working behind the requests."""
 
 
 def make(atlas: Path, **settings: Any) -> dict[str, Any]:
-    """Make the index by the command: processor seconds, peak memory, bytes of each of its files and of all."""
+    """Make the index by the command: processor seconds, peak memory, bytes of each of its parts and of all."""
     command = [
         sys.executable,
         "-c",
@@ -48,8 +50,8 @@ def make(atlas: Path, **settings: Any) -> dict[str, Any]:
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise RuntimeError(f"linkage-atlas index failed with exit code {process.returncode}")
-    places = atlas.parent.glob(f"{atlas.name}.index*")
-    sizes = {place.name.rpartition(".")[2]: place.stat().st_size for place in places}
+    parts = {part.name: list(part.iterdir()) for part in index_of(atlas).iterdir() if part.is_dir()}
+    sizes = {part: sum(file.stat().st_size for file in files) for part, files in parts.items()}
     return {
         "make_cpu_s": usage.ru_utime + usage.ru_stime,
         "make_peak_bytes": usage.ru_maxrss * 1024,
@@ -91,8 +93,7 @@ def measured(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
         limits = {"atlas": link, **ANY_SIZE}
         with running(serve_command, **limits) as service:
             anew = dict.fromkeys(ASKED) | ready(service)
-        for place in link.parent.glob(f"{link.name}.index*"):
-            place.unlink()
+        shutil.rmtree(index_of(link))
         row = {"file_bytes": atlas.stat().st_size, "anew": anew, **make(link)}
         with running(serve_command, **limits) as first:
             row["first"] = started(first, bodies)
@@ -110,7 +111,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     files, starts = [], []
     for row in results["rows"]:
         types = row["types"]
-        a_type = {f"{name}_a_type": row[f"{name}_bytes"] / types for name in ("file", *FILES)}
+        a_type = {f"{name}_a_type": row[f"{name}_bytes"] / types for name in ("file", *PARTS)}
         files.append(row | a_type | {"make_a_million_s": 1e6 * row["make_cpu_s"] / types})
         for name, words in (
             ("anew", "the first, which makes it"),

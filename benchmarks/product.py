@@ -25,9 +25,8 @@ from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.table import Atlas, Table, make_table
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.errors import FieldError
-from synthesis.fourbar.charts import AnyChart, FullCrankChart
+from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
-from synthesis.fourbar.grashof_chart import GrashofChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR

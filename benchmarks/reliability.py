@@ -345,14 +345,13 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
             row["request"],
             f"`{row['route']}`",
             str(row["status"]),
-            f"{row['wall_ms']:,.0f}",
             f"{row['processor_ms']:,.0f}",
             f"{row['megabytes']:.0f}",
             f"{row['livez_p99_ms']:.0f}",
         )
         for row in found["budgets"]
     ]
-    budget_head = ["request", "route", "status", "wall, ms", "processor, ms", "memory, MB", "/livez p99, ms"]
+    budget_head = ["request", "route", "status", "processor, ms", "memory, MB", "/livez p99, ms"]
     return {
         "promises": report.lines(head, rows, 4),
         "budgets": report.lines(budget_head, budget, 3),

@@ -5,8 +5,7 @@ Both scans hold the same series and cells; one of them has the index too. Every 
 and the better time of each counts: processor time of one thread, which other work on the machine stretches little.
 The requests to the default atlas are also given to the plain scan, which has neither index nor cells. ``--wide`` requests a
 span go to the wider atlas (crank or ground the shortest, the others in all orders); 0 leaves it out, and its figures as they
-were. ``--alone`` requests a class are for positions alone: the index of shapes beside the comparison of all windows, once
-each, for that takes seconds.
+were.
 """
 
 from __future__ import annotations
@@ -28,15 +27,12 @@ from benchmarks.index import NO_LIMIT
 from benchmarks.product import Scan, Target, Work, la, load_atlas, make_target
 from benchmarks.report import Times
 from benchmarks.service import build
-from tests.oracles.classes import SAMPLES, generator
+from tests.oracles.classes import generator
 from tests.oracles.rotations import KINDS, SHAPES, crank_angles, hard_target, reachable
 
 TOP = 10
 SPANS = (5, 10, 15, 20, 30, 45, 60, 75, 90)
 WIDE_SPANS = (10, 20, 30, 45, 60, 75, 90)
-PATH_SPANS = (10, 20, 30, 45, 60, 90, 120, 180, 270, 360)
-NOISES = (0.001, 0.01, 0.1, 0.5)
-"""Noise of paths, over their extent."""
 OTHERS = (3, 110, 180, 360)
 """Spans that the index does not serve."""
 
@@ -70,25 +66,6 @@ def ties() -> Iterator[Request]:
         for slope in (0.0, 0.01, 0.2, -0.2, 1.0):
             yield "tie", number, make_target(slope * crank + 7, crank_angle=crank)
             yield "tie", number, make_target(slope * crank - 1e4, crank_angle=-crank)
-
-
-def path_of(number: int, span: float, smallest: float, noise: float = 0.0, samples: int = SAMPLES) -> Target:
-    """The positions of a crank-rocker's coupler point, every third with uneven samples."""
-    motion = reachable("paths", number, span, smallest, samples=samples, uneven=number % 3 == 2, positions=True)
-    random = generator("noise of paths", number)
-    away = random.standard_normal(samples) + 1j * random.standard_normal(samples)
-    return make_target(None, motion.position + noise * motion.extent * away, crank_angle=motion.crank)
-
-
-def paths(count: int, smallest: float) -> Iterator[Request]:
-    """Positions without rotation: over each span, with noise, and of few and many samples."""
-    for number in range(count):
-        for span in PATH_SPANS:
-            yield f"{span} degrees", number, path_of(number, (-1) ** number * span, smallest)
-        for noise in NOISES:
-            yield f"noise {noise:g}", number, path_of(number, 90, smallest, noise)
-        for samples in (5, 200):
-            yield f"{samples} samples", number, path_of(number, 90, smallest, samples=samples)
 
 
 def duels(
@@ -133,36 +110,26 @@ def prepared(file: Path, index: Path) -> tuple[Scan, Scan, dict[str, Any]]:
     """The scan with the index, that with cells alone, and what the index takes; all arrays mapped from files."""
     opened = la.load_atlas(file, max_types=NO_LIMIT, index=index)
     ours, times = opened.scan, Times()
-    known = bool(ours.prepared.storeys)
+    known = bool(ours.prepared.short_spans)
     times.run(ours.prepare_short_spans, Work())
     ours.threads = 1
     without = copy(ours.prepared)
-    without.storeys, without.path_storeys = [], []
-    told = {"types": ours.types, "index": _sizes(ours.prepared.storeys, ours.types)}
+    without.short_spans = []
+    told = {"types": ours.types, "index": _sizes(ours.prepared.short_spans, ours.types)}
     told["index_s"] = None if known else times.median.processor
     return ours, Scan(without), told
 
 
-def _sizes(storeys: list[Any], types: int) -> list[dict[str, Any]]:
+def _sizes(indexes: list[Any], types: int) -> list[dict[str, Any]]:
     return [
-        {"top": float(np.rad2deg(one.storey.top)), "intervals": one.storey.places, "terms": one.storey.terms}
+        {
+            "top": float(np.rad2deg(one.intervals.largest_span)),
+            "intervals": one.intervals.number,
+            "terms": one.intervals.terms,
+        }
         | {"bytes": one.nbytes, "bytes_a_type": one.nbytes / types}
-        for one in storeys
+        for one in indexes
     ]
-
-
-def measure_paths(atlas: Path, index: Path | None, requests: int, smallest: float) -> dict[str, Any]:
-    """Requests for positions alone: the index of shapes beside the comparison of all windows."""
-    with tempfile.TemporaryDirectory() as folder:
-        scan, times = la.load_atlas(atlas, index=index or Path(folder) / "atlas.index").scan, Times()
-        scan.prepare_positions(Work())
-        times.run(scan.prepare_paths, Work())
-        scan.threads = 1
-        without = copy(scan.prepared)
-        without.path_storeys = []
-        rows = duels(scan, Scan(without), paths(requests, smallest), twice=False)
-        sizes = _sizes(scan.prepared.path_storeys, scan.types)
-    return {"rows": summaries(rows), "index": sizes, "index_s": times.median.processor, "made": report.stamp()}
 
 
 def measure_wide(file: Path | None, requests: int, smallest: float) -> dict[str, Any]:
@@ -223,8 +190,6 @@ def measure(
     hard_ones: Annotated[int, "requests far from every row, or numerically hard"] = 200,
     wide: Annotated[int, "requests a span on the wider atlas; 0: leave it out"] = 6,
     wide_atlas: Annotated[Path | None, "its file, with its index beside it; default: build both"] = None,
-    alone: Annotated[int, "requests a class for positions alone; 0: leave them out"] = 3,
-    index: Annotated[Path | None, "index for those, made if it is not there; default: one of their own"] = None,
 ) -> Iterator[dict[str, Any]]:
     """Both scans on one atlas, and on the wider one; exit code 1 if an answer differs. What is left out keeps its figures."""
     known = report.known("short_spans")
@@ -234,11 +199,8 @@ def measure(
         results = measure_default(atlas, requests, hard_ones, smallest) if requests else known
         gc.collect()
         on_wide = measure_wide(wide_atlas, wide, smallest) if wide else known.get("wide")
-        gc.collect()
-        on_paths = measure_paths(atlas, index, alone, smallest) if alone else known.get("paths")
-    yield {**results, "wide": on_wide, "paths": on_paths}
-    rows = [*(on_wide or {"spans": []})["spans"], *(on_paths or {"rows": []})["rows"]]
-    if results["differ"] + sum(row["differ"] for row in rows):
+    yield {**results, "wide": on_wide}
+    if results["differ"] + sum(row["differ"] for row in (on_wide or {"spans": []})["spans"]):
         raise SystemExit("answers differ")
 
 

@@ -24,7 +24,7 @@ EXTREMES = tomllib.loads((report.ROOT / "benchmarks" / "extremes.toml").read_tex
 
 def row(name: str, cases: int, worst: str, numbers: dict[str, Any], **place: Any) -> dict[str, Any]:
     """A line of the report: one of `EXTREMES`, on how many cases, and the worst that came out, a format of the numbers."""
-    words = {key: text.format(**place) for key, text in ({"cannot": "-"} | EXTREMES[name]).items()}
+    words = {key: text.format(**place) for key, text in EXTREMES[name].items()}
     words["worst"] = worst.format(**numbers) if numbers else worst
     print("{tried}: {worst}".format(**words), flush=True)
     return {**words, "cases": cases, "numbers": numbers}
@@ -187,37 +187,6 @@ def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[
         yield row(name, len(compared), text, numbers, **place)
 
 
-def refusals(resources: product.ServiceResources) -> Iterator[dict[str, Any]]:
-    """What is refused, by name of the field, and why."""
-    base = make_case("any order", 1).request
-    points = np.array(base["position"])
-    turning_back = {name: value for name, value in base.items() if name != "crank_span"}
-    turning_back["crank_angle"] = [0.0, 5.0, 4.0, *range(10, 10 + len(points) - 3)]
-    shapeless = "double precision tells such a curve from a line in too few digits"
-    extent = "positions whose extent is their rounding (offset 1e16)"
-    tried = {
-        "a crank span of 0.05 degrees": (base | {"crank_span": 0.05}, shapeless),
-        "a crank span of 3601 degrees": (
-            base | {"crank_span": 3601.0},
-            "the motion repeats itself: ten turns will do",
-        ),
-        "all positions at one point": (base | {"position": [[1.0, 2.0]] * len(points)}, "every linkage would do"),
-        extent: (base | {"position": (points + 1e16).tolist()}, "the request's numbers hold no motion"),
-        "coordinates of 1e51": (base | {"position": (points * 1e51).tolist()}, "squares would come near overflow"),
-        "crank angles that turn back": (turning_back, "the motion is not one of a turning crank"),
-    }
-    for what, (request, why) in tried.items():
-        try:
-            product.answer(request, resources, Times())
-            text = "NOT refused"
-        except product.FieldError as error:
-            text = f"refused: {error}"
-        except ValueError as error:  # of the request's model: field, what is wrong with it, where to read on
-            field, problem = str(error).splitlines()[1:3]
-            text = f"refused: {field}: {problem.strip().split(' [')[0]}"
-        yield row("refusal", 1, text, {}, what=what, why=why)
-
-
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/stability.md; what the software does stands in the first of the rows of which it is said."""
     tables: dict[str, list[dict[str, Any]]] = {}
@@ -239,7 +208,7 @@ def measure(cases: Annotated[int, "of each class of synthesis"] = 20) -> Iterato
     """Every extreme class."""
     warnings.simplefilter("error")
     resources = product.prepared_service()
-    parts = {"kinematics": kinematics(), "synthesis": synthesis(resources, cases), "refused": refusals(resources)}
+    parts = {"kinematics": kinematics(), "synthesis": synthesis(resources, cases)}
     yield {"digits": DIGITS, "parts": {title: list(rows) for title, rows in parts.items()}}
 
 

@@ -1,4 +1,4 @@
-"""How many requests a service answers, and what it does with too many: ``python -m benchmarks.throughput [--atlas FILE]``.
+"""How many requests a service answers: ``python -m benchmarks.throughput [--atlas FILE]``.
 
 Three arrangements, all other settings at their defaults: one service with one and with two workers, and two services with
 one worker each, their clients dealt out evenly. Clients keep their connections and ask again as soon as they are answered. Then
@@ -24,7 +24,6 @@ CLIENTS = (1, 8, 64)
 COMPARED = CLIENTS[1:]
 ROUNDS = 4
 """Of the comparison, each of `--seconds` shared among them."""
-OVERLOAD_CLIENTS = 200
 BODIES = 200
 UNKNOWN = dict.fromkeys(("p50_ms", "p99_ms", "livez_p99_ms", "service_cores", "front_ms"))
 """What a row lacks where no request was answered, or the system does not tell."""
@@ -33,17 +32,12 @@ UNKNOWN = dict.fromkeys(("p50_ms", "p99_ms", "livez_p99_ms", "service_cores", "f
 def summarise(load: service.Load, beats: Sequence[float]) -> dict[str, Any]:
     """The figures of one run; latencies are those of the requests that were answered with 200."""
     served = [seconds for seconds, status in zip(load.seconds, load.status) if status == 200]
-    refused = [after for after, status in zip(load.retry_after, load.status) if status == 503]
     row: dict[str, Any] = {
         "replies": len(load.status),
         "served": len(served),
         "elapsed_s": load.elapsed,
         "per_second": len(served) / load.elapsed,
-        "share_503": len(refused) / len(load.status),
-        "with_retry_after": sum(after is not None for after in refused),
-        "others": len(load.status) - len(served) - len(refused),
         "client_cores": load.client_cpu / load.elapsed,
-        "livez_replies": len(beats),
     }
     for name, values in (("", served), ("livez_", beats)):
         if values:
@@ -84,7 +78,7 @@ def run(
     bodies: dict[str, list],
     seconds: float,
 ) -> dict[str, Any]:
-    """One arrangement: requests to each route from few and many clients, then from too many."""
+    """One arrangement: requests to each route from few and many clients."""
     with ExitStack() as stack:
         services = [
             stack.enter_context(service.running(service.serve_command, atlas=atlas.resolve(), workers=workers))
@@ -99,12 +93,6 @@ def run(
             measure_load(services, path, some, clients=clients, seconds=seconds)
             for path, some in bodies.items()
             for clients in CLIENTS
-        ]
-        row["overload"] = [
-            {"patient": patient}
-            | measure_load(services, path, some, clients=OVERLOAD_CLIENTS, seconds=seconds, patient=patient)
-            for path, some in bodies.items()
-            for patient in (True, False)
         ]
         row["bytes"] = sum(one.shared_out() for one in services) or None
         row["worker_bytes"] = max((own for one in services for own in one.own()[2:]), default=None)

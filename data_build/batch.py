@@ -27,8 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.file import generator_versions, write_image
-from synthesis.atlas.rows import compute_rows
-from synthesis.atlas.table import AtlasRule
+from synthesis.atlas.table import AtlasRule, compute_rows
 from synthesis.errors import FieldError
 from synthesis.fourbar.dimension_types import count_types, enumerate_types
 

@@ -19,7 +19,7 @@ from tqdm import tqdm
 from data_build.batch import BuildLocked, build_atlas
 from data_build.executors import dask_executor, local_executor
 from synthesis.atlas.file import load_atlas
-from synthesis.atlas.prepared import temporary
+from synthesis.atlas.index import check_index, temporary_arrays
 from synthesis.atlas.table import MIN_SAMPLES, SCHEMA, Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types
@@ -94,7 +94,7 @@ def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     build.set_defaults(run=_build)
 
     for name, text in (
-        ("verify", "read a whole file and say whether it is sound"),
+        ("verify", "read a whole file, and the index beside it, and say whether they are sound"),
         ("info", "say what a file holds"),
     ):
         command = commands.add_parser(name, help=text, description=text.capitalize() + ".")
@@ -164,13 +164,15 @@ def _load(file: Path) -> Atlas:
     """The atlas of a file, its arrays on disk beside it, or else in memory."""
     most = MAX_BUILD_BYTES // MIN_SAMPLES // 4
     with contextlib.suppress(OSError):
-        return load_atlas(file, max_types=most, new=temporary(file.parent))
+        return load_atlas(file, max_types=most, new=temporary_arrays(file.parent))
     return load_atlas(file, max_types=most)
 
 
 def _verify(options: argparse.Namespace) -> int:
     atlas = _load(options.file)
-    _print({"file": str(options.file), "status": "sound", **describe(atlas)}, options.json)
+    count = check_index(options.file.with_name(options.file.name + ".index"))
+    index = {"index_files": count} if count else {}
+    _print({"file": str(options.file), "status": "sound", **index, **describe(atlas)}, options.json)
     return EXIT_OK
 
 

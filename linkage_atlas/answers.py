@@ -27,13 +27,11 @@ from linkage_atlas.studies import (
 )
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as search
-from synthesis.fourbar.determination import Sensitivity, determinations, sensitivities
-from synthesis.fourbar.excursion import excursions
-from synthesis.fourbar.held import determinations_within
+from synthesis.fourbar.determination import Sensitivity, determinations, determinations_within, sensitivities
 from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.passage import Verdict as Passing
+from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
-from synthesis.fourbar.verdict import Verdict as Passing
-from synthesis.fourbar.verdict import practical_faults, size_of, verdicts
 from synthesis.free.answers import in_turn
 from synthesis.free.poses import Poses
 from synthesis.ranking import Errors, Status

@@ -5,19 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-import numpy as np
-
 from linkage_atlas.answers import AtlasType
 from synthesis.atlas import table
 from synthesis.atlas.header import MAX_TYPES, Stamp, file_hash
-from synthesis.atlas.index import Index
-from synthesis.atlas.preparation import Preparation
-from synthesis.atlas.prepared import temporary
+from synthesis.atlas.index import Index, temporary_arrays
+from synthesis.atlas.preparation import CELLS, Preparation, Progress, types_of
 from synthesis.atlas.scan import KIND, Scan
 from synthesis.errors import AtlasError, AtlasFault, FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -34,30 +32,19 @@ class Atlas:
     stored : synthesis.atlas.table.Atlas
     threads : int, optional
         Threads of a scan; default: one a core.
-    index : synthesis.atlas.index.Index, optional
-        Prepare the scan in its files; default: in memory.
-    prepared : synthesis.atlas.preparation.Preparation, optional
-        What the index holds, where it has been opened.
+    source : AtlasSource, optional
+        Where it comes from; default: ``stored``, all of it in memory.
     """
 
     def __init__(
-        self,
-        stored: table.Atlas,
-        threads: int | None = None,
-        index: Index | None = None,
-        prepared: Preparation | None = None,
+        self, stored: table.AtlasTypes, threads: int | None = None, source: AtlasSource | None = None
     ) -> None:
-        self._stored: table.Atlas | None = stored
+        self.stored = stored
+        """Its types; with all of their rotations where they are in memory."""
         self._threads = threads or os.cpu_count() or 1
-        self._index, self._prepared = index, prepared
+        self._source = source
         self._lock, self._rocker_lock = Lock(), Lock()
         self._rocker_scan: Scan | None = None
-
-    @property
-    def stored(self) -> table.Atlas:
-        """Its arrays; those of an index are mapped, and checked as they are used."""
-        found: Any = self._stored if self._prepared is None else self._prepared.table
-        return found
 
     def __len__(self) -> int:
         return len(self.stored)
@@ -66,23 +53,30 @@ class Atlas:
     def scan(self) -> Scan:
         """The types prepared for matching."""
         with self._lock:
-            if self._prepared is None:
-                self._prepared = self._prepare(self._index, self.stored)
-            self._stored = None  # what is mapped needs no memory
-            return Scan(self._prepared, threads=self._threads)
+            index = self._source.index if self._source else None
+            progress = self._source.progress if self._source else _quietly
+            prepared = Preparation(FOURBAR, self._table, KIND, self._threads, index, progress)
+            if self.index_files:  # what is mapped needs no memory
+                mapped: Any = prepared.types
+                self.stored = mapped
+            return Scan(prepared, threads=self._threads)
 
-    def _prepare(self, index: Index | None, types: table.Table) -> Preparation:
-        return index.prepared(types, self._threads) if index else Preparation(types, KIND, self._threads)
+    def _table(self) -> table.Atlas:
+        """All of its arrays."""
+        if isinstance(self.stored, table.Atlas):
+            return self.stored
+        assert self._source is not None
+        return self._source.load()
 
     @cached_property
     def content_sha256(self) -> str:
         """Hash of what it holds, however it is packed."""
-        return self.stored.content_hash()
+        return self.stored.known_hash or self._table().content_hash()
 
     @property
     def index_files(self) -> list[Path]:
-        """Files of the index that are in use."""
-        return self._index.paths if self._index else []
+        """Folders of the index that are in use."""
+        return self._source.index.folders if self._source else []
 
     @property
     def has_positions(self) -> bool:
@@ -99,14 +93,13 @@ class Atlas:
         """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds)."""
         with self._rocker_lock:
             if self._rocker_scan is None:
-                index = self._index and self._index.beside("rocker", ROCKER, self._rockers)
-                prepared = index and index.opened(self._threads)
-                self._rocker_scan = Scan(prepared or self._prepare(index, self._rockers()), threads=self._threads)
+                index = self._source.index.beside("rocker_") if self._source else None
+                prepared = Preparation(ROCKER, self._rockers, KIND, self._threads, index)
+                self._rocker_scan = Scan(prepared, threads=self._threads)
             return self._rocker_scan
 
     def _rockers(self) -> table.Table:
-        stored = self.stored
-        return table.make_table(ROCKER, self.scan.lengths, stored.samples)
+        return table.make_table(ROCKER, self.scan.lengths, self.stored.rule.samples)
 
     def prepare(
         self,
@@ -115,10 +108,9 @@ class Atlas:
         threads: int | None = None,
         short_spans: bool = True,
     ) -> None:
-        """Prepare the scan now, also its indexes of windows and the series for positions, as far as the work's time allows.
+        """Prepare the scan now, also its index of short spans and the series for positions, as far as the work's time allows.
 
-        Without them it answers too: short spans and positions without rotation more slowly, and the first request with positions
-        makes their series.
+        Without them it answers too: short spans more slowly, and the first request with positions makes their series.
         Afterwards it scans on so many ``threads``, if that is given.
         """
         work = work or Work()
@@ -128,37 +120,34 @@ class Atlas:
         if short_spans:
             with suppress(OutOfTime):
                 scan.prepare_short_spans(work)
-        if positions and scan.prepare_positions(work) and short_spans:
-            with suppress(OutOfTime):
-                scan.prepare_paths(work)
+        if positions:
+            scan.prepare_positions(work)
 
     def type_of(self, row: int) -> AtlasType:
         """The type of a row, counted from 0."""
-        return AtlasType(row + 1, self._intact(lambda: np.asarray(self.stored.lengths[row]).tolist()))
-
-    def _intact(self, read: Callable[[], Any]) -> Any:
-        """What is read of the stored arrays; where the index turns out damaged, from the one that is made anew."""
-        return read() if self._prepared is None else self.scan.intact(read)
+        return AtlasType(row + 1, self.stored.lengths[row].tolist())
 
     def details_of(self, number: int) -> dict[str, Any]:
         """A type by its number, from 1: lengths, family and stored features of its coupler rotation over the whole turn."""
         if not 1 <= number <= len(self):
             raise FieldError("/number", f"there is no type {number}: the atlas has types 1 to {len(self)}")
-        return self._intact(lambda: self._details(number - 1))
-
-    def _details(self, row: int) -> dict[str, Any]:
-        stored = self.stored
-        lengths = np.asarray(stored.lengths[row])
+        stored, row = self.stored, number - 1
+        if isinstance(stored, table.Atlas):
+            average, details = float(stored.average[row]), stored.details[row].tolist()
+        else:
+            assert self._source is not None
+            average, details = self._source.features(row)
+        lengths = stored.lengths[row]
         return {
-            "number": row + 1,
+            "number": number,
             "lengths": lengths.tolist(),
             "family": str(family(lengths)),
             "samples": stored.rule.samples,
             "winding": int(stored.winding[row]),
             "normalisation": "mean",
             "unit": "rad",
-            "average": float(stored.average[row]),
-            "details": np.asarray(stored.details[row]).tolist(),
+            "average": average,
+            "details": details,
         }
 
     def describe(self) -> dict[str, Any]:
@@ -176,13 +165,54 @@ class Atlas:
         return f"Atlas({len(self):,} types: {rule})"
 
 
+def _quietly(done: int, total: int) -> None:
+    """Shows no progress."""
+
+
+@dataclass(frozen=True)
+class AtlasSource:
+    """An atlas file that has been verified, and its index.
+
+    Attributes
+    ----------
+    path : Path
+    sha256 : str
+        In its header.
+    limits : tuple
+        Most bytes, most types.
+    index : Index
+    progress : callable
+        ``progress(done, total)`` while the index is made.
+    """
+
+    path: Path
+    sha256: str
+    limits: tuple[int | None, int]
+    index: Index
+    progress: Progress
+
+    def load(self) -> table.Atlas:
+        """All of its arrays: in temporary files beside the index, or in memory where none can be written."""
+        from synthesis.atlas.file import load_atlas as load_table  # HDF5, which an index spares
+
+        with suppress(OSError):
+            return load_table(self.path, *self.limits, self.sha256, temporary_arrays(self.index.folder.parent))
+        return load_table(self.path, *self.limits, self.sha256)
+
+    def features(self, row: int) -> tuple[float, list[float]]:
+        """Average and details of a row."""
+        from synthesis.atlas.file import load_row
+
+        return load_row(self.path, self.sha256, row)
+
+
 def load_atlas(
     path: str | Path,
     max_bytes: int | None = None,
     max_types: int | None = None,
     *,
     index: str | Path | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = _quietly,
 ) -> Atlas:
     """The verified atlas of a file.
 
@@ -192,7 +222,7 @@ def load_atlas(
     max_bytes, max_types : int, optional
         Refuse a larger one before it is read.
     index : str or Path, optional
-        A file for what its scan needs, as large as the atlas several times: made when the scan is first wanted, and whenever it
+        A folder for what its scan needs, as large as the atlas several times: made when the scan is first wanted, and whenever it
         is not of this atlas and this version. Later processes map it, so they start at once and share its memory.
     progress : callable
         ``progress(done, total)`` while the index is made.
@@ -202,36 +232,27 @@ def load_atlas(
     AtlasError
         Missing, larger than allowed, damaged or foreign.
     """
-    most = MAX_TYPES if max_types is None else max_types
-
-    def read(*where: Any) -> table.Atlas:
-        from synthesis.atlas.file import load_atlas as load_table  # HDF5, which an index spares
-
-        return load_table(Path(path), max_bytes, most, *where)
-
+    path, most = Path(path), MAX_TYPES if max_types is None else max_types
     if index is None:
-        return Atlas(read())
-    files: Any = None
-    prepared: Preparation | None = None
+        from synthesis.atlas.file import load_atlas as load_table
 
-    def load() -> table.Atlas:
-        with suppress(OSError):  # where there is no place for an index, it is prepared in memory
-            return read(digest, temporary(Path(index).parent))
-        return read(digest)
+        return Atlas(load_table(path, max_bytes, most))
+    source: Any = None
+    types: Any = None
 
     def known(claimed: str, stamp: Stamp) -> bool:
-        nonlocal files, prepared
-        files = Index(Path(index), claimed, FOURBAR, load, KIND, progress, stamp)
-        prepared = files.opened(os.cpu_count() or 1)
-        return prepared is not None and files.knows_source
+        nonlocal source, types
+        source = AtlasSource(path, claimed, (max_bytes, most), Index(Path(index), claimed, stamp), progress)
+        part = source.index.known(CELLS)
+        types = part and types_of(part, FOURBAR)
+        return part is not None and source.index.knows_source
 
-    digest = file_hash(Path(path), max_bytes, known)
-    if prepared is not None and len(prepared.table) > most:
-        raise AtlasError(AtlasFault.LIMIT, f"{len(prepared.table)} types, at most {most}")
-    if prepared is not None:
-        mapped: Any = prepared.table
-        return Atlas(mapped, index=files, prepared=prepared)
-    return Atlas(load(), index=files)
+    file_hash(path, max_bytes, known)
+    if types is None:
+        return Atlas(source.load(), source=source)
+    if len(types) > most:
+        raise AtlasError(AtlasFault.LIMIT, f"{len(types)} types, at most {most}")
+    return Atlas(types, source=source)
 
 
 def build_atlas(

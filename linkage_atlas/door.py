@@ -29,8 +29,8 @@ from synthesis.fourbar.kinematics import wrap
 from synthesis.fourbar.limits import Limits, Reach
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.passage import size_of
 from synthesis.fourbar.solution import Solution
-from synthesis.fourbar.verdict import size_of
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free

@@ -53,8 +53,7 @@ def text_of(
 ) -> str:
     """The text of a file; see `FourBar.render` for what the arguments mean."""
     from linkage_atlas.studies import analysed, read_drive
-    from synthesis.fourbar import drawing, files
-    from synthesis.fourbar import plates as cut
+    from synthesis.fourbar import files
 
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
@@ -63,12 +62,12 @@ def text_of(
         more = None if drive is None else analysed(linkage, drive, target.crank, radian).columns()
         return files.to_csv(linkage, target, radian, more)
     if kind in ("svg", "pylinkage"):
-        return (drawing.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target)
+        return (files.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target)
     if length_unit not in MILLIMETRES:
         raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
     unit_mm = MILLIMETRES[length_unit]
     if kind == "plates":
-        return cut.to_plates(linkage, unit_mm, **_sizes(plates or {}))
+        return files.to_plates(linkage, unit_mm, **_sizes(plates or {}))
     return (files.to_dxf if kind == "dxf" else files.to_mjcf)(linkage, target, unit_mm)
 
 

@@ -19,10 +19,9 @@ from linkage_atlas.records import KEPT, Floats, Record, Values, names_of
 from synthesis.errors import FieldError
 from synthesis.fourbar.determination import determinations, sensitivities
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.verdict import practical_faults, verdicts
-from synthesis.function.answers import Generator, exchanged, rocker_angles, turns_back
+from synthesis.fourbar.passage import practical_faults, verdicts
+from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
 from synthesis.function.search import generate, refit
-from synthesis.function.sheet import to_csv
 from synthesis.function.wanted import Wanted
 from synthesis.local.function import refine_function
 from synthesis.ranking import Status

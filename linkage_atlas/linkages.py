@@ -14,8 +14,7 @@ from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import Floats, plain
 from linkage_atlas.studies import Analysis, ToleranceStudy, analysed, read_drive, read_manufacture, studied
 from synthesis.errors import FieldError
-from synthesis.fourbar.cognates import are_cognates
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.linkage import Linkage, are_cognates
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
 

@@ -226,9 +226,6 @@ class Mechanism(Protocol):
     def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
         """theta2 at crank angles (n, N) or (N,), continuous; NaN where it does not close, (n, N)."""
 
-    def body_angle_gradient(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> tuple[Floats, Floats]:
-        """theta2, (n, N), and its derivatives by the lengths and theta1, (n, N, d + 1)."""
-
     def in_family(self, family: str, lengths: Floats) -> Flags:
         """Which of the types of a table are of a family, (T,)."""
 

@@ -160,6 +160,13 @@ class Target(Samples):
             return Interval(0.0, float(self.crank[-1]))
         return Interval(self.crank.min(axis=-1), self.crank.max(axis=-1))
 
+    def one_of(self, place: int) -> Target:
+        """The target of one linkage, where each has crank angles of its own."""
+        if not self.found or self.crank.ndim == 1:
+            return self
+        rotation = None if self.rotation is None else self.rotation[place]
+        return replace(self, crank=self.crank[place], rotation=rotation)
+
     @cached_property
     def repeats_one_crank_angle(self) -> bool:
         """Whether all rotations that count are wanted at one crank angle, whole turns apart."""

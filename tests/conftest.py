@@ -22,8 +22,7 @@ from app.settings import Settings
 from data_build.batch import build_atlas
 from data_build.executors import local_executor
 from synthesis.atlas.file import encode_atlas, generator_versions
-from synthesis.atlas.rows import compute_rows
-from synthesis.atlas.table import Atlas, AtlasRule
+from synthesis.atlas.table import Atlas, AtlasRule, compute_rows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 
 if (

@@ -14,7 +14,7 @@ from app.fourbar import worked_example
 from app.fourbar.answers import analysis_of, answer_synthesize, is_long, motion_of
 from app.fourbar.given import FarLength, GivenSolution
 from app.fourbar.models import SynthesizeRequest
-from app.query import FILES, Export, Files, LengthUnit, RequestModel, Resources
+from app.query import FILES, Files, LengthUnit, RequestModel, Resources
 
 
 class PlatesRequest(RequestModel):
@@ -61,13 +61,14 @@ def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -
         return best.linkage.render(kind, analysis=analysis_of(request))
 
 
-def exports_of(formats: tuple[str, ...], render: Callable[[Any, Resources, str], str]) -> dict[str, Export]:
+def exports_of(
+    formats: tuple[str, ...], render: Callable[[Any, Resources, str], str]
+) -> dict[str, Callable[[Any, Resources], bytes]]:
     """The best solution of a request in some formats."""
-
-    def export(kind: str) -> Export:
-        return Export(FILES[kind].media_type, lambda *asked: render(*asked, kind).encode())
-
-    return {FILES[kind].endings[0]: export(kind) for kind in formats}
+    return {
+        FILES[kind].endings[0]: lambda *asked, kind=kind: render(*asked, kind).encode()  # type: ignore[misc]
+        for kind in formats
+    }
 
 
 SYNTHESIZE_EXPORTS = exports_of(("csv", "svg", "dxf", "plates", "mjcf", "pylinkage"), _best_linkage)

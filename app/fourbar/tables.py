@@ -11,7 +11,13 @@ from app.tables import DEGREES, Units, columns, number
 from linkage_atlas import Matches, Result, Solution
 from linkage_atlas.answers import Errors, Rounded
 
-_LINKS = tuple((name, ".6g", f"links.{name}") for name in ("crank", "coupler", "rocker", "ground"))
+_LENGTHS = ("crank", "coupler", "rocker", "ground")
+_LINKAGE = (
+    ("rank", "d", "rank"),
+    *((name, ".6g", f"links.{name}") for name in _LENGTHS),
+    ("branch", "+d", "branch"),
+    ("start", ".6g", "start_angle"),
+)
 
 
 def matches_table(reply: Matches, units: Units = DEGREES) -> str:
@@ -46,7 +52,7 @@ def _search_lines(report: Any) -> list[str]:
 
 
 def _lengths(links: Any) -> str:
-    return " ".join(number(getattr(links, name)) for name, *_ in _LINKS)
+    return " ".join(number(getattr(links, name)) for name in _LENGTHS)
 
 
 def _proof(rounded: Rounded) -> str:
@@ -109,10 +115,7 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
     if reply.solutions:
         text = columns(
             reply.solutions,
-            ("rank", "d", "rank"),
-            *_LINKS,
-            ("branch", "+d", "branch"),
-            ("start", ".6g", "start_angle"),
+            *_LINKAGE,
             ("family", "", "family"),
             ("transm.", ".4g", "transmission_angle_min"),
             (units.head("rot. max", units.angle), ".3g", "errors.rotation_max"),
@@ -146,10 +149,7 @@ def function_table(reply: Any, units: Units = DEGREES) -> str:
     if reply.solutions:
         text = columns(
             reply.solutions,
-            ("rank", "d", "rank"),
-            *_LINKS,
-            ("branch", "+d", "branch"),
-            ("start", ".6g", "start_angle"),
+            *_LINKAGE,
             ("offset", ".6g", "output_offset"),
             ("family", "", "family"),
             ("transm.", ".4g", "transmission_angle_min"),

@@ -15,7 +15,6 @@ from app.query import (
     Column,
     Computed,
     Count,
-    Export,
     FiniteOrNull,
     Number,
     Query,
@@ -23,6 +22,7 @@ from app.query import (
     RequestModel,
     Resources,
 )
+from app.replies import reply_model
 from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError, Work
 from synthesis.chain.closure import STRETCH_TOLERANCE, Chain, closing_links
@@ -43,7 +43,7 @@ from synthesis.chain.fit import Exact, Fit, exact_slot, fit_error, fit_slot, pow
 from synthesis.chain.groove import contours, groove, to_csv, to_dxf, to_svg
 from synthesis.chain.slot import Pins, Report, Slot, find_slot, pins_at, report, wheel_conflict
 from synthesis.chain.track import ChordError, Track, arc, line
-from synthesis.chain.wear import made_within, tightest_pitch_error, worn
+from synthesis.chain.wear import Corners, Worn, made_within, tightest_pitch_error, worn
 from synthesis.sheet import csv_text
 
 MAX_LINKS = 1000
@@ -611,29 +611,7 @@ class ChainToleranceRequest(RequestModel):
     tolerances: Tolerances = Tolerances()
 
 
-class WornReply(ReplyModel):
-    """A chain of one pitch error on the track and in the slot that were made for the nominal one."""
-
-    pitch_error: float
-    slack_min: float = Field(description="Least slack over the phase; negative: length that is missing.")
-    slack_max: float
-    stretched: bool
-    depth_max: FiniteOrNull = Field(
-        description="How far a taut chain lifts its free pin off the bare track; null: stretched."
-    )
-    beyond_slot: FiniteOrNull = Field(
-        description="How far past the slot that is, at most: the chain is loose by it, or needs a slot that much deeper."
-    )
-
-
-class CornersReply(ReplyModel):
-    """The layouts at all corners of the tolerances."""
-
-    sensitivity: dict[str, float] = Field(description="Change of the least slack per change of each length.")
-    slack_min: float = Field(description="The least over all corners; negative: some such layouts stretch the chain.")
-    slack_max: float
-    slack_min_linear: float = Field(description="The same by the sensitivities alone.")
-    corners: int
+WornReply, CornersReply = reply_model(Worn), reply_model(Corners)
 
 
 class ChainToleranceReply(ReplyModel):
@@ -735,11 +713,7 @@ TOLERANCE = Query(
             },
         },
     },
-    exports={
-        "csv": Export(
-            "text/csv; charset=utf-8", lambda *asked: csv_text(wear_columns(answer_tolerance(*asked))).encode()
-        )
-    },
+    exports={"csv": lambda *asked: csv_text(wear_columns(answer_tolerance(*asked))).encode()},
     is_long=lambda request: len(request.pitch_errors) > 20,
 )
 
@@ -921,9 +895,9 @@ def render_csv(request: Any, resources: Resources) -> bytes:
 
 
 EXPORTS = {
-    "csv": Export("text/csv; charset=utf-8", render_csv),
-    "svg": Export("image/svg+xml", lambda *asked: to_svg(_shown(*asked).slot, asked[0].roller_radius).encode()),
-    "dxf": Export("image/vnd.dxf", lambda *asked: to_dxf(_shown(*asked).slot, asked[0].roller_radius).encode()),
+    "csv": render_csv,
+    "svg": lambda *asked: to_svg(_shown(*asked).slot, asked[0].roller_radius).encode(),
+    "dxf": lambda *asked: to_dxf(_shown(*asked).slot, asked[0].roller_radius).encode(),
 }
 
 QUERIES = (

@@ -16,8 +16,6 @@ from app.query import (
     Column,
     Computed,
     Count,
-    Export,
-    FiniteOrNull,
     Number,
     PositiveNumber,
     Query,
@@ -25,15 +23,16 @@ from app.query import (
     RequestModel,
     Resources,
 )
+from app.replies import reply_model
 from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError
 from synthesis.knotter import d_knotter
 from synthesis.knotter.conditions import Found, crossing_curve, point_paths, step_before
 from synthesis.knotter.d_knotter import Needle
-from synthesis.knotter.fit import LONGER, Pattern, Wanted, directions, rank, search, single_ranges
+from synthesis.knotter.fit import LONGER, Direction, Pattern, Wanted, directions, rank, search, single_ranges
 from synthesis.knotter.mechanism import ANGLES, Linear, Table, as_array, dimensions
 from synthesis.knotter.segment_triangle import Crossing
-from synthesis.knotter.study import solve, spread, study
+from synthesis.knotter.study import Spread, solve, spread, study
 from synthesis.sheet import csv_text
 
 MAX_LENGTH = 1e9
@@ -708,7 +707,7 @@ CURVES = Query(
         "fails_to_wrap": {"alpha1": 0, "alpha3": 20},
         "meets_the_disc": {"alpha1": 0, "alpha3": 25},
     },
-    exports={"csv": Export("text/csv; charset=utf-8", lambda *asked: curves_csv(answer_curves(*asked)))},
+    exports={"csv": lambda *asked: curves_csv(answer_curves(*asked))},
     is_long=lambda request: request.samples > 1000,
 )
 
@@ -783,15 +782,7 @@ class PatternFitRequest(MachineRequest):
     )
 
 
-class DirectionReply(ReplyModel):
-    """A direction of the unknowns along which the pattern is kept for a while."""
-
-    strength: float = Field(
-        description="How fast the margins change along it, length per share of the ranges; 0: not at all."
-    )
-    back: float = Field(description="How far the pattern is kept, in shares of the ranges; to their ends at most.")
-    forth: float
-    vector: dict[str, float] = Field(description="In shares of the ranges, of length 1.")
+DirectionReply = reply_model(Direction)
 
 
 class EntryMargin(ReplyModel):
@@ -996,21 +987,7 @@ class KnotterToleranceRequest(PairRequest):
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = 0
 
 
-class SpreadReply(ReplyModel):
-    """One condition within the tolerances."""
-
-    holds: bool = Field(description="With the nominal dimensions.")
-    margin: float
-    linear: float = Field(description="The margin less all sensitivities times their tolerances.")
-    corner: float = Field(description="The margin where every dimension is off to its worse side.")
-    factor: FiniteOrNull = Field(
-        description="The multiple of the tolerances at which that corner fails; null: beyond 64, or it fails as it is."
-    )
-    least: float = Field(description="The smallest margin of all samples.")
-    share: float = Field(description="The share of the samples in which the condition holds.")
-    sensitivity: dict[str, float] = Field(
-        description="Change of the margin per unit of each dimension, largest effects first."
-    )
+SpreadReply = reply_model(Spread)
 
 
 class KnotterToleranceReply(Provenance):
@@ -1042,12 +1019,10 @@ def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> 
         if not name.endswith(".ratio")
     }
     found, share = spread(mechanism, conditions, tolerances, request.samples, request.seed, work)
-    replies: dict[str, Any] = {}
-    for name, one in found.items():
-        effects = sorted(one.sensitivity, key=lambda key: -abs(one.sensitivity[key]) * tolerances[key])
-        replies[name] = replace(
-            one, sensitivity={key: one.sensitivity[key] * unit_of(key, angles) for key in effects}
-        )
+    replies: dict[str, Any] = {
+        name: replace(one, sensitivity={key: x * unit_of(key, angles) for key, x in one.sensitivity.items()})
+        for name, one in found.items()
+    }
     safe = share == 1.0 and all(one.corner > 0 for one in found.values())
     fails = any(one.margin <= 0 for one in found.values())
     return KnotterToleranceReply(
@@ -1309,7 +1284,7 @@ QUERIES = (
             "wrap_only": {"conditions": ["wrap"], "grid": {"alpha1": [10], "alpha3": [20, 25, 30]}},
             "finite_disc": {"conditions": ["clearance"], "clearance": {"disc_radius": 35, "hook": "moving"}},
         },
-        exports={"csv": Export("text/csv", lambda *asked: scan_csv(answer_scan(*asked)).encode())},
+        exports={"csv": lambda *asked: scan_csv(answer_scan(*asked)).encode()},
         is_long=lambda request: math.prod(map(len, given_fields(request.grid).values())) > LONG_PAIRS,
     ),
     Query(

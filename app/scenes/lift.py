@@ -15,7 +15,6 @@ from app.query import (
     Column,
     Computed,
     Count,
-    Export,
     Number,
     Numbers,
     Places,
@@ -24,15 +23,16 @@ from app.query import (
     RequestModel,
     Resources,
 )
+from app.replies import reply_model
 from linkage_atlas import FieldError, Work
 from synthesis.lift import loops
-from synthesis.lift.constraints import Constraints, Row, measured, optimize_within, rows_of
-from synthesis.lift.files import columns, design_csv, design_dxf, design_svg, joints
+from synthesis.lift.constraints import ConstraintRow, Constraints, measured, optimize_within, rows_of
+from synthesis.lift.files import columns, design_csv, design_dxf, design_svg
 from synthesis.lift.loops import condition, smallest_condition
 from synthesis.lift.motion import Drive, Motion, forces, least_bore, motion
-from synthesis.lift.objective import Built, Objective, Optimum, Task, rise
-from synthesis.lift.optimum import optimize, optimize_batch, published_for
-from synthesis.lift.pose import Cylinder, Design, pose_at_turn, turns_at_length
+from synthesis.lift.objective import Built, Objective, Optimum, OptimumMotion, Task, rise
+from synthesis.lift.optimum import Published, optimize, optimize_batch, published_for
+from synthesis.lift.pose import Cylinder, Design, joints, pose_at_turn, turns_at_length
 from synthesis.sheet import csv_text
 
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
@@ -323,44 +323,8 @@ class BatchRequest(RequestModel):
     upper_bound: Length = 600.0
 
 
-class DesignReply(ReplyModel):
-    """The five fixed lengths."""
-
-    l2: float
-    l3: float
-    l4: float
-    l5: float
-    b: float
-
-
-class OptimumMotion(ReplyModel):
-    """How the optimum moves."""
-
-    rise_time: float
-    velocity_start: float
-    velocity_bottom: float
-    velocity_mean: float
-    dead_point_length: float
-
-
-class PublishedReply(ReplyModel):
-    """The published design, put back on the constraints that its printed digits miss by their rounding."""
-
-    design: DesignReply
-    objective: float
-    slope: float = Field(description="df/dl2 along l4 = l2.")
-    reason: str
-    source: Literal["printed", "fitted"] = Field(description="Fitted: a digit that is lost in print is inferred.")
-
-
-class ConstraintRow(ReplyModel):
-    """One limit: what the design has beside it, over 2,001 poses, and whether it holds the design."""
-
-    name: str
-    value: float
-    kind: Literal["least", "most"]
-    limit: float
-    active: bool
+DesignReply, PublishedReply = reply_model(Design), reply_model(Published)
+ConstraintReply, MotionOfOptimum = reply_model(ConstraintRow), reply_model(OptimumMotion)
 
 
 class UnconstrainedReply(ReplyModel):
@@ -368,7 +332,7 @@ class UnconstrainedReply(ReplyModel):
 
     design: DesignReply
     objective: float
-    breaks: list[ConstraintRow]
+    breaks: list[ConstraintReply]
 
 
 class OptimizeReply(ReplyModel):
@@ -385,10 +349,10 @@ class OptimizeReply(ReplyModel):
     active: list[str]
     slacks: dict[str, float]
     equations: dict[str, float]
-    motion: OptimumMotion
+    motion: MotionOfOptimum
     objective_of_published: float | None
     published: PublishedReply | None
-    constraints: list[ConstraintRow] | None = None
+    constraints: list[ConstraintReply] | None = None
     unconstrained: UnconstrainedReply | None = None
     cost: float | None = Field(None, description="Objective over the unconstrained one's, less 1.")
     note: str
@@ -403,7 +367,7 @@ class BatchRow(ReplyModel):
     design: DesignReply | None = None
     objective: float | None = None
     active: list[str] | None = None
-    motion: OptimumMotion | None = None
+    motion: MotionOfOptimum | None = None
     objective_of_published: float | None = None
     constraint: str | None = None
     amount: float | None = None
@@ -510,7 +474,7 @@ def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeR
 def _within(found: Optimum, task: Task, limits: Constraints, radian: float, work: Work) -> dict[str, Any]:
     """The limits beside what the optimum has, and the optimum of the source's problem with the limits that it breaks."""
 
-    def rows(built: Built, active: Sequence[str] = ()) -> list[Row]:
+    def rows(built: Built, active: Sequence[str] = ()) -> list[ConstraintRow]:
         found = rows_of(limits, measured(built, task), active)
         return [
             replace(row, name="transmission_angle", value=row.value / radian, limit=row.limit / radian)
@@ -812,9 +776,9 @@ QUERIES = (
             },
         },
         exports={
-            "csv": Export("text/csv; charset=utf-8", motion_csv),
-            "svg": Export("image/svg+xml", _motion_drawn(design_svg)),
-            "dxf": Export("image/vnd.dxf", _motion_drawn(design_dxf)),
+            "csv": motion_csv,
+            "svg": _motion_drawn(design_svg),
+            "dxf": _motion_drawn(design_dxf),
         },
         is_long=lambda request: max(request.samples or 0, len(request.times or ())) > LONG_SAMPLES,
     ),
@@ -828,9 +792,9 @@ QUERIES = (
         table=optimize_table,
         is_long=lambda _: True,
         exports={
-            "csv": Export("text/csv; charset=utf-8", optimum_csv),
-            "svg": Export("image/svg+xml", _optimum_drawn(design_svg)),
-            "dxf": Export("image/vnd.dxf", _optimum_drawn(design_dxf)),
+            "csv": optimum_csv,
+            "svg": _optimum_drawn(design_svg),
+            "dxf": _optimum_drawn(design_dxf),
         },
         examples={
             "buildable": {

@@ -1,8 +1,9 @@
 """Cells of types whose curves are alike: the error of a representative bounds those of all and excludes most windows.
 
-A bucket's types are halved again and again along the coefficient in which they differ most, down to cells of a few types;
-eight neighbouring cells make a cell of the next coarser level. Each cell has a *representative*, one of its types, and for
-every part of the turn a *radius*.
+A group's types are halved again and again along the coefficient in which they differ most, down to cells of a few types;
+eight neighbouring cells make a cell of the next coarser level. Each half keeps its types in ascending order of their place, the
+lower half being those of the least coefficients and, among equal ones, of the least places. Each cell has a *representative*,
+one of its types, and for every part of the turn a *radius*.
 
 Bound. Let d be the difference of the series of a type and of its cell's representative, and W the arc of crank angles of a
 window. The rms of what is left after the best constant is a seminorm, so by the triangle inequality the error of the type
@@ -27,14 +28,14 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from synthesis.atlas.halving import halve
 from synthesis.atlas.matrices import start_angles
-from synthesis.atlas.series import Bucket, Column, Floats, Ints, New, gather, in_memory
+from synthesis.atlas.series import Floats, Ints, New, SeriesGroup, gather
 from synthesis.target import TURN, Target
 
 Bounds = NDArray[np.float32]
@@ -60,6 +61,12 @@ _SLOPE = len(RANGES)
 _CURVATURE = _SLOPE + 1
 _THIRD = _CURVATURE + 1
 _POINTS_AT_ONCE = 1 << 18
+_HALVED_HARMONICS = 6
+"""Of the series, whose coefficients are looked at to halve."""
+_STEP = 2.0**-16
+"""Radians: a fraction of what neighbouring types of a billion differ by."""
+_LARGEST_STEP = 1 << 18
+"""Steps: whole sums of the squares of 100 million such numbers are still exact. What is larger counts as this."""
 _POINTS = 8
 """Points of the grid for one period of the highest harmonic."""
 _ROUNDING = 4e-6
@@ -120,8 +127,7 @@ class Level:
 
     Attributes
     ----------
-    cells : Bucket
-        The representatives.
+    representatives : SeriesGroup
     bounds : ndarray of float32, shape (kinds, cells, ARCS)
         What the radius is made of, by the piece of the turn where an arc begins: (max - min) / 2 of d over the arcs of RANGES
         pieces, largest |d'| and |d''| over two pieces, largest |d^(3)| over the arcs of THIRDS pieces.
@@ -129,39 +135,39 @@ class Level:
         Largest error of the series of a cell's types.
     """
 
-    cells: Bucket
-    bounds: Column
-    error: Column
+    representatives: SeriesGroup
+    bounds: NDArray[Any]
+    error: NDArray[Any]
 
     @cached_property
-    def series(self) -> Column:
+    def series(self) -> NDArray[Any]:
         """(cells of the coarser level, PARTS, 6H)."""
-        return self.cells.series.reshape(-1, PARTS, self.cells.series.shape[1])
+        return self.representatives.series.reshape(-1, PARTS, self.representatives.series.shape[1])
 
     @cached_property
-    def mean_square(self) -> Column:
+    def mean_square(self) -> NDArray[Any]:
         """(cells of the coarser level, PARTS)."""
-        return self.cells.mean_square.reshape(-1, PARTS)
+        return self.representatives.mean_square.reshape(-1, PARTS)
 
 
 @dataclass(frozen=True)
 class Cells:
-    """A bucket in the order of its cells, and the levels of cells above it, coarse to fine.
+    """A group in the order of its cells, and the levels of cells above it, coarse to fine.
 
-    Cell c of a level has the cells PARTS c .. PARTS c + PARTS - 1 of the next; those of the finest have the bucket's types
+    Cell c of a level has the cells PARTS c .. PARTS c + PARTS - 1 of the next; those of the finest have the group's types
     from ``first[c]`` on, up to ``first[c + 1]``.
     """
 
-    bucket: Bucket
-    first: Column
+    group: SeriesGroup
+    first: NDArray[Any]
     levels: list[Level]
 
     @property
     def nbytes(self) -> int:
         """Memory of the levels."""
-        arrays: list[Column] = [self.first]
+        arrays: list[NDArray[Any]] = [self.first]
         for level in self.levels:
-            arrays += [level.bounds, level.cells.series]
+            arrays += [level.bounds, level.representatives.series]
         return sum(array.nbytes for array in arrays)
 
     def types_of(self, cells: Ints) -> Ints:
@@ -176,49 +182,77 @@ class Cells:
         return int(np.max(np.diff(np.asarray(self.first))))
 
 
-def make_cells(bucket: Bucket, new: New = in_memory, scratch: New = in_memory) -> Cells:
-    """The cells of a bucket, in arrays that ``new`` gives, by way of others. Law: every type is in one cell of each level."""
-    order, begins = halve(bucket, LEAF, scratch)
+def make_cells(group: SeriesGroup, new: New) -> Cells:
+    """The cells of a group, in arrays that ``new`` gives. Law: every type is in one cell of each level."""
+    order, begins = halve(group, LEAF)
     first = new("first", begins.dtype, begins.shape)
     first[...] = begins
-    cells = Cells(bucket.copy(order, new), first, [])
+    cells = Cells(group.copy(order, new), first, [])
     del order
-    levels = cells.levels
-    levels.append(
-        _level(cells.bucket, cells.types_of(np.arange(len(first) - 1)), None, cells.bucket.error, _of_level(new, 0))
-    )
-    while len(levels[0].cells.rows) >= PARTS * FEWEST:
+    types, levels = cells.types_of(np.arange(len(first) - 1)), cells.levels
+    levels.append(_level(cells.group, types, None, cells.group.error, partial(_new_of_level, new, 0)))
+    while len(levels[0].error) >= PARTS * FEWEST:
         fine = levels[0]
-        groups = np.arange(len(fine.cells.rows)).reshape(-1, PARTS)
-        levels.insert(0, _level(fine.cells, groups, fine.bounds, fine.error, _of_level(new, len(levels))))
+        parts = np.arange(len(fine.error)).reshape(-1, PARTS)
+        new_level = partial(_new_of_level, new, len(levels))
+        levels.insert(0, _level(fine.representatives, parts, fine.bounds, fine.error, new_level))
     return cells
 
 
-def _of_level(new: New, level: int) -> New:
-    """``new`` for the arrays of a level, the finest being 0."""
-    return lambda name, dtype, shape: new(f"level{level}.{name}", dtype, shape)
+def _new_of_level(new: New, level: int, name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    return new(f"level{level}.{name}", dtype, shape)
+
+
+def halve(group: SeriesGroup, leaf: int) -> tuple[Ints, Ints]:
+    """Order of the types in cells of at most ``leaf``, and where in it each cell begins (and the last ends).
+
+    Coefficients count as whole numbers of `_STEP`, so that sums are exact.
+    """
+    coefficients = group.periodic[:, : 2 * min(_HALVED_HARMONICS, group.harmonics)]
+    steps = np.rint(coefficients / _STEP).clip(-_LARGEST_STEP, _LARGEST_STEP).astype(np.int32)
+    order, sizes = np.arange(len(steps)), np.array([len(steps)])
+    while sizes.max() > leaf:
+        first, half = np.cumsum(sizes) - sizes, sizes // 2
+        cell = np.repeat(np.arange(sizes.size), sizes)
+        widest = _spread(steps, order, first, sizes).argmax(axis=1)
+        ranked = np.argsort((cell << 32) + steps[order, widest[cell]], kind="stable")
+        high = np.ones(order.size, dtype=bool)
+        high[ranked[np.arange(order.size) - first[cell] < half[cell]]] = False
+        order = order[np.argsort(2 * cell + high, kind="stable")]
+        sizes = np.stack([half, sizes - half], axis=1).ravel()
+    return order, np.concatenate([[0], np.cumsum(sizes)])
+
+
+def _spread(steps: NDArray[np.int32], order: Ints, first: Ints, sizes: Ints) -> Floats:
+    """Variance of each coefficient in each cell, (cells, 2H)."""
+    spread = np.empty((sizes.size, steps.shape[1]))
+    for column, values in enumerate(steps.T):
+        some = values[order].astype(np.int64)
+        total, squares = np.add.reduceat(some, first), np.add.reduceat(some * some, first)
+        spread[:, column] = squares / sizes - (total / sizes) ** 2
+    return spread
 
 
 def _middle(periodic: Floats) -> Ints:
-    """Which of the types of each group is nearest to their mean, over the turn; (groups, types, 2H) to (groups,)."""
+    """Which of the types of each cell is nearest to their mean, over the turn; (cells, types, 2H) to (cells,)."""
     difference = periodic - periodic.mean(axis=1, keepdims=True)
     return np.einsum("gtk,gtk->gt", difference, difference).argmin(axis=1)
 
 
-def _level(types: Bucket, groups: Ints, bounds: Column | None, error: Column, new: New) -> Level:
-    """Cells of the types or representatives in each of some groups, (groups, members), with their own bounds and errors."""
-    chosen = np.empty(len(groups), dtype=np.int64)
-    own = new("bounds", np.float32, (_THIRD + len(THIRDS), len(groups), ARCS))
-    at_once = max(1, _POINTS_AT_ONCE // (groups.shape[1] * _points(types.harmonics)))
-    for k in range(0, len(groups), at_once):
-        part = groups[k : k + at_once]
+def _level(types: SeriesGroup, members: Ints, bounds: NDArray[Any] | None, error: NDArray[Any], new: New) -> Level:
+    """Cells of the types or representatives in each of some cells, (cells, members), with their own bounds and errors."""
+    chosen = np.empty(len(members), dtype=np.int64)
+    own = new("bounds", np.float32, (_THIRD + len(THIRDS), len(members), ARCS))
+    at_once = max(1, _POINTS_AT_ONCE // (members.shape[1] * _points(types.harmonics)))
+    for k in range(0, len(members), at_once):
+        part = members[k : k + at_once]
         periodic = types.periodic[part]
         middle = part[np.arange(len(part)), _middle(periodic)]
         finer = None if bounds is None else bounds[:, part]
         own[:, k : k + at_once] = _upwards(_reaches(periodic - types.periodic[middle][:, None], finer))
         chosen[k : k + at_once] = middle
-    largest = new("largest", np.float32, (len(groups),))
-    largest[...] = _upwards(error[groups].max(axis=1))
+    largest = new("largest", np.float32, (len(members),))
+    largest[...] = _upwards(error[members].max(axis=1))
     return Level(types.copy(chosen, new), own, largest)
 
 

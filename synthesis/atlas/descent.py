@@ -1,9 +1,9 @@
-"""From the coarsest cells of a bucket down to its windows: which of them may be among the best for one request.
+"""From the coarsest cells of a group down to its windows: which of them may be among the best for one request.
 
     all representatives x all windows --(bound <= limit)--> cells and their windows left --> their parts, those windows
     --> ... --> finest cells --> their types, those windows: lower bounds, window by window
 
-Where so many windows are left that this would be slower, all windows of the bucket's types are bounded, type after type.
+Where so many windows are left that this would be slower, all windows of the group's types are bounded, type after type.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.cells import ABOVE_SINGLE, ARCS, PARTS, Arcs, Cells, Level
-from synthesis.atlas.leaders import NOWHERE, Numbering, Place, lowest
 from synthesis.atlas.matrices import Matrices, RotationMatrix
-from synthesis.atlas.series import Bucket, Floats, Ints, Phasors, gather
-from synthesis.atlas.windows import NO_WINDOWS
+from synthesis.atlas.series import Floats, Ints, Phasors, SeriesGroup, gather
+from synthesis.atlas.windows import NO_WINDOWS, NOWHERE, Numbering, Place, lowest
 
 Batch = Callable[[float], tuple[Ints, Floats] | None]
 """Window numbers and lower bounds of those windows of a batch whose bound is at most a limit."""
@@ -73,7 +72,7 @@ class Left(NamedTuple):
 
 
 class Descent:
-    """A request's matrices for the cells of a bucket.
+    """A request's matrices for the cells of a group.
 
     Parameters
     ----------
@@ -97,16 +96,16 @@ class Descent:
     @cached_property
     def rotation(self) -> RotationMatrix:
         """For the rotation that is requested."""
-        return self.matrices.rotation(self.bucket)
+        return self.matrices.rotation(self.types)
 
     def position_error(self, phasors: Phasors, part: Any) -> Floats:
         """Lower bounds of the mean squared position error of all windows of some types, (n, windows)."""
-        return self.matrices.position(phasors.reach).mean_square_error(phasors, part)
+        return self.matrices.position(phasors.harmonics).mean_square_error(phasors, part)
 
     @property
-    def bucket(self) -> Bucket:
-        """The types."""
-        return self.cells.bucket
+    def types(self) -> SeriesGroup:
+        """The series of the types."""
+        return self.cells.group
 
     @property
     def windows(self) -> int:
@@ -117,7 +116,7 @@ class Descent:
         """Mean squared error of all windows of some types, or a lower bound of it, (n, windows)."""
         squared: Any = 0.0
         if self.turned:
-            squared = self.rotation.mean_square_error(self.bucket, part)
+            squared = self.rotation.mean_square_error(self.types, part)
         if self.phasors is not None:
             squared = squared + self.position_error(self.phasors, part)
         return squared
@@ -125,22 +124,22 @@ class Descent:
     # -- every window -------------------------------------------------------------------------------------------------
 
     def _everything(self) -> list[Batch]:
-        count = len(self.bucket.rows)
+        count = len(self.types.rows)
         return [partial(self._block, slice(k, k + BLOCK_ROWS)) for k in range(0, count, BLOCK_ROWS)]
 
     def _block(self, part: slice, limit: float) -> tuple[Ints, Floats] | None:
-        bucket = self.bucket
-        places = np.arange(len(bucket.rows))[part]
+        types = self.types
+        places = np.arange(len(types.rows))[part]
         squared: Any = 0.0
         if self.turned:
-            squared = self.rotation.mean_square_error(bucket, part)
+            squared = self.rotation.mean_square_error(types, part)
             # cheap test on D itself first: bound = sqrt(D - rounding) - e <= limit
-            keep = squared <= ((limit + bucket.error[part]) ** 2 + self.rotation.rounding)[:, None]
+            keep = squared <= ((limit + types.error[part]) ** 2 + self.rotation.rounding)[:, None]
             some = keep.any(axis=1)
             if not some.any():
                 return None
             places, squared, keep = places[some], squared[some], keep[some]
-            squared = self._lowered(squared, gather(bucket.error, places)[:, None]) ** 2
+            squared = self._lowered(squared, gather(types.error, places)[:, None]) ** 2
         if self.phasors is not None:
             squared = squared + self.position_error(self.phasors, places)
             keep = squared <= limit**2
@@ -148,7 +147,7 @@ class Descent:
             squared = np.zeros((places.size, self.windows))
             keep = squared <= limit**2
         place, window = np.nonzero(keep)
-        return gather(bucket.rows, places[place]) * self.windows + window, np.sqrt(squared[place, window])
+        return gather(types.rows, places[place]) * self.windows + window, np.sqrt(squared[place, window])
 
     def _lowered(self, squared: Floats, error: Floats) -> Floats:
         """Lower bound of the rms rotation error from D and the error of the series."""
@@ -159,8 +158,8 @@ class Descent:
     @cached_property
     def _top(self) -> Floats:
         """D of all windows of the representatives of the coarsest cells."""
-        cells = self.cells.levels[0].cells
-        return self.rotation.mean_square_error(cells, slice(None))
+        representatives = self.cells.levels[0].representatives
+        return self.rotation.mean_square_error(representatives, slice(None))
 
     @property
     def _descends(self) -> bool:
@@ -182,14 +181,14 @@ class Descent:
             left = self._parts(left, limit, fine, expired)
         if left.window.size > WORTHWHILE * self.windows * (len(self.cells.first) - 1):
             return self._everything(), True
-        width = 8 * max(self.cells.most, 2 * self.bucket.harmonics)
+        width = 8 * max(self.cells.most, 2 * self.types.harmonics)
         return [partial(self._types, *chunk) for chunk in left.chunks(width)], self.phasors is not None
 
     def _may_be_below(self, squared: Floats, radius: NDArray[np.floating], limit: float) -> NDArray[np.bool_]:
-        reach = (radius + limit) * ABOVE_SINGLE
-        reach *= reach
-        reach += self.rotation.rounding
-        return squared <= reach
+        most = (radius + limit) * ABOVE_SINGLE
+        most *= most
+        most += self.rotation.rounding
+        return squared <= most
 
     def _parts(self, left: Left, limit: float, fine: Level, expired: Callable[[], bool]) -> Left:
         """What is left of the windows of some cells in the cells that they are made of."""
@@ -212,7 +211,7 @@ class Descent:
     def _types(self, cell: Ints, window: Ints, real: NDArray[np.bool_], limit: float) -> tuple[Ints, Floats] | None:
         """Windows of the types of some finest cells."""
         types = self.cells.types_of(cell)
-        error = gather(self.bucket.error, types)
+        error = gather(self.types.error, types)
         group, place, column, squared = self._near(types, window, error, limit)
         # no filling of short rows: neither a window twice nor a type twice
         own = real[group, column] & ((place == 0) | (types[group, place] != types[group, place - 1]))
@@ -222,29 +221,29 @@ class Descent:
         bound = self._lowered(squared[own], error[group, place])
         if self.phasors is not None:
             some, inside = np.unique(group, return_inverse=True)
-            position = self.matrices.position(self.phasors.reach)
+            position = self.matrices.position(self.phasors.harmonics)
             left = position.of_windows(self.phasors, types[some], window[some])
             bound = np.sqrt(bound**2 + left[inside, place, column])
             own = bound <= limit
             group, place, column, bound = group[own], place[own], column[own], bound[own]
-        return gather(self.bucket.rows, types[group, place]) * self.windows + window[group, column], bound
+        return gather(self.types.rows, types[group, place]) * self.windows + window[group, column], bound
 
     def _near(self, types: Ints, window: Ints, error: Floats, limit: float) -> tuple[Ints, Ints, Ints, Floats]:
         """Group, place and column of the windows whose D allows an error of at most ``limit``, and that D."""
-        bucket, rotation = self.bucket, self.rotation
-        constant = gather(bucket.mean_square, types) + rotation.variance
+        series, rotation = self.types, self.rotation
+        constant = gather(series.mean_square, types) + rotation.variance
         most = (limit + error) ** 2 + rotation.rounding
         shape = (*types.shape, window.shape[1])
         # Slopes take a quarter of the time of D and mostly suffice. Few windows left are taken one by one, many all together.
-        slope = rotation.slopes_of_windows(bucket.gather_periodic(types), window)
+        slope = rotation.slopes_of_windows(series.gather_periodic(types), window)
         near = np.flatnonzero(slope <= np.sqrt(most)[..., None])
         if near.size > SPARSE * slope.size:
-            squared = rotation.of_windows(gather(bucket.series, types), window)
+            squared = rotation.of_windows(gather(series.series, types), window)
             near = np.flatnonzero(squared <= (most - constant)[..., None])
             group, place, column = np.unravel_index(near, shape)
             return group, place, column, squared.ravel()[near] + constant[group, place]
         group, place, column = np.unravel_index(near, shape)
-        squared = rotation.of_pairs(gather(bucket.series, types[group, place]), window[group, column])
+        squared = rotation.of_pairs(gather(series.series, types[group, place]), window[group, column])
         squared += constant[group, place]
         kept = np.flatnonzero(squared <= most[group, place])
         return group[kept], place[kept], column[kept], squared[kept]
@@ -280,7 +279,7 @@ class Descent:
         return branch[:, None] * starts + (start[:, None] + np.array([-1, 0, 1])) % starts
 
 
-# -- all buckets together ----------------------------------------------------------------------------------------------
+# -- all groups together ----------------------------------------------------------------------------------------------
 
 
 def bounds_of(

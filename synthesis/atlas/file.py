@@ -13,18 +13,14 @@ import json
 import math
 import os
 import unicodedata
-import zlib
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from synthesis.atlas import haar
 from synthesis.atlas.header import (
@@ -32,16 +28,16 @@ from synthesis.atlas.header import (
     MAX_TYPES,
     check_bytes,
     checked_hash,
+    claimed_hash,
     header_of,
     open_atlas_file,
     refuse,
 )
-from synthesis.atlas.prepared import reserve
-from synthesis.atlas.rows import compute_rows
-from synthesis.atlas.series import New, in_memory
-from synthesis.atlas.table import COLUMNS, CURVE, SCHEMA, UNITS, Atlas, AtlasRule, Parts, content_hash
+from synthesis.atlas.index import reserve
+from synthesis.atlas.series import New
+from synthesis.atlas.table import COLUMNS, CURVE, SCHEMA, UNITS, Atlas, AtlasRule, Parts, compute_rows, content_hash
 from synthesis.errors import AtlasError, AtlasFault
-from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
+from synthesis.fourbar.dimension_types import enumerate_types
 
 CHUNK_BYTES = 1 << 20
 _LIBVER = ("v110", "v110")
@@ -51,7 +47,6 @@ MAX_REST_BYTES = 1 << 20
 """Most bytes of a file beside its arrays: names, attributes, and where the chunks are."""
 MAX_TEXT = 4096
 """Longest text of an attribute, in characters."""
-_CHECKED_AT_ONCE = 1 << 16
 SAMPLED_ROWS = 256
 """Rows that are computed again when a file is loaded."""
 
@@ -178,13 +173,14 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> ND
         complete = dataset.id.get_storage_size() == dataset.nbytes
     if not complete:  # HDF5 would fill the gap silently
         refuse(AtlasFault.CONTENT, f"{name} lacks a part of its data")
-    own = filters == _FILTERS and dataset.chunks[1:] == shape[1:]
-    if h5py.h5z.FILTER_DEFLATE in filters and not own:
-        _each_chunk(dataset, lambda first, content: None)  # before HDF5 inflates them, however large they become
+    if dataset.chunks:
+        largest = int(math.prod(dataset.chunks) * dataset.dtype.itemsize * 1.01) + 64  # one that cannot be compressed
+        sizes: list[int] = []
+        dataset.id.chunk_iter(lambda chunk: sizes.append(chunk.size))
+        if max(sizes, default=0) > largest:  # it would inflate to more than a chunk
+            refuse(AtlasFault.SCHEMA, f"{name} has a chunk of {max(sizes):,} bytes, at most {largest:,}")
     values = new(name, COLUMNS[name], shape)
-    if own:
-        _each_chunk(dataset, partial(_put_shuffled, values))
-    elif values.size:
+    if values.size:
         rows = dataset.chunks[0] if dataset.chunks else 1
         rows *= max(1, CHUNK_BYTES // (rows * values[:1].nbytes))
         for first in range(0, len(values), rows):
@@ -192,36 +188,6 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> ND
             dataset.read_direct(values, part, part)
     values.flags.writeable = False
     return values
-
-
-def _each_chunk(dataset: h5py.Dataset, use: Callable[[int, bytes], None]) -> None:
-    """``use(first row, inflated bytes)`` of each chunk, on all cores; those that inflate to more than a chunk are refused.
-
-    HDF5 would inflate these completely, to a thousand times their size, and all others one after the other.
-    """
-    chunks: list[Any] = []
-    dataset.id.chunk_iter(chunks.append)
-    size = math.prod(dataset.chunks) * dataset.dtype.itemsize
-
-    def inflate(chunk: Any) -> None:
-        _, stored = dataset.id.read_direct_chunk(chunk.chunk_offset)
-        inflater = zlib.decompressobj()
-        content = inflater.decompress(stored, size + 1)
-        if chunk.filter_mask or len(content) != size or len(inflater.unused_data) > 4:
-            refuse(AtlasFault.SCHEMA, f"{dataset.name} has a chunk that does not inflate to its size")
-        use(chunk.chunk_offset[0], content)
-
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for _ in pool.map(inflate, chunks):
-            pass
-
-
-def _put_shuffled(values: NDArray[Any], first: int, content: bytes) -> None:
-    """Put rows where they belong that HDF5 has shuffled: first all first bytes of the numbers, then all second ones."""
-    size = values.dtype.itemsize
-    rows = len(content) // (size * math.prod(values.shape[1:]))
-    numbers = values[first : first + rows].reshape(-1).view(np.uint8).reshape(-1, size)
-    numbers[...] = np.frombuffer(content, np.uint8).reshape(size, -1).T[: len(numbers)]
 
 
 class _Image(io.FileIO):
@@ -236,9 +202,13 @@ class _Image(io.FileIO):
         return super().tell() - HEADER_BYTES
 
 
+def _in_memory(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    return np.empty(shape, dtype)
+
+
 def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
     """The atlas in a file's bytes, as `load_atlas` has it. Law: ``decode_atlas(encode_atlas(atlas))`` holds the same arrays."""
-    return _decoded(io.BytesIO(check_bytes(data)), len(data) - HEADER_BYTES, max_types, in_memory)
+    return _decoded(io.BytesIO(check_bytes(data)), len(data) - HEADER_BYTES, max_types, _in_memory)
 
 
 def _decoded(image: Any, size: int, max_types: int, new: New) -> Atlas:
@@ -253,27 +223,24 @@ def _decoded(image: Any, size: int, max_types: int, new: New) -> Atlas:
         if isinstance(error, OSError) and error.errno is not None:  # the disk's, and not HDF5's about the image
             raise
         raise AtlasError(AtlasFault.SCHEMA, f"HDF5 cannot read it: {type(error).__name__}") from None
-    for first in range(0, len(atlas), _CHECKED_AT_ONCE):
-        _check_rows(atlas, first, min(first + _CHECKED_AT_ONCE, len(atlas)))
+    _check_rows(atlas)
     if (found := atlas.content_hash()) != claimed:
         refuse(AtlasFault.CONTENT, "the content hash differs")
     _check_sample(atlas, found)
     return replace(atlas, known_hash=found)
 
 
-def _check_rows(atlas: Atlas, begin: int, end: int) -> None:
+def _check_rows(atlas: Atlas) -> None:
     """Refuse rows that are of other types than the rule's, or whose numbers cannot be."""
-    part = slice(begin, end)
-    lengths, winding = atlas.lengths[part], atlas.winding[part]
-    if not np.array_equal(lengths, enumerate_types(atlas.rule.types, begin, end)):
+    if not np.array_equal(atlas.lengths, enumerate_types(atlas.rule.types)):
         refuse(AtlasFault.CONTENT, "the lengths are not those of its rule")
     for name in ("average", "details", "curve_error"):
-        values = getattr(atlas, name)[part]
-        if not (values.min() > -20 and values.max() < 20):  # NaN fails both
+        values = getattr(atlas, name)
+        if not (values.min(initial=0) > -20 and values.max(initial=0) < 20):  # NaN fails both
             refuse(AtlasFault.CONTENT, f"{name} is not finite")
-    if np.any((winding < 0) | (winding > 1)) or np.any(atlas.curve_error[part] < 0):
+    if np.any((atlas.winding < 0) | (atlas.winding > 1)) or np.any(atlas.curve_error < 0):
         refuse(AtlasFault.CONTENT, "winding or curve_error is out of range")
-    if np.any(winding != atlas.mechanism.winding(lengths.astype(float))):
+    if np.any(atlas.winding != atlas.mechanism.winding(atlas.lengths.astype(float))):
         refuse(AtlasFault.CONTENT, "winding is not that of the lengths")
 
 
@@ -296,7 +263,7 @@ def load_atlas(
     max_bytes: int | None = None,
     max_types: int = MAX_TYPES,
     sha256: str | None = None,
-    new: New = in_memory,
+    new: New = _in_memory,
 ) -> Atlas:
     """The verified atlas of a file, of the one whose header says ``sha256`` if that is given; nothing of it stays open.
 
@@ -330,10 +297,7 @@ def _read(file: h5py.File, max_types: int, new: New) -> tuple[Atlas, str]:
         rule_values = json.loads(_attribute(file, "rule", str))
         versions = json.loads(_attribute(file, "generator", str))
         generator = {_plain(str(k)): _plain(str(v)) for k, v in versions.items()}
-        rule = AtlasRule(
-            TypeRule(int(rule_values["perimeter"]), int(rule_values["smallest"]), OrderRule(rule_values["order"])),
-            int(rule_values["samples"]),
-        )
+        rule = AtlasRule.from_json(rule_values)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise AtlasError(AtlasFault.SCHEMA, "its rule cannot be read") from None
     types = rule.shapes["lengths"][0]
@@ -341,6 +305,24 @@ def _read(file: h5py.File, max_types: int, new: New) -> tuple[Atlas, str]:
         refuse(AtlasFault.LIMIT, f"{types} types, at most {max_types}")
     arrays: dict[str, Any] = {name: _dataset(file, name, shape, new) for name, shape in rule.shapes.items()}
     return Atlas(rule=rule, generator=generator, **arrays), _attribute(file, "content_sha256", str)
+
+
+def load_row(path: Path, sha256: str, row: int) -> tuple[float, list[float]]:
+    """Average and details of a row of a file that has been verified: of the one whose header says ``sha256``.
+
+    Raises
+    ------
+    AtlasError
+        It is missing, has been replaced, or the row cannot be read.
+    """
+    with open_atlas_file(path, None) as file:
+        if claimed_hash(file.read(HEADER_BYTES)) != sha256:
+            refuse(AtlasFault.CHECKSUM, "it has been replaced meanwhile")
+        try:
+            with h5py.File(_Image(file.fileno(), closefd=False), "r") as image:
+                return float(image["average"][row]), image["details"][row].tolist()
+        except Exception as error:
+            raise AtlasError(AtlasFault.CHECKSUM, f"row {row + 1}: {type(error).__name__}") from None
 
 
 def generator_versions() -> dict[str, str]:

@@ -62,12 +62,17 @@ def file_hash(
     with open_atlas_file(path, max_bytes) as file:
         status = os.fstat(file.fileno())
         head = file.read(HEADER_BYTES)
-        claimed = head[len(f"{MAGIC} {SCHEMA}\nsha256 ") :][:64].decode("ascii", "replace")
+        claimed = claimed_hash(head)
         whole = header_of(claimed, status.st_size - HEADER_BYTES) == head
         if whole and known(claimed, (status.st_size, status.st_mtime_ns)):
             return claimed
         file.seek(0)
         return checked_hash(file)
+
+
+def claimed_hash(head: bytes) -> str:
+    """The SHA-256 that a header names."""
+    return head[len(f"{MAGIC} {SCHEMA}\nsha256 ") :][:64].decode("ascii", "replace")
 
 
 def checked_hash(file: BinaryIO) -> str:

@@ -1,359 +1,313 @@
-"""The index of an atlas file: what its scan needs, prepared once and kept in files that processes map and share.
+"""The index of an atlas file: what its scan needs, as plain `.npy` files in a folder, which processes map and share.
 
-Files of `prepared`: cells with the table itself, made when the scan is first wanted; beside it the series for positions
-(``.positions``), made when those are first wanted, and the indexes of short spans (``.spans``) and of paths (``.paths``), made
-when they are asked for.
-All name the SHA-256 of the atlas file and the code that made them.
-Where they cannot be written everything is prepared in memory; where a page turns out damaged they are removed and made
-anew from the atlas file, and whatever was being answered is answered again.
+    atlas.h5.index/cells/           types and cells, made when a scan is first wanted
+                   positions/       series of e^{i theta2}, made for the first request with positions
+                   short_spans/     the index of windows of short spans
+                   rocker_cells/    the same as cells, for the rockers' curves
+
+Each of these *parts* has a file for each array and a `manifest.json`: the key, what else is known about the arrays, and type,
+shape, size and SHA-256 of each. The key is the SHA-256 of the atlas file and `VERSION`; a part of another key is made anew. A
+part is made by one process, in a temporary folder that is then renamed, so a reader sees all of it or none. Where it cannot be
+written it is made in memory.
+
+When a part is opened its key, the sizes of its files, their types and shapes and the manifest itself are checked: that reads
+none of the arrays. The hashes are compared by `check_index`, for ``linkage-atlas verify``.
 """
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import hashlib
-import threading
-from collections.abc import Callable, Sequence
-from functools import cache, partial
-from importlib.metadata import version
+import json
+import logging
+import math
+import os
+import shutil
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryFile
+from threading import Event
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from synthesis.atlas.cells import Cells, Level
-from synthesis.atlas.path_storeys import PATH_STOREYS, build_path_storey
-from synthesis.atlas.preparation import Key, Kind, Preparation, Progress, all_cells, all_phasors
-from synthesis.atlas.prepared import Prepared, Writer, log, make_prepared, open_prepared
-from synthesis.atlas.series import COLUMNS, PHASOR_COLUMNS, Bucket, New, Phasors
-from synthesis.atlas.stored import DamagedError
-from synthesis.atlas.storeys import STOREYS, Storey, StoreyIndex, build_storey
-from synthesis.atlas.table import COLUMNS as TABLE_COLUMNS
-from synthesis.atlas.table import Atlas, AtlasRule, Table
-from synthesis.atlas.trees import Arrays
-from synthesis.fourbar.dimension_types import OrderRule, TypeRule
-from synthesis.mechanism import Mechanism
-from synthesis.work import Work
+from synthesis.atlas.header import Stamp
+from synthesis.atlas.series import New
+from synthesis.errors import AtlasError, AtlasFault
 
-_POSITIONS = ".positions"
-_SPANS = ".spans"
-_PATHS = ".paths"
-_MOST_RENEWED = 3
-"""Times that a process makes an index anew: a disk that damages every file is not waited for."""
+VERSION = 1
+"""Of what is indexed: raised by every change that makes other numbers of the same atlas, or names them otherwise."""
+_MANIFEST = "manifest.json"
+_EARLIER = ("", ".positions", ".spans", ".paths", ".rocker", ".rocker.positions", ".rocker.spans", ".rocker.paths")
+_EARLIER_MAGIC = b"linkage-atlas prepared"
+"""Files of an index were single ones before, which began like this."""
+_PATIENCE = 0.01
+"""Seconds between two looks at whether another process has finished."""
+_ZEROS = bytes(1 << 20)
+
+log = logging.getLogger("linkage_atlas")
 
 
-class _OutOfTime(Exception):
-    """A request's time was up before the series for positions were there."""
+class Part(NamedTuple):
+    """Arrays by name, and what else is known about them (JSON values)."""
+
+    about: dict[str, Any]
+    arrays: dict[str, NDArray[Any]]
 
 
-@cache
-def code_version() -> dict[str, str]:
-    """What computes the arrays: the package's version, and a digest of the code beneath them."""
-    here = Path(__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted([*here.glob("*.py"), *here.parent.glob("fourbar/[km]*.py")]):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return {"linkage-atlas": version("linkage-atlas"), "numpy": np.__version__, "code": digest.hexdigest()}
+Fill = Callable[[New, Path | None], Mapping[str, Any]]
+"""``fill(new, folder)`` makes the arrays of a part and tells about them; the folder is for temporary files, None in memory."""
 
 
-class Index:
-    """The files of one table.
+def _go_on() -> None:
+    """Nothing ends the waiting."""
+
+
+class InMemory:
+    """Parts that are made in memory."""
+
+    def known(self, name: str) -> Part | None:
+        """A part that has been made before."""
+        return None
+
+    def part(self, name: str, fill: Fill, go_on: Callable[[], None] = _go_on) -> Part:
+        """A part, made unless that has been done before; ``go_on`` is asked while another process makes it, and may raise."""
+        arrays: dict[str, NDArray[Any]] = {}
+
+        def new(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+            arrays[name] = np.empty(shape, dtype)
+            return arrays[name]
+
+        return Part({**fill(new, None)}, arrays)
+
+
+class Index(InMemory):
+    """Parts that lie in a folder, and in memory where that cannot be written.
 
     Parameters
     ----------
-    place : Path
-        Of the first file; the one for positions lies beside it.
+    folder : Path
     source : str
-        What the table comes from: the SHA-256 of the atlas file.
-    mechanism : Mechanism
-    load : callable
-        The table itself, where it is needed to make the files.
-    kind : Kind
-    progress : callable
-        ``progress(done, total)`` while cells are made.
+        What the parts are made from: the SHA-256 of the atlas file.
     stamp : tuple of int
         Of the atlas file, which is kept with what is made from it, see `knows_source`.
+    prefix : str
+        Of the names of the parts.
     """
 
-    def __init__(
-        self,
-        place: Path,
-        source: str,
-        mechanism: Mechanism,
-        load: Callable[[], Table],
-        kind: Kind,
-        progress: Progress = lambda done, total: None,
-        stamp: tuple[int, ...] = (),
-    ) -> None:
-        self.place, self.kind, self.load, self.progress, self.stamp = place, kind, load, progress, stamp
-        self._mechanism = mechanism
-        self._key: dict[str, Any] = {
-            "atlas": source,
-            "body": type(mechanism).__name__,
-            "series": list(kind),
-            **code_version(),
-        }
-        self._files: list[Prepared] = []
+    def __init__(self, folder: Path, source: str, stamp: Stamp | None = None, prefix: str = "") -> None:
+        self.folder, self.source, self.stamp, self.prefix = folder, source, stamp, prefix
+        self._key = {"atlas": source, "version": VERSION}
+        self._open: dict[Path, Part] = {}
 
-    def _beside(self, ending: str) -> Path:
-        return self.place.with_name(self.place.name + ending)
-
-    def beside(self, name: str, mechanism: Mechanism, load: Callable[[], Table]) -> Index:
-        """Of another table from the same source, in a file beside this one."""
-        place = self.place.with_name(f"{self.place.name}.{name}")
-        return Index(place, self._key["atlas"], mechanism, load, self.kind)
-
-    def opened(self, threads: int) -> IndexedPreparation | None:
-        """Of the files that are there; None where there are none of this table."""
-        file = open_prepared(self.place, self._key)
-        return None if file is None else IndexedPreparation(self, *self._mapped(file), threads)
-
-    def _mapped(self, file: Prepared) -> tuple[Table, list[Cells]]:
-        self._files.append(file)
-        return self._table_of(file), _cells_of(file)
-
-    def prepared(self, table: Table, threads: int) -> IndexedPreparation:
-        """Of the files, which are made first where there are none of this table."""
-        return IndexedPreparation(self, *self.make(table, threads), threads)
-
-    def make(self, table: Table, threads: int = 1) -> tuple[Table, list[Cells]]:
-        """The table and its cells, mapped; made first where there is no file of them, in memory where none can be written."""
-
-        def fill(writer: Writer) -> dict[str, Any]:
-            for name in TABLE_COLUMNS:
-                writer.put(f"table.{name}", np.asarray(getattr(table, name)))
-            made = all_cells(table, self.kind, threads, _namer(writer), self.place.parent, self.progress)
-            buckets = [(one.bucket.winding, one.bucket.harmonics, len(one.levels)) for one in made]
-            return {"buckets": buckets, "stamp": self.stamp, **_about(table)}
-
-        try:
-            return self._mapped(make_prepared(self.place, self._key, fill))
-        except OSError as error:
-            log.warning("no index is written, everything is prepared in memory: %s", error)
-            return self.make_in_memory(table, threads)
-
-    def make_in_memory(self, table: Table, threads: int = 1) -> tuple[Table, list[Cells]]:
-        """The table and its cells without files."""
-        return table, list(all_cells(table, self.kind, threads, progress=self.progress))
-
-    def positions(self, table: Table, cells: list[Cells], threads: int, work: Work) -> list[Phasors]:
-        """The series for positions, mapped; none where the work's time ran out."""
-
-        def go_on() -> None:
-            if work.expired():
-                raise _OutOfTime
-
-        def fill(writer: Writer) -> dict[str, Any]:
-            made = all_phasors(table, cells, threads, work, _namer(writer))
-            if len(made) < len(cells):
-                raise _OutOfTime
-            return {"reach": [phasors.reach for phasors in made]}
-
-        if not self._files:  # the cells are in memory
-            return all_phasors(table, cells, threads, work)
-        try:
-            file = make_prepared(self._beside(_POSITIONS), self._key, fill, go_on)
-        except _OutOfTime:
-            return []
-        except OSError as error:
-            log.warning("series for positions are prepared in memory: %s", error)
-            return all_phasors(table, cells, threads, work)
-        self._files.append(file)
-        return [
-            Phasors(reach, **{name: file.arrays[f"{_bucket_name(one.bucket)}.{name}"] for name in PHASOR_COLUMNS})
-            for one, reach in zip(cells, file.about["reach"])
-        ]
+    @property
+    def folders(self) -> list[Path]:
+        """Of the parts that are in use."""
+        return list(self._open)
 
     @property
     def knows_source(self) -> bool:
-        """Whether the open file was made from an atlas file of this size and time of writing, which was compared then."""
-        return bool(self._files) and tuple(self._files[0].about["stamp"]) == self.stamp
+        """Whether a part in use was made from an atlas file of this size and time of writing, which was compared then."""
+        return any(part.about["stamp"] == list(self.stamp or ()) for part in self._open.values())
 
-    @property
-    def paths(self) -> list[Path]:
-        """The files that are open; none where everything is in memory."""
-        return [file.path for file in self._files]
+    def beside(self, prefix: str) -> Index:
+        """Parts of another table that is made from the same atlas."""
+        return Index(self.folder, self.source, self.stamp, prefix)
 
-    def short_spans(self, cells: list[Cells], work: Work) -> list[StoreyIndex] | None:
-        """The index of windows of short spans, mapped, see `storeys`; None where no file of it can be written.
-
-        Raises
-        ------
-        OutOfTime
-        """
-        buckets = [one.bucket for one in cells]
-
-        def build(storey: Storey, new: New, folder: Path) -> Arrays:
-            return build_storey(storey, buckets, new, folder, work.go_on)
-
-        return self._made(_SPANS, STOREYS, build, work)
-
-    def shapes(self, cells: list[Cells], phasors: list[Phasors], work: Work) -> list[StoreyIndex] | None:
-        """The index of shapes of paths, mapped, see `path_storeys`; None where no file of it can be written.
-
-        Raises
-        ------
-        OutOfTime
-        """
-        buckets = [one.bucket for one in cells]
-
-        def build(storey: Storey, new: New, folder: Path) -> Arrays:
-            return build_path_storey(storey, buckets, phasors, new, folder, work.go_on)
-
-        return self._made(_PATHS, PATH_STOREYS, build, work)
-
-    def known_short_spans(self) -> list[StoreyIndex]:
-        """The same where it has been made before, and none otherwise."""
-        return self._known(_SPANS, STOREYS)
-
-    def known_paths(self) -> list[StoreyIndex]:
-        """The same where it has been made before, and none otherwise."""
-        return self._known(_PATHS, PATH_STOREYS)
-
-    def _made(
-        self, ending: str, storeys: Sequence[Storey], build: Callable[[Storey, New, Path], Arrays], work: Work
-    ) -> list[StoreyIndex] | None:
-        """Storeys, mapped from the file of an ending, which is made first; None where none can be written."""
-
-        def fill(writer: Writer) -> dict[str, Any]:
-            for number, storey in enumerate(storeys):
-                build(storey, partial(_new_of, writer, str(number)), self.place.parent)
-            return {}
-
-        if not self._files:  # the cells are in memory
-            return None
+    def known(self, name: str) -> Part | None:
+        """A part that is there, whole and of this key; why it is none is logged unless it is missing."""
+        path = self.folder / (self.prefix + name)
+        if path in self._open:
+            return self._open[path]
         try:
-            return self._storeys_of(make_prepared(self._beside(ending), self._key, fill, work.go_on), storeys)
+            part = _opened(path, self._key)
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            log.warning("%s: %s", path, error)
+            return None
+        self._open[path] = part
+        return part
+
+    def part(self, name: str, fill: Fill, go_on: Callable[[], None] = _go_on) -> Part:
+        """As of `InMemory`, from files, which are made where there are none; in memory where none can be written."""
+        try:
+            return self.known(name) or self._made(name, fill, go_on)
         except OSError as error:
-            log.warning("no index of windows (%s) is written: %s", ending, error)
-            return None
+            log.warning("%s%s of the index is made in memory: %s", self.prefix, name, error)
+            return super().part(name, fill)
 
-    def _known(self, ending: str, storeys: Sequence[Storey]) -> list[StoreyIndex]:
-        file = open_prepared(self._beside(ending), self._key) if self._files else None
-        if file is None:
-            return []
+    def _made(self, name: str, fill: Fill, go_on: Callable[[], None]) -> Part:
+        path = self.folder / (self.prefix + name)
+        _remove_earlier_format(self.folder)
+        self.folder.mkdir(exist_ok=True)
+        handle = os.open(path.with_name(f".{path.name}.lock"), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
-            return self._storeys_of(file, storeys)
-        except DamagedError as damage:
-            log.warning("an index of windows (%s) is left alone: %s", ending, damage)
-            self._files.remove(file)
-            file.drop()
-            return []
-
-    def _storeys_of(self, file: Prepared, storeys: Sequence[Storey]) -> list[StoreyIndex]:
-        self._files.append(file)
-        parts = [(name.partition("."), values) for name, values in file.arrays.items()]
-        return [
-            StoreyIndex(storey, {name: values for (number, _, name), values in parts if number == str(k)})
-            for k, storey in enumerate(storeys)
-        ]
-
-    def drop(self) -> None:
-        """Remove the files that are open."""
-        for file in self._files:
-            file.drop()
-        self._files.clear()
-
-    def _table_of(self, file: Prepared) -> Table:
-        columns: dict[str, Any] = {name: file.arrays[f"table.{name}"] for name in TABLE_COLUMNS}
-        if "rule" not in file.about:
-            return Table(mechanism=self._mechanism, **columns)
-        rule = file.about["rule"]
-        types = TypeRule(rule["perimeter"], rule["smallest"], OrderRule(rule["order"]))
-        known = {name: file.about[name] for name in ("generator", "schema", "known_hash")}
-        return Atlas(rule=AtlasRule(types, rule["samples"]), **known, **columns)
+            _lock(handle, go_on)
+            part = self.known(name)  # another process may have made it meanwhile
+            if part is None:
+                _make(path, self._key, fill, self.stamp)
+                part = self.known(name)
+        finally:
+            os.close(handle)
+        if part is None:
+            raise OSError(f"{path} is not what was written")
+        return part
 
 
-def _about(table: Table) -> dict[str, Any]:
-    """What there is to know of a table beside its arrays."""
-    if not isinstance(table, Atlas):
-        return {}
-    return {
-        "rule": table.rule.as_json(),
-        "generator": table.generator,
-        "schema": table.schema,
-        "known_hash": table.content_hash(),
-    }
+def _opened(path: Path, key: Mapping[str, Any]) -> Part:
+    """A part of a key, mapped. Raises ValueError, KeyError or TypeError where it is none."""
+    manifest = _manifest_of(path)
+    if manifest["key"] != key:
+        raise ValueError("made from something else, or by another version")
+    arrays = {}
+    for name, told in manifest["arrays"].items():
+        file = path / f"{name}.npy"
+        if file.stat().st_size != told["bytes"]:
+            raise ValueError(f"{file.name} is cut off, or longer than what was written")
+        arrays[name] = np.asarray(np.load(file, mmap_mode="r"))
+        if arrays[name].dtype.str != told["dtype"] or list(arrays[name].shape) != told["shape"]:
+            raise ValueError(f"{file.name} is not what was written")
+    return Part(manifest["about"], arrays)
 
 
-def _bucket_name(bucket: Bucket) -> str:
-    return f"{bucket.winding}.{bucket.harmonics}"
+def _manifest_of(path: Path) -> Any:
+    whole = json.loads((path / _MANIFEST).read_bytes())
+    if _hash_of(whole["part"]) != whole["sha256"]:
+        raise ValueError(f"{_MANIFEST} is not what was written")
+    return whole["part"]
 
 
-def _new_of(writer: Writer, group: str, name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
-    """An array of a group in a file."""
-    return writer.new(f"{group}.{name}", dtype, shape)
+def _hash_of(values: Any) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
-def _namer(writer: Writer) -> Callable[[Key], New]:
-    """Where the arrays of a bucket lie in a file."""
-    return lambda key: partial(_new_of, writer, f"{key[0]}.{key[1]}")
+def check_index(folder: Path) -> int:
+    """Compare all files of an index with the hashes of their manifests; returns how many there are, none without an index.
 
-
-def _cells_of(file: Prepared) -> list[Cells]:
-    """The cells of a file."""
-    found = []
-    for winding, harmonics, levels in file.about["buckets"]:
-        bucket = partial(_bucket_of, file, winding, harmonics)
-        own = partial("{}.{}.level{}.{}".format, winding, harmonics)
-        coarse_to_fine = [
-            Level(bucket(f"level{k}."), file.arrays[own(k, "bounds")], file.arrays[own(k, "largest")])
-            for k in reversed(range(levels))
-        ]
-        found.append(Cells(bucket(), file.arrays[f"{winding}.{harmonics}.first"], coarse_to_fine))
-    return found
-
-
-def _bucket_of(file: Prepared, winding: int, harmonics: int, prefix: str = "") -> Bucket:
-    columns: dict[str, Any] = {name: file.arrays[f"{winding}.{harmonics}.{prefix}{name}"] for name in COLUMNS}
-    return Bucket(winding=winding, harmonics=harmonics, **columns)
-
-
-class IndexedPreparation(Preparation):
-    """Cells and position series in the files of an index.
-
-    Parameters
-    ----------
-    index : Index
-    table, cells : Table, list of Cells
-        As the index opened or made them.
-    threads : int
-        Threads of the preparation.
+    Raises
+    ------
+    AtlasError
+        A file is not what was written.
     """
+    count = 0
+    for manifest in sorted(folder.glob(f"*/{_MANIFEST}")):
+        part = manifest.parent
+        try:
+            arrays = _manifest_of(part)["arrays"]
+        except (OSError, ValueError, KeyError, TypeError):
+            arrays = {_MANIFEST: {"sha256": ""}}
+        for name, told in arrays.items():
+            file = part / f"{name}.npy" if name != _MANIFEST else manifest
+            if _file_hash(file) != told["sha256"]:
+                raise AtlasError(
+                    AtlasFault.CHECKSUM, f"of its index {file}; remove {part}, and the next start makes it anew"
+                )
+            count += 1
+    return count
 
-    def __init__(self, index: Index, table: Table, cells: list[Cells], threads: int = 1) -> None:
-        self.index = index
-        self.kind, self.threads = index.kind, threads
-        self.phasors = []
-        self._lock, self._storeys_lock = threading.Lock(), threading.Lock()
-        self.table, self.cells = table, cells
-        self._renewed = 0
-        self.storeys = index.known_short_spans()
-        self.path_storeys = index.known_paths()
 
-    def _positions(self, work: Work) -> list[Phasors]:
-        return self.index.positions(self.table, self.cells, self.threads, work)
+def _file_hash(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return "unreadable"
 
-    def _short_spans(self, work: Work) -> list[StoreyIndex]:
-        made = self.index.short_spans(self.cells, work)
-        return super()._short_spans(work) if made is None else made
 
-    def _paths(self, work: Work) -> list[StoreyIndex]:
-        made = self.index.shapes(self.cells, self.phasors, work)
-        return super()._paths(work) if made is None else made
+# -- writing -----------------------------------------------------------------------------------------------------------
 
-    def renew(self, seen: list[Cells], damage: DamagedError) -> None:
-        """Make the files anew from the atlas, unless that has been done since ``seen`` were the cells."""
-        with self._lock:
-            if self.cells is not seen:
-                return
-            self._renewed += 1
-            self.index.drop()
-            table = self.index.load()
-            if self._renewed <= _MOST_RENEWED:
-                log.warning("the index is made anew: %s", damage)
-                self.table, self.cells = self.index.make(table, self.threads)
-            else:
-                log.warning("the index is damaged again and again, everything is prepared in memory: %s", damage)
-                self.table, self.cells = self.index.make_in_memory(table, self.threads)
-            self.phasors, self.storeys, self.path_storeys = [], [], []
+
+def _lock(handle: int, go_on: Callable[[], None]) -> None:
+    while True:
+        with contextlib.suppress(BlockingIOError):
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        go_on()
+        Event().wait(_PATIENCE)
+
+
+def _make(path: Path, key: Mapping[str, Any], fill: Fill, stamp: Stamp | None) -> None:
+    """Write a part by way of a temporary folder; what a killed process has left of one is removed, too."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    for stale in (temporary, path):
+        if stale.exists():
+            shutil.rmtree(stale)
+
+    def new(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+        return _new_file(temporary / f"{name}.npy", np.dtype(dtype), shape)
+
+    try:
+        temporary.mkdir()
+        about = {**fill(new, temporary), "stamp": stamp}
+        arrays = {file.stem: _described(file) for file in sorted(temporary.glob("*.npy"))}
+        part = json.loads(json.dumps({"key": key, "about": about, "arrays": arrays}))
+        (temporary / _MANIFEST).write_text(json.dumps({"sha256": _hash_of(part), "part": part}))
+        # No fsync, which a start would wait for: what a power failure leaves out is mostly noticed by its size.
+        temporary.rename(path)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+def _described(file: Path) -> dict[str, Any]:
+    values = np.load(file, mmap_mode="r")
+    about = {"dtype": values.dtype.str, "shape": values.shape}
+    return {**about, "bytes": file.stat().st_size, "sha256": _file_hash(file)}
+
+
+def _new_file(path: Path, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    """An array to be filled that is a mapped file, so it takes no memory that the system could not take back.
+
+    Raises
+    ------
+    OSError
+        The disk is full.
+    """
+    dtype = dtype.newbyteorder("<")
+    with path.open("xb") as file:
+        header = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
+        np.lib.format.write_array_header_1_0(file, header)
+        file.flush()
+        reserve(file.fileno(), file.tell(), dtype.itemsize * math.prod(shape))
+    return np.asarray(np.load(path, mmap_mode="r+"))
+
+
+def temporary_arrays(folder: Path) -> New:
+    """Arrays in files of a folder that have no name and vanish with them; like those of a part they take no memory for good."""
+
+    def new(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+        nbytes = np.dtype(dtype).itemsize * math.prod(shape)
+        if not nbytes:
+            return np.empty(shape, dtype)
+        with TemporaryFile(dir=folder) as file:
+            reserve(file.fileno(), 0, nbytes)
+            return np.asarray(np.memmap(file, dtype, "r+", shape=shape))
+
+    return new
+
+
+def reserve(handle: int, offset: int, nbytes: int) -> None:
+    """Have a part of a file on the disk: writing to the map of a part that finds no place there would end the process."""
+    if not nbytes:
+        return
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(handle, offset, nbytes)
+        return
+    while nbytes > 0:
+        written = os.pwrite(handle, _ZEROS[:nbytes], offset)
+        offset, nbytes = offset + written, nbytes - written
+
+
+def _remove_earlier_format(folder: Path) -> None:
+    """Remove what earlier versions wrote in place of the folder and beside it."""
+    for ending in _EARLIER:
+        name = folder.name + ending
+        for path in (folder.with_name(name), folder.with_name(f".{name}.tmp")):
+            if path.is_file() and not path.is_symlink():
+                with path.open("rb") as file:
+                    ours = file.read(len(_EARLIER_MAGIC)) == _EARLIER_MAGIC or path.suffix == ".tmp"
+                if ours:
+                    path.unlink()

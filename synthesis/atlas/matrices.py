@@ -1,6 +1,6 @@
 """What one request multiplies the series of a table with, to get errors of windows and bounds of them.
 
-All buckets of `series` share what a request gives: its means <f e^{iht}> over the samples, for all harmonics h at once, times
+All groups of `series` share what a request gives: its means <f e^{iht}> over the samples, for all harmonics h at once, times
 the phases e^{ihs} of the starts, which no request changes. A matrix has one row a window: branch +1 at all starts, then
 branch -1 if there is one. Formulae and bounds are those of `scan`.
 """
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.atlas.series import Bucket, Complexes, Floats, Ints, Phasors, gather
+from synthesis.atlas.series import Complexes, Floats, Ints, Phasors, SeriesGroup, gather
 from synthesis.pose import fixed_columns
 from synthesis.target import TURN, Mean, Target
 
@@ -37,7 +37,7 @@ def _phases(highest: int, starts: int) -> Complexes:
 
 
 class Matrices:
-    """What one request multiplies the series of an atlas with; what buckets share is made once, when first asked for.
+    """What one request multiplies the series of an atlas with; what groups share is made once, when first asked for.
 
     Parameters
     ----------
@@ -88,10 +88,10 @@ class Matrices:
         return self._averages[key]
 
     def _times(self, values: Floats) -> Floats:
-        """For the mean of a series times values of the samples, (windows, 2 reach), of half of all harmonics."""
-        reach = self.highest // 2 + 1
+        """For the mean of a series times values of the samples, (windows, 2 harmonics), of half of all harmonics."""
+        harmonics = self.highest // 2 + 1
         means = self.means(values, self.target.rotation_mean)
-        return self._of_branches(self.phases[:, 1:reach] * means[1:reach], -1).view(float)
+        return self._of_branches(self.phases[:, 1:harmonics] * means[1:harmonics], -1).view(float)
 
     def _turned(self, winding: int) -> tuple[Floats, Floats]:
         """The centred target less the winding, and what series are multiplied with for the mean of their product with it."""
@@ -112,32 +112,32 @@ class Matrices:
         line /= np.sqrt(mean(line**2))
         return line, self._times(line)
 
-    def rotation(self, bucket: Bucket) -> RotationMatrix:
+    def rotation(self, group: SeriesGroup) -> RotationMatrix:
         """For the mean squared rotation error."""
-        reach, mean = 2 * bucket.harmonics, self.target.rotation_mean
-        centred, along = self._turned(bucket.winding)
+        harmonics, mean = 2 * group.harmonics, self.target.rotation_mean
+        centred, along = self._turned(group.winding)
         line, slopes = self._line
         return RotationMatrix(
-            np.concatenate([self.average(mean)[:, : 2 * reach], -2 * along[:, :reach]], axis=1),
+            np.concatenate([self.average(mean)[:, : 2 * harmonics], -2 * along[:, :harmonics]], axis=1),
             float(mean(centred**2)),
-            np.ascontiguousarray(slopes[:, :reach]),
+            np.ascontiguousarray(slopes[:, :harmonics]),
             float(mean(centred * line)),
         )
 
-    def position(self, reach: int) -> PositionMatrices:
-        """For the mean squared position error of phasors of some reach."""
-        if reach not in self._position:
+    def position(self, harmonics: int) -> PositionMatrices:
+        """For the mean squared position error of phasors of some harmonics."""
+        if harmonics not in self._position:
             ahead, behind, size = self._position_means
-            turn = self.phases[:, np.abs(np.arange(-reach, reach + 1))]
-            turn = np.concatenate([np.conj(turn[:, :reach]), turn[:, reach:]], axis=1)
+            turn = self.phases[:, np.abs(np.arange(-harmonics, harmonics + 1))]
+            turn = np.concatenate([np.conj(turn[:, :harmonics]), turn[:, harmonics:]], axis=1)
             columns = []
             for forward, backward in zip(ahead, behind):
-                shifted = turn * np.concatenate([backward[reach:0:-1], forward[: reach + 1]])
+                shifted = turn * np.concatenate([backward[harmonics:0:-1], forward[: harmonics + 1]])
                 columns.append(self._of_branches(shifted))
-            self._position[reach] = PositionMatrices(
-                np.stack(columns), self.average(self.target.position_mean)[:, : 4 * reach], size
+            self._position[harmonics] = PositionMatrices(
+                np.stack(columns), self.average(self.target.position_mean)[:, : 4 * harmonics], size
             )
-        return self._position[reach]
+        return self._position[harmonics]
 
     @cached_property
     def _position_means(self) -> tuple[list[Complexes], list[Complexes], float]:
@@ -178,10 +178,10 @@ class RotationMatrix:
         """Rounding of a mean squared error."""
         return ROUNDING * (1 + self.variance)
 
-    def mean_square_error(self, bucket: Bucket, part: slice) -> Floats:
+    def mean_square_error(self, group: SeriesGroup, part: slice) -> Floats:
         """D of all windows of some types, (n, windows)."""
-        result = self._error(bucket.series[part], self.columns.T)
-        result += (bucket.mean_square[part] + self.variance)[:, None]
+        result = self._error(group.series[part], self.columns.T)
+        result += (group.mean_square[part] + self.variance)[:, None]
         return result
 
     def of_windows(self, series: Floats, windows: Ints) -> Floats:

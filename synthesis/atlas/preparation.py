@@ -1,47 +1,45 @@
-"""What a scan needs of a table, made once: cells of its types and, when a request has positions, series for those.
-
-In memory here; `index` keeps the same in files that processes share.
-"""
+"""What a scan needs of a table, computed once: cells of its types, series for positions, and the index of short spans."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, wait
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryFile
 from threading import Event, Lock
 from typing import IO, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
-from synthesis.atlas.cells import Cells, make_cells
-from synthesis.atlas.path_storeys import PATH_STOREYS, build_path_storey
-from synthesis.atlas.prepared import temporary
+from synthesis.atlas.cells import Cells, Level, make_cells
+from synthesis.atlas.index import InMemory, Part
 from synthesis.atlas.series import (
     COLUMNS,
-    Bucket,
-    Ints,
+    PHASOR_COLUMNS,
+    PREPARED_AT_ONCE,
+    GroupKey,
     New,
     Phasors,
-    in_memory,
-    join,
+    SeriesGroup,
+    phasor_harmonics,
     prepare,
     prepare_phasors,
 )
-from synthesis.atlas.stored import DamagedError
-from synthesis.atlas.storeys import STOREYS, StoreyIndex, build_storey
-from synthesis.atlas.table import Table
+from synthesis.atlas.table import AtlasTypes, Table, Types
+from synthesis.atlas.window_index import INTERVALS, WindowIndex, build_window_index
+from synthesis.mechanism import Mechanism
 from synthesis.work import OutOfTime, Work
 
-PREPARED_AT_ONCE = 512
+CELLS, POSITIONS, SHORT_SPANS = "cells", "positions", "short_spans"
+"""Names of the parts, see `index`."""
 MOST_IN_MEMORY = 1 << 19
-"""Types up to which indexes of windows are made in memory, where no file of them can be written: up to 6 kB for each."""
+"""Types up to which the index of short spans is made in memory, where no file of it can be written: 1.7 kB for each."""
 _PATIENCE = 0.01
 """Seconds between two looks at whether an answer is still wanted."""
 
-Key = tuple[int, int]
-"""Winding and harmonics of a bucket."""
 Progress = Callable[[int, int], None]
 
 
@@ -54,38 +52,59 @@ class Kind(NamedTuple):
 
 
 class Preparation:
-    """Cells and position series of a table, in memory.
+    """Cells, position series and the index of short spans of a table.
 
     Parameters
     ----------
-    table : Table
+    mechanism : Mechanism
+    load : callable
+        The table, where something is to be made of it.
     kind : Kind
     threads : int
         Threads of the preparation.
+    parts : InMemory or Index
+        Where they are kept.
+    progress : callable
+        ``progress(done, total)`` while cells are made.
+
+    Attributes
+    ----------
+    types : Types
+        `AtlasTypes` where the table is an atlas.
+    cells : list of Cells
+    phasors : list of Phasors
+        Those of each group of the cells; empty until they are prepared.
+    short_spans : list of WindowIndex
+        Empty until they are prepared.
     """
 
-    def __init__(self, table: Table, kind: Kind, threads: int = 1) -> None:
-        self.kind = kind
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        load: Callable[[], Table],
+        kind: Kind,
+        threads: int = 1,
+        parts: InMemory | None = None,
+        progress: Progress = lambda done, total: None,
+    ) -> None:
         self.threads = threads
+        self._load, self._kind, self._parts, self._progress = load, kind, parts or InMemory(), progress
+        self._positions_lock, self._short_spans_lock = Lock(), Lock()
+        part = self._parts.part(CELLS, self._fill_cells)
+        self.types = types_of(part, mechanism)
+        self.cells = _cells_of(part)
         self.phasors: list[Phasors] = []
-        self.storeys: list[StoreyIndex] = []
-        self.path_storeys: list[StoreyIndex] = []
-        self._lock, self._storeys_lock = Lock(), Lock()
-        self.table, self.cells = self._prepared(table)
-
-    def _prepared(self, table: Table) -> tuple[Table, list[Cells]]:
-        """The table and the cells to be used."""
-        return table, list(all_cells(table, self.kind, self.threads))
+        self.short_spans = _short_spans_of(self._parts.known(SHORT_SPANS))
 
     @property
     def nbytes(self) -> int:
         """Bytes of the series and cells, wherever they are."""
-        arrays = [value for cells in self.cells for value in vars(cells.bucket).values()]
+        arrays = [value for cells in self.cells for value in vars(cells.group).values()]
         arrays += [value for phasors in self.phasors for value in vars(phasors).values()]
         own = sum(value.nbytes for value in arrays if hasattr(value, "nbytes"))
         own += sum(cells.nbytes for cells in self.cells)
-        own += sum(index.nbytes for index in (*self.storeys, *self.path_storeys))
-        return len(self.table) * 32 + own
+        own += sum(index.nbytes for index in self.short_spans)
+        return len(self.types) * 32 + own
 
     def prepare_positions(self, work: Work) -> bool:
         """Make the series that requests with positions need; done by the first of them otherwise.
@@ -97,19 +116,18 @@ class Preparation:
         """
         if self.phasors:
             return True
-        while not self._lock.acquire(timeout=_PATIENCE):
+        while not self._positions_lock.acquire(timeout=_PATIENCE):
             if work.expired():
                 return False
         try:
             if not self.phasors:  # else another thread has made them meanwhile
-                self.phasors = self._positions(work)
+                part = self._parts.part(POSITIONS, partial(self._fill_positions, work), work.go_on)
+                self.phasors = [_phasors_of(part, cells.group.key) for cells in self.cells]
+        except OutOfTime:
+            return False
         finally:
-            self._lock.release()
-        return bool(self.phasors)
-
-    def _positions(self, work: Work) -> list[Phasors]:
-        """The series for positions of all buckets; none where the time ran out."""
-        return all_phasors(self.table, self.cells, self.threads, work)
+            self._positions_lock.release()
+        return True
 
     def prepare_short_spans(self, work: Work) -> None:
         """Make the index of windows that answers short spans sooner; without it the cells answer them.
@@ -118,90 +136,84 @@ class Preparation:
         ------
         OutOfTime
         """
-        with self._storeys_lock:
-            if not self.storeys:
-                self.storeys = self._short_spans(work)
+        with self._short_spans_lock:
+            if not self.short_spans:
+                part = self._parts.part(SHORT_SPANS, partial(self._fill_short_spans, work), work.go_on)
+                self.short_spans = _short_spans_of(part)
 
-    def _short_spans(self, work: Work) -> list[StoreyIndex]:
-        if len(self.table) > MOST_IN_MEMORY:
-            return []
-        buckets = [cells.bucket for cells in self.cells]
-        return [StoreyIndex(storey, build_storey(storey, buckets, go_on=work.go_on)) for storey in STOREYS]
+    # -- making -------------------------------------------------------------------------------------------------------
 
-    def prepare_paths(self, work: Work) -> None:
-        """Make the index of shapes that answers positions without rotation sooner; without it all windows are compared.
+    def _fill_cells(self, new: New, folder: Path | None) -> dict[str, Any]:
+        """Lengths and windings of the types, and the cells of all groups."""
+        table = self._load()
+        for name, values in (("lengths", table.lengths), ("winding", table.winding)):
+            new(name, values.dtype, values.shape)[...] = values
+        collected: dict[GroupKey, _Collected] = {}
+        total, done = 2 * len(table), 0  # each type counts when it has its series and again in its cells
+        with ThreadPoolExecutor(self.threads) as pool:
+            starts = range(0, len(table), PREPARED_AT_ONCE)
+            for groups in _ahead(pool, partial(self._series, table), list(starts), 4 * self.threads):
+                for group in groups:
+                    if group.key not in collected:
+                        collected[group.key] = _Collected(group, folder)
+                    collected[group.key].add(group)
+                    done += len(group.rows)
+                self._progress(done, total)
 
-        Raises
-        ------
-        OutOfTime
-        """
-        if not self.prepare_positions(work):
-            raise OutOfTime
-        with self._storeys_lock:
-            if not self.path_storeys:
-                self.path_storeys = self._paths(work)
+            def cells_of(key: GroupKey) -> Cells:
+                group, own = collected.pop(key).joined(), partial(_new_of, new, _prefix(key))
+                if self._kind.cells:
+                    return make_cells(group, own)
+                count = len(group.rows)
+                own("first", np.int64, (2,))[...] = 0, count
+                return Cells(group.copy(np.arange(count), own), np.array([0, count]), [])
 
-    def _paths(self, work: Work) -> list[StoreyIndex]:
-        if len(self.table) > MOST_IN_MEMORY:
-            return []
-        buckets = [cells.bucket for cells in self.cells]
-        made = (build_path_storey(storey, buckets, self.phasors, go_on=work.go_on) for storey in PATH_STOREYS)
-        return [StoreyIndex(storey, arrays) for storey, arrays in zip(PATH_STOREYS, made)]
+            told = []
+            for cells in pool.map(cells_of, sorted(collected)):
+                told.append([*cells.group.key, len(cells.levels)])
+                done += len(cells.group.rows)
+                self._progress(done, total)
+        return {**(table.as_json() if isinstance(table, AtlasTypes) else {}), "groups": told}
 
-    def renew(self, seen: list[Cells], damage: DamagedError) -> None:
-        """Prepare everything anew after damage to the cells that were ``seen``, unless that has been done since."""
-        raise damage
+    def _series(self, table: Table, first: int) -> list[SeriesGroup]:
+        rows = np.arange(first, min(first + PREPARED_AT_ONCE, len(table)))
+        return list(prepare(table, rows, self._kind.series_error, self._kind.harmonics))
 
+    def _fill_positions(self, work: Work, new: New, folder: Path | None) -> dict[str, Any]:
+        """The series for positions of all groups."""
+        table, given_up = self._load(), Event()
+        with ThreadPoolExecutor(self.threads) as pool:
+            made = [
+                pool.submit(
+                    prepare_phasors, table, cells.group, given_up, partial(_new_of, new, _prefix(cells.group.key))
+                )
+                for cells in self.cells
+            ]
+            try:
+                while made and wait(made, _PATIENCE).not_done:
+                    work.go_on()
+            except BaseException:
+                given_up.set()
+                raise
+        for one in made:
+            one.result()
+        return {}
 
-def all_cells(
-    table: Table,
-    kind: Kind,
-    threads: int,
-    new_of: Callable[[Key], New] = lambda key: in_memory,
-    spool: Path | None = None,
-    progress: Progress = lambda done, total: None,
-) -> Iterator[Cells]:
-    """Cells of all buckets of a table, in the order of their keys.
-
-    Parameters
-    ----------
-    new_of : callable
-        Where the arrays of a bucket lie.
-    spool : Path, optional
-        Folder for temporary files: series lie there, and not in memory, until their bucket is put in order.
-    progress : callable
-        ``progress(done, total)`` in types, each of which is counted when it has its series and again in its cells.
-    """
-    total, done = 2 * len(table), 0
-    parts = [
-        np.arange(first, min(first + PREPARED_AT_ONCE, len(table)))
-        for first in range(0, len(table), PREPARED_AT_ONCE)
-    ]
-    shares: dict[Key, _Shares] = {}
-    with ThreadPoolExecutor(threads) as pool:
-        for buckets in _ahead(pool, partial(_series, table, kind), parts, 4 * threads):
-            for bucket in buckets:
-                key = (bucket.winding, bucket.harmonics)
-                if key not in shares:
-                    shares[key] = _Shares() if spool is None else _SpooledShares(spool)
-                shares[key].add(bucket)
-                done += len(bucket.rows)
-            progress(done, total)
-
-        def cells_of(key: Key) -> Cells:
-            bucket = shares.pop(key).joined()
-            if not kind.cells:
-                return Cells(bucket, np.array([0, len(bucket.rows)]), [])
-            return make_cells(bucket, new_of(key), in_memory if spool is None else temporary(spool))
-
-        for cells in pool.map(cells_of, sorted(shares)):
-            done += len(cells.bucket.rows)
-            progress(done, total)
-            yield cells
+    def _fill_short_spans(self, work: Work, new: New, folder: Path | None) -> dict[str, Any]:
+        if folder is None and len(self.types) > MOST_IN_MEMORY:
+            return {}
+        groups = [cells.group for cells in self.cells]
+        for number, intervals in enumerate(INTERVALS):
+            build_window_index(intervals, groups, partial(_new_of, new, f"{number}."), folder, work.go_on)
+        return {}
 
 
-def _series(table: Table, kind: Kind, rows: Ints) -> list[Bucket]:
-    return list(prepare(table, rows, kind.series_error, kind.harmonics))
+def _new_of(new: New, prefix: str, name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    return new(prefix + name, dtype, shape)
+
+
+def _prefix(key: GroupKey) -> str:
+    return f"winding{key.winding}_harmonics{key.harmonics}."
 
 
 def _ahead(pool: Executor, work: Callable[[Any], Any], parts: list[Any], most: int) -> Iterator[Any]:
@@ -213,67 +225,76 @@ def _ahead(pool: Executor, work: Callable[[Any], Any], parts: list[Any], most: i
             running[k % most] = pool.submit(work, parts[k + most])
 
 
-class _Shares:
-    """Parts of a bucket, in memory."""
+class _Collected:
+    """The series of a group while they are computed: in memory, or in temporary files that vanish with the process."""
 
-    def __init__(self) -> None:
-        self._parts: list[Bucket] = []
+    def __init__(self, first: SeriesGroup, folder: Path | None) -> None:
+        self._first = first
+        self._files: dict[str, IO[bytes]] = {
+            name: BytesIO() if folder is None else TemporaryFile(dir=folder) for name in COLUMNS
+        }
 
-    def add(self, part: Bucket) -> None:
-        self._parts.append(part)
-
-    def joined(self) -> Bucket:
-        bucket = join(self._parts)
-        self._parts.clear()
-        return bucket
-
-
-class _SpooledShares(_Shares):
-    """Parts of a bucket, in temporary files that vanish with the process."""
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__()
-        self._files: dict[str, IO[bytes]] = {name: TemporaryFile(dir=folder) for name in COLUMNS}
-
-    def add(self, part: Bucket) -> None:
-        if not self._parts:
-            self._parts.append(part)
+    def add(self, part: SeriesGroup) -> None:
         for name, file in self._files.items():
             file.write(np.ascontiguousarray(getattr(part, name)).data)
 
-    def joined(self) -> Bucket:
+    def joined(self) -> SeriesGroup:
         columns: dict[str, Any] = {}
         for name, file in self._files.items():
-            first = getattr(self._parts[0], name)
-            file.flush()
-            columns[name] = np.memmap(file, first.dtype, "r").reshape(-1, *first.shape[1:])
-            file.close()
-        return Bucket(winding=self._parts[0].winding, harmonics=self._parts[0].harmonics, **columns)
+            first = getattr(self._first, name)
+            if isinstance(file, BytesIO):
+                values = np.frombuffer(file.getbuffer(), first.dtype)
+            else:
+                file.flush()
+                values = np.asarray(np.memmap(file, first.dtype, "r"))
+                file.close()
+            columns[name] = values.reshape(-1, *first.shape[1:])
+        return SeriesGroup(self._first.key, **columns)
 
 
-def all_phasors(
-    table: Table, cells: list[Cells], threads: int, work: Work, new_of: Callable[[Key], New] = lambda key: in_memory
-) -> list[Phasors]:
-    """The series for positions of all buckets; none where the work's time ran out."""
-    given_up = Event()
-    with ThreadPoolExecutor(threads) as pool:
-        made = [
-            pool.submit(
-                prepare_phasors,
-                table,
-                one.bucket,
-                PREPARED_AT_ONCE,
-                given_up,
-                new_of((one.bucket.winding, one.bucket.harmonics)),
-            )
-            for one in cells
+# -- opening -----------------------------------------------------------------------------------------------------------
+
+
+def types_of(part: Part, mechanism: Mechanism) -> Types:
+    """The types that cells are of: `AtlasTypes` where they are those of an atlas."""
+    columns: dict[str, Any] = {"lengths": part.arrays["lengths"], "winding": part.arrays["winding"]}
+    if "rule" not in part.about:
+        return Types(mechanism=mechanism, **columns)
+    return AtlasTypes.from_json(part.about, mechanism=mechanism, **columns)
+
+
+def _cells_of(part: Part) -> list[Cells]:
+    found = []
+    for winding, harmonics, levels in part.about["groups"]:
+        key = GroupKey(winding, harmonics)
+        own = {
+            name.removeprefix(_prefix(key)): values
+            for name, values in part.arrays.items()
+            if name.startswith(_prefix(key))
+        }
+        coarse_to_fine = [
+            Level(_group_of(key, own, f"level{k}."), own[f"level{k}.bounds"], own[f"level{k}.largest"])
+            for k in reversed(range(levels))
         ]
-        try:
-            while made and wait(made, _PATIENCE).not_done:
-                if work.expired():
-                    given_up.set()
-                    return []
-        except BaseException:
-            given_up.set()
-            raise
-    return [one.result() for one in made]
+        found.append(Cells(_group_of(key, own), own["first"], coarse_to_fine))
+    return found
+
+
+def _group_of(key: GroupKey, arrays: dict[str, NDArray[Any]], prefix: str = "") -> SeriesGroup:
+    return SeriesGroup(key, *(arrays[prefix + name] for name in COLUMNS))
+
+
+def _phasors_of(part: Part, key: GroupKey) -> Phasors:
+    return Phasors(phasor_harmonics(key), *(part.arrays[_prefix(key) + name] for name in PHASOR_COLUMNS))
+
+
+def _short_spans_of(part: Part | None) -> list[WindowIndex]:
+    if part is None or not part.arrays:
+        return []
+    return [
+        WindowIndex(
+            intervals,
+            {name[2:]: values for name, values in part.arrays.items() if name.startswith(f"{number}.")},
+        )
+        for number, intervals in enumerate(INTERVALS)
+    ]

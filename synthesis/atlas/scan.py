@@ -2,7 +2,7 @@
 
 A *window* is a type, a branch and a whole degree of start. The scan computes a lower bound of the error of windows from
 short trigonometric series, then the exact error, from the lengths, of the few windows whose bound allows them among the
-best. Most windows are excluded with their likes, by bounds for cells of types: see `scan_cells`. So the answer is that of
+best. Most windows are excluded with their likes, by bounds for cells of types: see `cells`. So the answer is that of
 evaluating every window, and does not depend on how well a series is resolved.
 
 Rotation. Write the periodic part of theta2 of a type as p(x) = sum_h a_h cos hx + b_h sin hx, the centred target (less the
@@ -31,28 +31,35 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.atlas.cells import Arcs
 from synthesis.atlas.descent import Descent, bounds_of, lowest_bounds
-from synthesis.atlas.leaders import FIRST_BATCH, Leaders, Numbering, lowest
 from synthesis.atlas.matrices import Matrices
 from synthesis.atlas.preparation import Kind, Preparation
 from synthesis.atlas.series import gather
-from synthesis.atlas.short_spans import LEAST_SPAN, ShortSpan
-from synthesis.atlas.stored import DamagedError
 from synthesis.atlas.table import Table
-from synthesis.atlas.windows import TIE, ScanReport, Windows, best_of, each_once
+from synthesis.atlas.window_search import LEAST_SPAN, WindowSearch
+from synthesis.atlas.windows import (
+    FIRST_BATCH,
+    TIE,
+    BestWindows,
+    Numbering,
+    ScanReport,
+    Windows,
+    best_of,
+    each_once,
+    lowest,
+)
 from synthesis.pose import objective, position_errors
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Answer = TypeVar("Answer")
 
 STARTS = 360
 """Starts of a window: every whole degree."""
@@ -99,8 +106,10 @@ class Scan:
         cells: bool = True,
     ) -> None:
         kind = Kind(series_error, harmonics, cells)
-        self.prepared = table if isinstance(table, Preparation) else Preparation(table, kind, threads)
-        self.mechanism = self.prepared.table.mechanism
+        self.prepared = (
+            table if isinstance(table, Preparation) else Preparation(table.mechanism, lambda: table, kind, threads)
+        )
+        self.mechanism = self.prepared.types.mechanism
         self.starts = starts
         self.branches = len(self.mechanism.branches)
         self.numbering = Numbering(starts, self.branches)
@@ -110,17 +119,16 @@ class Scan:
     @property
     def types(self) -> int:
         """Number of types."""
-        return len(self.prepared.table)
+        return len(self.prepared.types)
 
     @property
     def lengths(self) -> Floats:
         """Lengths of all types, (types, d)."""
-        return self.intact(lambda: np.asarray(self.prepared.table.lengths, dtype=np.float64))
+        return np.asarray(self.prepared.types.lengths, dtype=np.float64)
 
     def lengths_of(self, rows: Ints) -> Floats:
         """Lengths of some types, (n, d)."""
-        found: Floats = self.intact(lambda: gather(self.prepared.table.lengths, rows)).astype(np.float64)
-        return found
+        return gather(self.prepared.types.lengths, rows).astype(np.float64)
 
     def has_family(self, family: str) -> bool:
         """Whether a type is of a family; looked up once."""
@@ -143,24 +151,11 @@ class Scan:
 
     def prepare_positions(self, work: Work) -> bool:
         """Make the series that requests with positions need, see `Preparation.prepare_positions`."""
-        return self.intact(lambda: self.prepared.prepare_positions(work))
+        return self.prepared.prepare_positions(work)
 
     def prepare_short_spans(self, work: Work) -> None:
         """Make the index of windows that answers short spans sooner, see `Preparation.prepare_short_spans`."""
-        self.intact(lambda: self.prepared.prepare_short_spans(work))
-
-    def prepare_paths(self, work: Work) -> None:
-        """Make the index of shapes that answers positions without rotation sooner, see `Preparation.prepare_paths`."""
-        self.intact(lambda: self.prepared.prepare_paths(work))
-
-    def intact(self, answer: Callable[[], Answer]) -> Answer:
-        """An answer that no damaged page of an index had a part in."""
-        while True:
-            seen = self.prepared.cells
-            try:
-                return answer()
-            except DamagedError as damage:
-                self.prepared.renew(seen, damage)
+        self.prepared.prepare_short_spans(work)
 
     # -- bounds -------------------------------------------------------------------------------------------------------
 
@@ -174,18 +169,19 @@ class Scan:
         phasors: list[Any] = [None] * len(prepared.cells)
         if target.position is not None and prepared.prepare_positions(work):
             phasors = prepared.phasors
-        reaches = [cells.bucket.harmonics for cells in prepared.cells] + [p.reach for p in phasors if p is not None]
-        matrices = Matrices(target, 2 * max(reaches, default=0), self.starts, self.branches)
+        harmonics = [cells.group.harmonics for cells in prepared.cells] + [
+            p.harmonics for p in phasors if p is not None
+        ]
+        matrices = Matrices(target, 2 * max(harmonics, default=0), self.starts, self.branches)
         arcs = Arcs(target, self.starts, self.branches)
         return [Descent(cells, arcs, matrices, known) for cells, known in zip(prepared.cells, phasors)]
 
-    def _short_span(self, target: Target, expired: Callable[[], bool]) -> ShortSpan | None:
+    def _window_search(self, target: Target, expired: Callable[[], bool]) -> WindowSearch | None:
         """The request against the index of its span, if there is one."""
         span = float(np.ptp(target.crank))
-        storeys = self.prepared.path_storeys if target.rotation is None else self.prepared.storeys
-        for index in storeys if span >= LEAST_SPAN else []:
-            if index.storey.serves(span, self.starts):
-                return ShortSpan(index, target, self.starts, expired, self.branches)
+        for index in self.prepared.short_spans if span >= LEAST_SPAN and target.rotation is not None else []:
+            if index.intervals.serves(span, self.starts):
+                return WindowSearch(index, target, self.starts, expired, self.branches)
         return None
 
     def start_angles(self, windows: Windows) -> Floats:
@@ -222,11 +218,8 @@ class Scan:
         """Approximate squared error of every window, (types, branches, starts): branch +1 first. For small atlases."""
         table = np.empty((self.types, self.numbering.per_type))
 
-        def fill() -> None:
-            for part in self._requested(target, Work()):
-                table[np.asarray(part.cells.bucket.rows)] = part.squared(slice(None))
-
-        self.intact(fill)
+        for part in self._requested(target, Work()):
+            table[part.types.rows] = part.squared(slice(None))
         np.maximum(table, 0.0, out=table)
         return table.reshape(-1, self.branches, self.starts)
 
@@ -268,17 +261,6 @@ class Scan:
         """
         work = work or Work()
         evaluate = exact or (lambda windows: self.errors(target, windows))
-        return self.intact(lambda: self._best(target, top, evaluate, max_windows, work, enough))
-
-    def _best(
-        self,
-        target: Target,
-        top: int,
-        exact: Callable[[Windows], Floats],
-        max_windows: int | None,
-        work: Work,
-        enough: float,
-    ) -> tuple[Windows, ScanReport]:
         cut_short = False
 
         def out_of_time() -> bool:  # asked only where something is left to do
@@ -286,18 +268,18 @@ class Scan:
             cut_short = cut_short or work.expired()
             return cut_short
 
-        def leaders() -> Leaders:
+        def nothing_yet() -> BestWindows:
             at_once = max(FIRST_BATCH, _EXACT_SAMPLES // target.samples)
-            return Leaders(top, self.numbering, exact, at_once, out_of_time, enough)
+            return BestWindows(top, self.numbering, evaluate, at_once, out_of_time, enough)
 
         most = np.inf if max_windows is None else max(max_windows, 4 * top)
         alike = self._alike(target)
-        first = leaders()
+        first = nothing_yet()
         if first.settled_in_order(self.types, alike, most):
             return first.windows, ScanReport(self.windows, first.evaluated, not cut_short and first.evaluated < most)
-        probed = leaders()
-        short = self._short_span(target, out_of_time)
-        near = short.candidates(probed, self._errors_of_some) if short else None
+        probed = nothing_yet()
+        search = self._window_search(target, out_of_time)
+        near = search.candidates(probed, self._errors_of_some) if search else None
         if near is not None:
             keep, cut = lowest(self.numbering, *near, int(min(near[0].size, most)))
             looked_at = probed.evaluated
@@ -314,7 +296,7 @@ class Scan:
             evaluated = 0
             while True:
                 ids, bounds, cut = lowest_bounds(parts, self.numbering, count, ceiling + TIE, out_of_time, run)
-                found = leaders()
+                found = nothing_yet()
                 found.consider(ids, bounds)
                 evaluated = max(evaluated, found.evaluated)  # a further pass begins with the same windows
                 complete = not cut_short and not found.reached and (found.last <= cut or ids.size < count)
@@ -332,7 +314,12 @@ class Scan:
         return windows, ScanReport(self.windows, evaluated, complete)
 
     def _one_by_one(
-        self, parts: list[Descent], found: Leaders, ceiling: float, expired: Callable[[], bool], pool: Executor | None
+        self,
+        parts: list[Descent],
+        found: BestWindows,
+        ceiling: float,
+        expired: Callable[[], bool],
+        pool: Executor | None,
     ) -> None:
         """Evaluate, batch by batch, all windows that may be among the best."""
         for ids, bounds in bounds_of(parts, lambda: min(ceiling, found.worst) + TIE, expired, pool):
@@ -342,13 +329,13 @@ class Scan:
         """The error of each type where it is the same from every start: all samples lie whole turns of the crank apart."""
         if target.rotation is None or target.position is not None or not target.repeats_one_crank_angle:
             return None
-        winding = np.asarray(self.prepared.table.winding)
+        winding = self.prepared.types.winding
         kinds, example = np.unique(winding, return_index=True)
         one = np.zeros(kinds.size, dtype=np.int64)
         error = self.errors(target, Windows(example, one, one + 1, np.zeros(kinds.size)))
         return error[np.searchsorted(kinds, winding)]
 
-    def _probe(self, parts: list[Descent], leaders: Leaders, top: int) -> None:
+    def _probe(self, parts: list[Descent], best: BestWindows, top: int) -> None:
         """Evaluate windows of the most promising cells."""
         nearest = [part.nearest[0] for part in parts]
         squared = np.concatenate([np.empty(0), *nearest])
@@ -361,4 +348,4 @@ class Scan:
         ]
         ids, bounds = (np.concatenate(column) for column in zip(*found))
         ids, first = np.unique(ids, return_index=True)  # a window met twice must not count twice
-        leaders.consider(ids, bounds[first])
+        best.consider(ids, bounds[first])

@@ -1,7 +1,7 @@
 """Trigonometric series of a table's curves: what the scan holds of every type, made once.
 
-The formulae and the bounds are those of `scan`; here is how they are laid out. A *bucket* holds the types whose series are
-equally long. The cosine and the sine of a harmonic stand side by side, so a shorter series is a prefix of a longer one.
+The formulae and the bounds are those of `scan`; here is how they are laid out. A *group* holds the types of one winding whose
+series are equally long. Cosine and sine of a harmonic stand side by side, so a shorter series is a prefix of a longer one.
 """
 
 from __future__ import annotations
@@ -16,18 +16,15 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from synthesis.atlas import haar
-from synthesis.atlas.rows import compute_rows
-from synthesis.atlas.table import Table
+from synthesis.atlas.table import Table, compute_rows
 from synthesis.target import TURN
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Ints = NDArray[np.int64]
 
-Column = Any
-"""An array, or one that is mapped from a file: `stored.Stored`."""
 New = Callable[[str, DTypeLike, tuple[int, ...]], NDArray[Any]]
-"""``new(name, dtype, shape)``: an array to be filled, in memory or in a file."""
+"""``new(name, dtype, shape)``: an array to be filled, in memory or in a file, see `index`."""
 
 RESOLVED_SAMPLES = 256
 RESOLVED_ERROR = 1e-6
@@ -36,43 +33,53 @@ such curves allow would leave most of their windows to be evaluated."""
 
 
 COLUMNS = ("rows", "series", "mean_square", "error")
-"""Arrays of a `Bucket`."""
+"""Arrays of a `SeriesGroup`."""
 PHASOR_COLUMNS = ("series", "error", "modulus", "modulus_mean")
 """Arrays of `Phasors`."""
-_COPIED_AT_ONCE = 1 << 14
+PREPARED_AT_ONCE = 512
+"""Types whose series are computed at once."""
 
 
-def in_memory(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
-    """An array to be filled."""
-    return np.empty(shape, dtype=dtype)
+class GroupKey(NamedTuple):
+    """What the types of a group have in common: turns of the body in one of the crank, and harmonics of the series."""
+
+    winding: int
+    harmonics: int
 
 
 @dataclass(frozen=True)
-class Bucket:
+class SeriesGroup:
     """Types of one winding whose series have the same number of harmonics H."""
 
-    rows: Column
-    winding: int
-    harmonics: int
-    series: Column
+    key: GroupKey
+    rows: NDArray[Any]
+    series: NDArray[Any]
     """(n, 6H): p^2 up to 2H, then p up to H; cosine and sine of each harmonic side by side."""
-    mean_square: Column
-    error: Column
+    mean_square: NDArray[Any]
+    error: NDArray[Any]
 
-    def take(self, places: Any) -> Bucket:
+    @property
+    def winding(self) -> int:
+        """Turns of the body in one turn of the crank."""
+        return self.key.winding
+
+    @property
+    def harmonics(self) -> int:
+        """H."""
+        return self.key.harmonics
+
+    def take(self, places: Any) -> SeriesGroup:
         """The types at some places."""
         columns = {name: getattr(self, name)[places] for name in COLUMNS}
         return replace(self, **columns)
 
-    def copy(self, places: Ints, new: New) -> Bucket:
-        """The types at some places in arrays of their own, filled a part at a time."""
+    def copy(self, places: Ints, new: New) -> SeriesGroup:
+        """The types at some places in arrays of their own."""
         columns: dict[str, Any] = {}
         for name in COLUMNS:
             values = getattr(self, name)
             columns[name] = new(name, values.dtype, (len(places), *values.shape[1:]))
-            for first in range(0, len(places), _COPIED_AT_ONCE):
-                part = slice(first, first + _COPIED_AT_ONCE)
-                columns[name][part] = values[places[part]]
+            np.take(values, places, axis=0, out=columns[name], mode="clip")
         return replace(self, **columns)
 
     @property
@@ -89,15 +96,16 @@ class Bucket:
 
 @dataclass(frozen=True)
 class Phasors:
-    """Series of e^{i theta2} of a bucket's types, which requests with positions need."""
+    """Series of e^{i theta2} of a group's types, which requests with positions need."""
 
-    reach: int
-    series: Column
+    harmonics: int
+    """K."""
+    series: NDArray[Any]
     """(n, 2K + 1): coefficients -K .. K."""
-    error: Column
-    modulus: Column
+    error: NDArray[Any]
+    modulus: NDArray[Any]
     """(n, 4K): the squared modulus of that series, which is not quite 1."""
-    modulus_mean: Column
+    modulus_mean: NDArray[Any]
 
 
 def _tails(magnitudes: Floats) -> Floats:
@@ -124,12 +132,12 @@ def _square_series(spectrum: Complexes, harmonics: int) -> tuple[Floats, Floats]
 
 def _modulus_series(coefficients: Complexes) -> tuple[Floats, Floats]:
     """Mean, and series up to 2K, of the squared modulus of a series of coefficients -K .. K."""
-    reach = coefficients.shape[1] // 2
-    points = 4 * reach + 2
+    harmonics = coefficients.shape[1] // 2
+    points = 4 * harmonics + 2
     padded = np.zeros((len(coefficients), points), dtype=complex)
-    padded[:, np.arange(-reach, reach + 1)] = coefficients
+    padded[:, np.arange(-harmonics, harmonics + 1)] = coefficients
     values = np.fft.ifft(padded, axis=1) * points
-    return _real_series(values.real**2 + values.imag**2, 2 * reach)
+    return _real_series(values.real**2 + values.imag**2, 2 * harmonics)
 
 
 class _Curves(NamedTuple):
@@ -160,19 +168,19 @@ def _curves(table: Table, rows: Ints) -> list[_Curves]:
     for chosen, average, details, error in features:
         curves = haar.curve_from_features(average, details)
         spectrum = np.fft.rfft(curves, axis=1) / curves.shape[1]
-        spectrum[:, -1] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
+        spectrum[:, -1] = 0  # as in `table.interpolate`, on which curve_error rests
         result.append(_Curves(chosen, spectrum, error.astype(float)))
     return result
 
 
-def prepare(table: Table, rows: Ints, series_error: float, lengths: tuple[int, ...]) -> Iterator[Bucket]:
-    """Buckets of some rows: the shortest series of the allowed lengths that leave out at most ``series_error``."""
+def prepare(table: Table, rows: Ints, series_error: float, lengths: tuple[int, ...]) -> Iterator[SeriesGroup]:
+    """Groups of some rows: the shortest series of the allowed lengths that leave out at most ``series_error``."""
     for curves in _curves(table, rows):
         if curves.rows.size:
-            yield from _buckets(table, curves, series_error, lengths)
+            yield from _groups(table, curves, series_error, lengths)
 
 
-def _buckets(table: Table, curves: _Curves, series_error: float, lengths: tuple[int, ...]) -> Iterator[Bucket]:
+def _groups(table: Table, curves: _Curves, series_error: float, lengths: tuple[int, ...]) -> Iterator[SeriesGroup]:
     rows, spectrum, curve_error = curves
     half = curves.samples // 2
     winding = table.winding[rows].astype(int)
@@ -192,45 +200,43 @@ def _buckets(table: Table, curves: _Curves, series_error: float, lengths: tuple[
                 error = curve_error[chosen] + left_out + 1e-12
                 mean_square, square = _square_series(part, int(harmonics))
                 series = np.concatenate([square, _side_by_side(part[:, 1:])], axis=1)
-                yield Bucket(rows[chosen], turns, int(harmonics), series, mean_square, error)
+                yield SeriesGroup(GroupKey(turns, int(harmonics)), rows[chosen], series, mean_square, error)
 
 
-def join(parts: list[Bucket]) -> Bucket:
-    """One bucket of parts that have the same winding and length."""
-    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
-    return replace(parts[0], **columns)
+def phasor_harmonics(key: GroupKey) -> int:
+    """Of the series of e^{i theta2} of a group: a few more than theta2 has."""
+    return int(1.25 * key.harmonics) + 4
 
 
-def prepare_phasors(table: Table, bucket: Bucket, at_once: int, given_up: Event, new: New = in_memory) -> Phasors:
-    """Series of e^{i theta2} of a bucket's types, with a few more harmonics than theta2 has."""
-    reach = int(1.25 * bucket.harmonics) + 4
-    count = len(bucket.rows)
-    series = new("series", complex, (count, 2 * reach + 1))
-    modulus, modulus_mean = new("modulus", float, (count, 4 * reach)), new("modulus_mean", float, (count,))
+def prepare_phasors(table: Table, group: SeriesGroup, given_up: Event, new: New) -> None:
+    """Fill the arrays of a group's `Phasors`."""
+    harmonics = phasor_harmonics(group.key)
+    count = len(group.rows)
+    series = new("series", complex, (count, 2 * harmonics + 1))
+    modulus, modulus_mean = new("modulus", float, (count, 4 * harmonics)), new("modulus_mean", float, (count,))
     error = new("error", float, (count,))
-    for first in range(0, count, at_once):
+    for first in range(0, count, PREPARED_AT_ONCE):
         if given_up.is_set():
             raise CancelledError
-        rows = bucket.rows[first : first + at_once]
+        rows = group.rows[first : first + PREPARED_AT_ONCE]
         order = np.argsort(rows)
         for curves in _curves(table, rows):
             part = first + order[np.searchsorted(rows, curves.rows, sorter=order)]
-            series[part], lost = _phasor_series(curves.spectrum, curves.samples, bucket.winding, reach)
+            series[part], lost = _phasor_series(curves.spectrum, curves.samples, group.winding, harmonics)
             modulus_mean[part], modulus[part] = _modulus_series(series[part])
             error[part] = curves.error + 2 * lost + 1e-9
-    return Phasors(reach, series, error, modulus, modulus_mean)
 
 
-def _phasor_series(spectrum: Complexes, samples: int, winding: int, reach: int) -> tuple[Complexes, Floats]:
-    """Coefficients -reach .. reach of e^{i theta2}, and the sum of the magnitudes of those left out.
+def _phasor_series(spectrum: Complexes, samples: int, winding: int, harmonics: int) -> tuple[Complexes, Floats]:
+    """Coefficients -K .. K of e^{i theta2}, and the sum of the magnitudes of those left out.
 
-    e^{i theta2} has more harmonics than theta2 has, so it is taken from a grid that resolves four times the reach.
+    e^{i theta2} has more harmonics than theta2 has, so it is taken from a grid that resolves four times as many.
     """
-    points = max(samples, 1 << (4 * reach - 1).bit_length())
+    points = max(samples, 1 << (4 * harmonics - 1).bit_length())
     curves = np.fft.irfft(spectrum * points, points, axis=1)
     crank = np.arange(points) * (TURN / points)
     phasor = np.fft.fft(np.exp(1j * (curves + winding * crank)), axis=1) / points
-    coefficients = phasor[:, np.arange(-reach, reach + 1) % points]
+    coefficients = phasor[:, np.arange(-harmonics, harmonics + 1) % points]
     return coefficients, np.maximum(np.abs(phasor).sum(1) - np.abs(coefficients).sum(1), 0)
 
 

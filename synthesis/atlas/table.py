@@ -1,4 +1,4 @@
-"""Curves of many types of one mechanism as Haar features: in memory, whether they come from a file or not."""
+"""Curves of many types of one mechanism as Haar features: how they are computed, and what an atlas holds of them."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from synthesis.atlas import haar
-from synthesis.atlas.rows import compute_rows
 from synthesis.errors import FieldError
-from synthesis.fourbar.dimension_types import TypeRule, count_types
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.mechanism import Mechanism
+from synthesis.target import TURN
 
 SCHEMA = 1
 MIN_SAMPLES, MAX_SAMPLES = 16, 4096
@@ -38,32 +38,41 @@ CURVE = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
-    """Body rotations of types over a whole turn of the crank.
+class Types:
+    """Dimension types of a mechanism, whose crank turns fully: what a scan tells its windows by.
 
     Attributes
     ----------
     mechanism : Mechanism
     lengths : ndarray, shape (T, d)
-        Types whose crank turns fully.
-    average : ndarray of float64, shape (T,)
-    details : ndarray of float32, shape (T, samples - 1)
-        Of the periodic part of the rotation, in the *mean* normalisation of `haar`.
     winding : ndarray of int8, shape (T,)
         Turns of the body in one turn of the crank.
-    curve_error : ndarray of float32, shape (T,)
-        Bound of the error of the stored curve, see `rows`.
     """
 
     mechanism: Mechanism = FOURBAR
     lengths: NDArray[Any]
-    average: NDArray[np.float64]
-    details: NDArray[np.float32]
     winding: NDArray[np.int8]
-    curve_error: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.lengths)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table(Types):
+    """Types with the rotation of their body over a whole turn of the crank.
+
+    Attributes
+    ----------
+    average : ndarray of float64, shape (T,)
+    details : ndarray of float32, shape (T, samples - 1)
+        Of the periodic part of the rotation, in the *mean* normalisation of `haar`.
+    curve_error : ndarray of float32, shape (T,)
+        Bound of the error of the stored curve, see `compute_rows`.
+    """
+
+    average: NDArray[np.float64]
+    details: NDArray[np.float32]
+    curve_error: NDArray[np.float32]
 
     @property
     def samples(self) -> int:
@@ -79,6 +88,77 @@ def make_table(mechanism: Mechanism, lengths: NDArray[Any], samples: int) -> Tab
     """The table of a mechanism's types, (T, d); ``samples`` is a power of two."""
     return Table(mechanism=mechanism, lengths=lengths, **compute_rows(lengths, samples, mechanism)._asdict())
 
+
+BLOCK = 256
+"""Linkages worked on at a time: their samples fit a core's cache, which is twice as fast as all at once."""
+BETWEEN = 1.5
+"""Error anywhere over error at the samples and midway: sqrt(2) for a trigonometric polynomial of these harmonics (Ehlich and
+Zeller, 1964: 1 / cos(pi n / M) for degree n at M points), and a little for what the samples do not resolve."""
+
+
+class AtlasRows(NamedTuple):
+    """Columns of a table for some types; see `Table`."""
+
+    average: NDArray[np.float64]
+    details: NDArray[np.float32]
+    winding: NDArray[np.int8]
+    curve_error: NDArray[np.float32]
+
+
+def compute_rows(lengths: ArrayLike, samples: int, mechanism: Mechanism = FOURBAR) -> AtlasRows:
+    """What the atlas stores of each type.
+
+    Parameters
+    ----------
+    lengths : array_like, shape (T, d)
+        Types whose crank turns fully.
+    samples : int
+        Power of two.
+    mechanism : Mechanism
+
+    Returns
+    -------
+    AtlasRows
+        Law: the rows of a part are the part of the rows, bit for bit, if parts begin at multiples of `BLOCK`.
+    """
+    lengths = np.atleast_2d(np.asarray(lengths, dtype=float))
+    blocks = [
+        _compute_block(mechanism, lengths[k : k + BLOCK], samples) for k in range(0, max(len(lengths), 1), BLOCK)
+    ]
+    return AtlasRows(*(np.concatenate(columns) for columns in zip(*blocks)))
+
+
+def _compute_block(mechanism: Mechanism, lengths: NDArray[np.float64], samples: int) -> AtlasRows:
+    step = TURN / samples
+    crank = np.arange(samples) * step
+    winding: NDArray[Any] = mechanism.winding(lengths).astype(np.int8)
+
+    def periodic(angle: NDArray[Any]) -> NDArray[np.float64]:
+        return mechanism.body_angle(lengths, np.ones(len(lengths)), angle) - winding[:, None] * angle
+
+    curve = periodic(crank)
+    average, details = haar.features(curve)
+    stored = details.astype("<f4")
+    read_back = haar.curve_from_features(average, stored)
+    at, midway = interpolate(read_back)
+    error = np.maximum(np.abs(at - curve), np.abs(midway - periodic(crank + step / 2))).max(axis=-1)
+    return AtlasRows(average, stored, winding, np.nextafter((BETWEEN * error).astype("<f4"), np.float32(np.inf)))
+
+
+def interpolate(curve: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Band-limited interpolation of periodic samples, at each and midway to its next, both shaped as ``curve``.
+
+    It is the trigonometric polynomial of all harmonics below the highest, whose phase the samples do not tell; so it does
+    not pass through them.
+    """
+    samples = curve.shape[-1]
+    spectrum = np.fft.rfft(curve, axis=-1)
+    spectrum[..., -1] = 0
+    shift = np.exp(1j * np.pi / samples * np.arange(samples // 2 + 1))
+    return np.fft.irfft(spectrum, samples, axis=-1), np.fft.irfft(spectrum * shift, samples, axis=-1)
+
+
+# -- an atlas ----------------------------------------------------------------------------------------------------------
 
 Parts = Callable[[str], Iterable[NDArray[Any]]]
 """``parts(name)``: a column of `COLUMNS` in parts, one behind the other."""
@@ -105,6 +185,12 @@ class AtlasRule:
                 "/samples", f"must be a power of two from {MIN_SAMPLES} to {MAX_SAMPLES}, found {self.samples}"
             )
 
+    @classmethod
+    def from_json(cls, values: Any) -> AtlasRule:
+        """The rule of such values. Raises ValueError, KeyError or TypeError where they are none."""
+        order = OrderRule(values["order"])
+        return cls(TypeRule(int(values["perimeter"]), int(values["smallest"]), order), int(values["samples"]))
+
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shape of each column."""
@@ -122,14 +208,14 @@ class AtlasRule:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Atlas(Table):
-    """The table of all four-bars of a rule, arrays read-only: what an atlas file holds.
+class AtlasTypes(Types):
+    """The four-bars of a rule, without their rotations.
 
     Attributes
     ----------
     rule : AtlasRule
     generator : dict
-        Versions of what wrote it.
+        Versions of what wrote the atlas.
     known_hash : str, optional
         Its content hash, where that has been computed.
     """
@@ -138,6 +224,22 @@ class Atlas(Table):
     generator: dict[str, str]
     schema: int = SCHEMA
     known_hash: str | None = None
+
+    @classmethod
+    def from_json(cls, values: dict[str, Any], **columns: Any) -> AtlasTypes:
+        """From plain JSON values, and the arrays."""
+        known = {name: values[name] for name in ("generator", "schema", "known_hash")}
+        return cls(rule=AtlasRule.from_json(values["rule"]), **known, **columns)
+
+    def as_json(self) -> dict[str, Any]:
+        """What there is to know of them beside the arrays, as plain JSON values."""
+        facts = {"generator": self.generator, "schema": self.schema, "known_hash": self.known_hash}
+        return {**facts, "rule": self.rule.as_json()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Atlas(AtlasTypes, Table):
+    """The table of all four-bars of a rule, arrays read-only: what an atlas file holds."""
 
     def content_hash(self) -> str:
         """SHA-256 over the raw little-endian arrays and the rule: the same for equal content, however it is packed."""

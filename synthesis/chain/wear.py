@@ -24,17 +24,17 @@ STEP = 1e-5
 
 
 class Worn(NamedTuple):
-    """A chain of another pitch on the same track; lengths in the track's unit."""
+    """A chain of one pitch error on the track and in the slot that were made for the nominal one."""
 
     pitch_error: float
     slack_min: float
-    """Negative: length that is missing at the worst phase."""
+    """Least slack over the phase; negative: length that is missing."""
     slack_max: float
     stretched: bool
-    depth_max: float
-    """How far a taut chain lifts its free pin off the bare track; NaN where the chain is stretched."""
-    beyond_slot: float
-    """How far that is past the slot that was made for the nominal pitch, at most; NaN likewise."""
+    depth_max: float | None
+    """How far a taut chain lifts its free pin off the bare track; null: stretched."""
+    beyond_slot: float | None
+    """How far past the slot that is, at most: the chain is loose by it, or needs a slot that much deeper."""
 
 
 def worn(slot: Slot, pitch_errors: Floats, work: Work | None = None) -> list[Worn]:
@@ -52,7 +52,7 @@ def worn(slot: Slot, pitch_errors: Floats, work: Work | None = None) -> list[Wor
         other = _with_pitch(slot, slot.chain.pitch + error)
         least, most = _slack_range(other)
         if least < -STRETCH_TOLERANCE * other.chain.pitch:
-            found.append(Worn(error, least, most, True, np.nan, np.nan))
+            found.append(Worn(error, least, most, True, None, None))
             continue
 
         def beyond(phase: Floats, other: Slot = other) -> Floats:
@@ -87,20 +87,20 @@ def tightest_pitch_error(slot: Slot, work: Work | None = None) -> float:
     return float(rising_root(rising, low, high, [0.5 * (low + high)], noise=1e-13 * pitch)[0])
 
 
-class Made(NamedTuple):
-    """The least and the largest slack of a chain whose track is made within tolerances."""
+class Corners(NamedTuple):
+    """The layouts at all corners of the tolerances."""
 
     sensitivity: dict[str, float]
     """Change of the least slack per change of each length."""
     slack_min: float
-    """The least over all corners of the tolerances; negative: some of these tracks stretch the chain."""
+    """The least over all corners; negative: some such layouts stretch the chain."""
     slack_max: float
-    corners: int
     slack_min_linear: float
-    """What the sensitivities say of the least: nominal less the sum of their sizes times the tolerances."""
+    """The same by the sensitivities alone."""
+    corners: int
 
 
-def made_within(crescent: Crescent, slot: Slot, tolerances: Mapping[str, float], work: Work | None = None) -> Made:
+def made_within(crescent: Crescent, slot: Slot, tolerances: Mapping[str, float], work: Work | None = None) -> Corners:
     """The chain on every corner of the tolerances of ``wheel_radius, upper_radius, lower_radius, eccentricity, pitch``.
 
     A corner is a layout of its own: the wheels then lie where they touch both arcs.
@@ -127,7 +127,7 @@ def made_within(crescent: Crescent, slot: Slot, tolerances: Mapping[str, float],
     ]
     least, most = zip(*corners)
     linear = slack({})[0] - sum(abs(sensitivity[name]) * tolerance for name, tolerance in varied.items())
-    return Made(sensitivity, min(least), max(most), len(corners), linear)
+    return Corners(sensitivity, min(least), max(most), linear, len(corners))
 
 
 def _with_pitch(slot: Slot, pitch: float) -> Slot:

@@ -81,9 +81,8 @@ class _Directions:
         """sin(theta2 - theta3); NaN at a dead position."""
         self.point = None
         """The vector from the crank pin to the body point."""
-        if linkage.coupler_point is not None:
-            radius, angle = linkage.coupler_point
-            self.point = radius * np.exp(1j * angle) * self.second
+        if linkage.mounted:
+            self.point = linkage.arm * self.second
 
 
 def _dot(one: Complexes, other: Complexes | complex) -> Floats:

@@ -1,4 +1,4 @@
-"""A four-bar as files: CSV for tables, DXF for CAD, MJCF for simulation, JSON for pylinkage.
+"""A four-bar as files: CSV for tables, SVG to look at, DXF for CAD and for cutting, MJCF for simulation, JSON for pylinkage.
 
 Coordinates are the user's own; DXF and MJCF know units, so there `unit_mm` says how many millimetres the user's unit has.
 """
@@ -6,22 +6,30 @@ Coordinates are the user's own; DXF and MJCF know units, so there `unit_mm` says
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import curve_over
-from synthesis.fourbar.drawing import requested_positions, used_joints
 from synthesis.fourbar.kinematics import close_loop
-from synthesis.fourbar.linkage import Linkage
-from synthesis.sheet import csv_text, dxf_document, dxf_text
-from synthesis.target import Target
+from synthesis.fourbar.linkage import Joints, Linkage
+from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
+from synthesis.target import Interval, Target
 
 Complexes = NDArray[np.complex128]
 
+FARTHEST = 1e9
+"""Largest distance from the origin, in longest links, at which coordinates still hold the shape."""
+STYLE = (
+    "<style>path{fill:none;stroke:#1d2733;stroke-width:4;stroke-linejoin:round;stroke-linecap:round}"
+    ".ground{stroke:#7b8794;stroke-dasharray:14 10}.crank{stroke:#c2410c;stroke-width:8}.rocker{stroke-width:8}"
+    ".body{fill:#2563eb33;stroke:#2563eb}.path{stroke:#0f766e}.turn{stroke:#0f766e66;stroke-width:2}"
+    "circle{fill:#fff;stroke:#1d2733;stroke-width:3}.pivot{fill:#1d2733}.pose{fill:#b91c1c;stroke:none}"
+    ".point{fill:#0f766e;stroke:none}text{font:22px sans-serif;fill:#1d2733}.size{font-size:18px;fill:#566272}</style>"
+)
 DXF_COLOURS = {"GROUND": 8, "LINKS": 7, "BODY": 5, "PATH": 1}
 """AutoCAD colour index of each layer."""
 LARGEST_MM = 1e12
@@ -30,6 +38,83 @@ SPEED = 1.0
 """Crank speed of the simulation's drive in radians a second."""
 TIMESTEP = 1e-4
 """Step of the simulation in seconds."""
+PLATE_COLOURS = {"CRANK": 1, "COUPLER": 5, "ROCKER": 3, "GROUND": 8, "MARK": 2}
+"""AutoCAD colour index of each layer."""
+LARGEST_PLATE_MM, LEAST_PLATE_MM = 1e7, 1e-6
+"""Sizes in millimetres between which a plate is drawn."""
+HOLE_OF_SHORTEST, HOLE_OF_LONGEST = 0.3, 0.05
+"""The default diameter of a hole: the lesser of these parts of the shortest and of the longest link."""
+WIDTH_OF_HOLE = 2.5
+_FLAT = 1e-9
+"""A triangle less high than this part of its longest side is a line."""
+
+
+def used_joints(linkage: Linkage, interval: Interval) -> Joints:
+    """The joints over the used interval. FieldError for a linkage that does not close there, at the crank angle that fails."""
+    if max(abs(linkage.pivot_a.real), abs(linkage.pivot_a.imag)) > FARTHEST * max(linkage.links):
+        raise FieldError(
+            "/solution/mount/pivot_a", f"lies more than {FARTHEST:.0e} link lengths from the origin: move the origin"
+        )
+    joints = linkage.over(interval)
+    if not joints.closed:
+        place = int(np.argmin(np.isfinite(joints.coupler_pin))) / (joints.crank_angle.size - 1)
+        first, last = interval
+        raise FieldError(
+            "/solution/links",
+            f"the four links do not close {np.rad2deg(first + place * (last - first)):.6g} degrees after the start",
+        )
+    return joints
+
+
+def requested_positions(target: Target) -> Complexes:
+    """The positions of a target; none where it has none."""
+    return np.empty(0, dtype=complex) if target.position is None else target.position
+
+
+def to_svg(linkage: Linkage, target: Target) -> str:
+    """A drawing at the first sample, y up, with the names of the joints and the lengths of the links."""
+    used, turn = used_joints(linkage, target.interval), linkage.turn()
+    a, b, d, c = used.pivot_a, used.pivot_b, used.crank_pin[0], used.coupler_pin[0]
+    path, marks = used.body_point, requested_positions(target)
+    way = None if turn is None else turn.body_point
+    shown = [np.array([a, b]), used.crank_pin, used.coupler_pin, marks]
+    if path is not None:
+        shown.append(path)
+        if way is not None and np.all(np.isfinite(way)):
+            shown.append(way)
+    sheet = Sheet(np.concatenate(shown), 0.08, 1000, digits=7)
+
+    def line(points: Complexes, name: str, closed: bool = False) -> str:
+        tail = "Z" if closed else ""
+        return f'<path class="{name}" d="M{" L".join(sheet.at(z) for z in points)}{tail}"/>'
+
+    def dot(z: complex, radius: float, name: str) -> str:
+        return sheet.dot(z, radius, f'class="{name}"')
+
+    curves = ""
+    if path is not None:
+        curves = ("" if way is None else line(way, "turn")) + line(path, "path")
+    curves += "".join(dot(mark, 5, "pose") for mark in marks)
+    body = np.array([d, c] if path is None else [d, c, path[0]])
+    pins = dot(a, 11, "pivot") + dot(b, 11, "pivot") + dot(d, 8, "pin") + dot(c, 8, "pin")
+    named = {"A": a, "B": b, "D": d, "C": c} | ({} if path is None else {"P": path[0]})
+    names = "".join(sheet.label(z, name) for name, z in named.items())
+    middles = ((a + d) / 2, (d + c) / 2, (b + c) / 2, (a + b) / 2)
+    sizes = "".join(
+        sheet.label(z, f"{length:.5g}", 'class="size"') for z, length in zip(middles, linkage.links, strict=True)
+    )
+    return sheet.text(
+        "Four-bar linkage: crank {:.6g}, coupler {:.6g}, rocker {:.6g}, ground {:.6g}".format(*linkage.links),
+        [
+            STYLE,
+            f'<g id="GROUND">{line(np.array([a, b]), "ground")}</g>',
+            f'<g id="PATH">{curves}</g>',
+            f'<g id="BODY">{line(body, "body", closed=True)}</g>',
+            f'<g id="LINKS">{line(np.array([a, d]), "crank")}{line(np.array([b, c]), "rocker")}</g>',
+            f"<g>{pins}{'' if path is None else dot(path[0], 7, 'point')}</g>",
+            f'<g id="NAMES">{names}{sizes}</g>',
+        ],
+    )
 
 
 def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Iterable[Any]] | None = None) -> str:
@@ -250,3 +335,144 @@ def to_pylinkage(linkage: Linkage, target: Target) -> str:
         "ground": "ground",
     }
     return json.dumps(mechanism, indent=1, allow_nan=False) + "\n"
+
+
+class _Plate(NamedTuple):
+    """A link as it is cut: its outline keeps half the width from the line or triangle of its holes."""
+
+    name: str
+    outline: list[tuple[float, float, float]]
+    """x, y and bulge (the tangent of a quarter of the arc's angle) of each vertex, counter-clockwise, closed."""
+    holes: list[complex]
+    mark: complex | None
+    """The body point, on the coupler."""
+
+
+def _rounded_outline(corners: Sequence[complex], radius: float) -> list[tuple[float, float, float]]:
+    """The outline at a distance from a line or a convex polygon, with a round at each corner.
+
+    Parameters
+    ----------
+    corners : sequence of complex
+        Counter-clockwise; two are a line.
+    radius : float
+
+    Returns
+    -------
+    list of (x, y, bulge)
+        Law: convex, so free of self-crossing, and nowhere nearer to a corner than ``radius``.
+    """
+    count = len(corners)
+    sides = [corners[(k + 1) % count] - corners[k] for k in range(count)]
+    normals = [-1j * side / abs(side) for side in sides]
+    vertices = []
+    for k, corner in enumerate(corners):
+        turn = float(np.angle(normals[k] / normals[k - 1])) if count > 2 else np.pi
+        for normal, bulge in ((normals[k - 1], np.tan(turn / 4)), (normals[k], 0.0)):
+            place = corner + radius * normal
+            vertices.append((place.real, place.imag, float(bulge)))
+    return vertices
+
+
+def _hull(points: Sequence[complex]) -> list[complex]:
+    """The corners of the convex hull of three points, counter-clockwise; two where they lie on a line."""
+    pairs = [(abs(a - b), a, b) for k, a in enumerate(points) for b in points[k + 1 :]]
+    longest, a, b = max(pairs, key=lambda pair: pair[0])
+    (c,) = [point for point in points if point not in (a, b)] or [a]
+    height = float(np.imag(np.conj(b - a) * (c - a))) / longest
+    if abs(height) <= _FLAT * longest:
+        return [a, b]
+    return [a, b, c] if height > 0 else [a, c, b]
+
+
+def _plates_of(linkage: Linkage, hole: float, width: float) -> list[_Plate]:
+    """Crank, coupler, rocker and ground as plates, each with its first hole at the origin and its second on the x axis."""
+    plates = []
+    for name, length in zip(("CRANK", "COUPLER", "ROCKER", "GROUND"), linkage.links):
+        holes, corners, mark = [0j, complex(length)], [0j, complex(length)], None
+        if name == "COUPLER" and linkage.coupler_point is not None:
+            radius, angle = linkage.coupler_point
+            mark = complex(radius * np.exp(1j * angle))
+            corners = _hull([*holes, mark])
+            # a hole that would run into another one is left out: the mark alone says where the body point is
+            if min(abs(mark - other) for other in holes) > hole:
+                holes.append(mark)
+        plates.append(_Plate(name, _rounded_outline(corners, width / 2), holes, mark))
+    return plates
+
+
+def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None, width: float | None = None) -> str:
+    """The links as plates for cutting, a DXF file in millimetres.
+
+    Parameters
+    ----------
+    linkage : Linkage
+    unit_mm : float
+        Millimetres in the unit of its lengths.
+    hole, width : float, optional
+        Diameter of the holes and width of the plates, in the unit of the lengths; the defaults go by the shortest and the longest
+        link.
+
+    Returns
+    -------
+    str
+        A layer a link (CRANK, COUPLER, ROCKER, GROUND) with one closed contour and its holes; on MARK the names and the body
+        point. The coupler's plate reaches to the body point and has a hole there. Law: contours are closed, do not cross
+        themselves or one another, and keep ``(width - hole) / 2`` around each hole.
+
+    Raises
+    ------
+    FieldError
+        For a hole that leaves no material: wider than the plate, or than the distance of two joints.
+    """
+    shortest, longest = min(linkage.links), max(linkage.links)
+    if hole is None:
+        most = np.inf if width is None else width / WIDTH_OF_HOLE
+        hole = min(HOLE_OF_SHORTEST * shortest, HOLE_OF_LONGEST * longest, most)
+    width = WIDTH_OF_HOLE * hole if width is None else width
+    for name, size in (("hole", hole), ("width", width)):
+        if not LEAST_PLATE_MM <= size * unit_mm <= LARGEST_PLATE_MM:
+            raise FieldError(
+                f"/plates/{name}", f"wanted {LEAST_PLATE_MM:g} to {LARGEST_PLATE_MM:g} mm, found {size * unit_mm:g}"
+            )
+    if not hole < width:
+        raise FieldError("/plates/hole", f"wanted less than the width {width:g}, found {hole:g}")
+    if not hole < shortest:
+        raise FieldError("/plates/hole", f"wanted less than the shortest link {shortest:g}, found {hole:g}")
+    plates = _plates_of(linkage, hole, width)
+    largest = max(abs(complex(x, y)) for plate in plates for x, y, _ in plate.outline)
+    if not largest * unit_mm <= LARGEST_PLATE_MM:
+        raise FieldError(
+            "/length_unit", f"wanted plates of at most {LARGEST_PLATE_MM:g} mm, found {largest * unit_mm:g}"
+        )
+    return dxf_text(_drawn_plates(plates, hole, width, unit_mm))
+
+
+def _drawn_plates(plates: Sequence[_Plate], hole: float, width: float, unit_mm: float) -> object:
+    """The document: one plate below the other."""
+    document = dxf_document(PLATE_COLOURS, 4)
+    space = document.modelspace()
+    below = 0.0
+    for plate in plates:
+        # an arc reaches beyond its ends, at most to half the width from the corner that it goes around
+        low = min(y for _, y, _ in plate.outline) - width / 2
+        high = max(y for _, y, _ in plate.outline) + width / 2
+        lift = below - high
+        below += low - high
+
+        def at(point: complex, lift: float = lift) -> tuple[float, float]:
+            return point.real * unit_mm, (point.imag + lift) * unit_mm
+
+        space.add_lwpolyline(
+            [(*at(complex(x, y)), bulge) for x, y, bulge in plate.outline],
+            format="xyb",
+            close=True,
+            dxfattribs={"layer": plate.name},
+        )
+        for centre in plate.holes:
+            space.add_circle(at(centre), hole / 2 * unit_mm, dxfattribs={"layer": plate.name})
+        if plate.mark is not None:
+            space.add_point(at(plate.mark), dxfattribs={"layer": "MARK"})
+        text = space.add_text(plate.name.lower(), height=0.3 * (width - hole) * unit_mm, dxfattribs={"layer": "MARK"})
+        text.set_placement(at(complex(hole, -0.15 * (width - hole))))
+    return document

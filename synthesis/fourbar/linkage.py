@@ -84,6 +84,13 @@ class Linkage:
         return complex(self.pivot_a + self.links[3] * np.exp(1j * self.ground_angle))
 
     @property
+    def arm(self) -> complex:
+        """The body point from the crank pin in the coupler's frame, L_P e^{i theta_P}; for one with a body point."""
+        assert self.coupler_point is not None
+        radius, angle = self.coupler_point
+        return complex(radius * np.exp(1j * angle))
+
+    @property
     def mounted(self) -> bool:
         """Whether it has a place in the user's plane."""
         return self.coupler_point is not None
@@ -167,3 +174,42 @@ class Linkage:
             coupler_point=None if point is None else (point[0], -point[1]),
             body_offset=None if self.body_offset is None else -self.body_offset,
         )
+
+
+Cognate = tuple[tuple[float, float, float, float], tuple[complex, complex]]
+"""Lengths crank, coupler, rocker, ground, and the fixed pivots of crank and rocker."""
+
+_NEAR = 1e-4
+
+
+def cognates(linkage: Linkage) -> list[Cognate]:
+    """The two others of a mounted linkage; each may be driven from either side.
+
+    Law: the cognates of a cognate are the linkage itself and the other one.
+    """
+    l1, l2, l3, l4 = linkage.links
+    part = linkage.arm / l2
+    a, b = linkage.pivot_a, linkage.pivot_b
+    third = complex(a + part * (b - a))
+    first, second = abs(part), abs(1 - part)
+    return [
+        ((first * l2, first * l1, first * l3, first * l4), (a, third)),
+        ((second * l1, second * l3, second * l2, second * l4), (third, b)),
+    ]
+
+
+def are_cognates(one: Linkage, other: Linkage) -> bool:
+    """Whether two mounted linkages are cognates of each other, to 1e-4 of their size."""
+    mine = (other.links, (other.pivot_a, other.pivot_b))
+    return any(
+        _alike(lengths, pivots, *mine) or _alike(lengths[2::-1] + lengths[3:], pivots[::-1], *mine)
+        for lengths, pivots in cognates(one)
+    )
+
+
+def _alike(
+    lengths: tuple[float, ...], pivots: tuple[complex, ...], other: tuple[float, ...], others: tuple[complex, ...]
+) -> bool:
+    size = max(other)
+    gaps = [abs(a - b) for a, b in zip(lengths + pivots, other + others)]
+    return max(gaps) < _NEAR * size

@@ -3,31 +3,111 @@
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from synthesis.fourbar.charts import AnyChart, FullCrankChart
+from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.kinematics import close_loop, coupler_angle, wrap
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.kinematics import coupler_angle, wrap
+from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.solution import Solution, assess, four, mounted
-from synthesis.fourbar.within import bounded_types, keeps, ways, within
-from synthesis.mechanism import Bounded, Placed
-from synthesis.target import TURN, Target
+from synthesis.fourbar.solution import assess, four, keeps, mounted, within
+from synthesis.mechanism import Bounded, BoundedChart, Box, Boxes
+from synthesis.target import TURN, Samples
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 _TABLE_PERIMETER = 40
+_PERIMETER = 32
+_EDGE = 1e-5
+"""An excess of types next to a change point, of the sum of shortest link and excesses."""
+_ANY = (1.0, 1.7, 3.0, 4.5)
+"""Length ratios of types of all families."""
+_EVERYWHERE: Box = (-np.inf, -np.inf, np.inf, np.inf)
+
+
+def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bounded]:
+    """How four-bars within limits are looked for: among full cranks, and then, where any family will do, among all.
+
+    ``posed``: whether the pose is an unknown beside the shape; default: where limits concern it.
+    """
+    if posed is None:
+        posed = target.position is not None and not limits.on_shape
+    middle, scale, boxes = 0j, 1.0, None
+    if posed:
+        assert target.position is not None
+        middle, scale = complex(target.position_mean(target.position)), target.length_scale
+        boxes = _boxes(limits, middle, scale)
+    constraints = Constraints(limits, middle, scale, exact=False)
+    on_shape = Constraints(limits.of_shape if posed else limits)
+    charts: list[BoundedChart] = [GrashofChart(scaled=not posed)]
+    if limits.family == "any":
+        charts.append(LengthsChart())
+    return [Bounded(chart, constraints, on_shape, boxes) for chart in charts]
+
+
+def _boxes(limits: Limits, middle: complex, scale: float) -> Boxes:
+    """Where the limits leave pivots and lengths: as far as boxes can say it."""
+    places = []
+    for name in ("pivot_a", "pivot_b"):
+        box, given, reach = limits.box(f"{name}_box") or _EVERYWHERE, getattr(limits, name), limits.pivot_reach
+        if given is not None:
+            box = (given.real, given.imag, given.real, given.imag)
+        elif reach is not None and (far := getattr(reach, name)) is not None:
+            x, y = reach.middle.real, reach.middle.imag
+            low, high = np.maximum(box[:2], [x - far, y - far]), np.minimum(box[2:], [x + far, y + far])
+            box = (*low.tolist(), *high.tolist())
+        corner = np.array([middle.real, middle.imag])
+        low, high = (np.array(box[:2]) - corner) / scale, (np.array(box[2:]) - corner) / scale
+        places.append((*low.tolist(), *high.tolist()))
+    shortest, longest = np.full(4, (limits.link_min or 0.0) / scale), np.full(4, (limits.link_max or np.inf) / scale)
+    for k, length in enumerate(limits.links):
+        if length is not None:
+            shortest[k] = longest[k] = length / scale
+    if limits.pivot_a is not None and limits.pivot_b is not None:
+        shortest[3] = longest[3] = abs(limits.pivot_b - limits.pivot_a) / scale
+    return Boxes(places[0], places[1], shortest, longest)
+
+
+def bounded_types(family: str) -> Floats:
+    """Lengths (T, 4) of the types that a search within limits begins with.
+
+    Full cranks of a small perimeter, and others next to each change point and to two at once: with the fold of a change point
+    inside the window a curve is kinked, and no smooth descent leads there. For any family rockers as well.
+    """
+    full = enumerate_types(TypeRule(_PERIMETER, 1, OrderRule.FULL_CRANK)).astype(float)
+    chart = GrashofChart()
+    edges = []
+    for least, share in product((0.04, 0.2, 0.4, 0.65), (0.15, 0.5, 0.85)):
+        rest = np.array([_EDGE, (1 - least) * share, (1 - least) * (1 - share)])
+        edges += [[side * least, *np.roll(rest, k)] for k in range(3) for side in (1, -1)]
+    for least in (0.03, 0.1, 0.25, 0.45, 0.65, 0.85):
+        rest = np.array([1 - least, _EDGE, _EDGE])
+        edges += [[side * least, *np.roll(rest, k)] for k in range(3) for side in (1, -1)]
+    lengths = np.concatenate([full, chart.shape(chart.within(np.array(edges))).lengths])
+    if family == "any":
+        others = np.array(list(product(_ANY, repeat=4)))
+        others = others[2 * others.max(axis=1) < others.sum(axis=1)]
+        others = np.unique(np.round(others / others.sum(axis=1, keepdims=True), 9), axis=0)
+        return np.concatenate([lengths, others[~in_family("full_crank", others)]])
+    return lengths[in_family(family, lengths)]
 
 
 class FourBar:
-    """The four-bar whose coupler is the body; lengths are crank, coupler, rocker, ground."""
+    """The four-bar whose coupler is the body; lengths are crank, coupler, rocker, ground. See `synthesis.mechanism.Mechanism`."""
 
     branches = (1, -1)
+    body_angle = staticmethod(coupler_angle)
+    bounded = staticmethod(ways)
+    bounded_types = staticmethod(bounded_types)
+    keeps = staticmethod(keeps)
+    within = staticmethod(within)
+    mounted = staticmethod(mounted)
+    assess = staticmethod(assess)
 
     @cached_property
     def coarse_types(self) -> Floats:
@@ -37,15 +117,6 @@ class FourBar:
     def winding(self, lengths: Floats) -> NDArray[np.int8]:
         """One for double-cranks, whose coupler turns with the crank; for full cranks only."""
         return (lengths[:, 0] > lengths[:, 3]).astype(np.int8)
-
-    def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
-        """The coupler angle."""
-        return coupler_angle(lengths, branch, crank)
-
-    def body_angle_gradient(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> tuple[Floats, Floats]:
-        """The coupler angle and its derivatives by the four lengths and theta1."""
-        closure = close_loop(lengths, crank)
-        return closure.coupler_angle(branch), closure.coupler_angle_gradient(branch)
 
     def in_family(self, family: str, lengths: Floats) -> NDArray[np.bool_]:
         """Which full-crank types are of a family of `limits.FAMILIES`."""
@@ -57,26 +128,6 @@ class FourBar:
         if family == "any":
             return [FullCrankChart(), AnyChart()]
         return [FullCrankChart({"crank_rocker": -1, "double_crank": 1}.get(family, 0))]
-
-    def bounded(self, target: Target, limits: Limits) -> list[Bounded]:
-        """The ways to look within limits; see `within.ways`."""
-        return ways(target, limits)
-
-    def bounded_types(self, family: str) -> Floats:
-        """Coarse types of a family, change points among them."""
-        return bounded_types(family)
-
-    def keeps(self, target: Target, limits: Limits, placed: Placed) -> NDArray[np.bool_]:
-        """Which linkages keep limits."""
-        return keeps(target, limits, placed)
-
-    def within(self, target: Target, limits: Limits, solutions: list[Solution]) -> list[Solution]:
-        """The solutions that keep limits."""
-        return within(target, limits, solutions)
-
-    def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[Linkage]:
-        """Linkages in their best pose."""
-        return mounted(target, lengths, branch, start)
 
     def posed(
         self, lengths: Floats, branch: Floats, start: Floats, pose: tuple[Complexes, Floats, Complexes] | None
@@ -93,10 +144,6 @@ class FourBar:
             for one, a, turn, z in zip(linkages, *pose)
         ]
 
-    def assess(self, target: Target, linkages: list[Linkage], rows: list[int] | None = None) -> list[Solution]:
-        """Linkages with their errors."""
-        return assess(target, linkages, rows)
-
 
 class RockerOutput(FourBar):
     """The four-bar whose rocker is the body: it turns as the coupler of the linkage with coupler and rocker exchanged.
@@ -104,17 +151,11 @@ class RockerOutput(FourBar):
     Law: theta3(L1, L2, L3, L4; branch) = theta2(L1, L3, L2, L4; -branch) + pi, up to whole turns.
     """
 
-    def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
+    @staticmethod
+    def body_angle(lengths: ArrayLike, branch: ArrayLike, crank_angle: ArrayLike) -> Floats:
         """The rocker angle."""
-        return super().body_angle(lengths[:, _EXCHANGED], -np.asarray(branch), crank) + np.pi
+        return coupler_angle(np.asarray(lengths)[:, [0, 2, 1, 3]], -np.asarray(branch), crank_angle) + np.pi
 
-    def body_angle_gradient(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> tuple[Floats, Floats]:
-        """The rocker angle and its derivatives by the four lengths and theta1."""
-        angle, slope = super().body_angle_gradient(lengths[:, _EXCHANGED], -np.asarray(branch), crank)
-        return angle + np.pi, slope[..., [*_EXCHANGED, 4]]
-
-
-_EXCHANGED = [0, 2, 1, 3]
 
 FOURBAR = FourBar()
 """The mechanism of the atlas and of `synthesize`."""

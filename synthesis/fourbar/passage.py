@@ -17,14 +17,25 @@ side the sign of sin(theta1 - theta2).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from synthesis.fourbar.kinematics import close_loop, grashof_excesses
-from synthesis.target import TURN
+from synthesis.fourbar.kinematics import Closure, close_loop, grashof_excesses
+from synthesis.fourbar.limits import (
+    LINK_RATIO,
+    REACH,
+    TRANSMISSION_ANGLE,
+    TRANSMISSION_ANGLE_TURN,
+    Limits,
+    placed_by,
+)
+from synthesis.fourbar.linkage import Linkage
+from synthesis.target import TURN, Samples
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -213,3 +224,381 @@ def from_the_rocker(lengths: ArrayLike, crank_angle: ArrayLike, side: ArrayLike)
     theta2 = np.where(side > 0, closure.coupler_angle(1), closure.coupler_angle(-1))
     across = np.sin(closure.crank_angle - theta2)
     return lengths[:, [2, 1, 0, 3]], np.pi - theta3, np.where(across >= 0, 1.0, -1.0)
+
+
+NAMED = 3
+"""A reason names as many samples, or pairs of neighbours, and counts the rest."""
+_ROUNDED = 1e-9
+"""Part by which a limit may seem broken that is kept to rounding."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a linkage passes the samples of its motion.
+
+    Attributes
+    ----------
+    order : bool
+        Judged by the crank angles alone: a crank that turns one way passes them in the order asked for.
+    branch : bool
+        The sign of sin(theta2 - theta3) is the same at all samples.
+    circuit : bool
+        All samples, and all between, lie on one circuit.
+    driver : str or None
+        "crank": it drives the linkage through all samples in order, turning one way (order, branch and circuit are true);
+        "rocker": the crank cannot, but the rocker can; None: neither can.
+    uncertain : bool
+        Nearer to a change point than `passage.NEAR_CHANGE_POINT`.
+    reasons : tuple of str
+        A sentence for each defect; samples count from 1.
+    """
+
+    order: bool
+    branch: bool
+    circuit: bool
+    driver: str | None
+    uncertain: bool
+    reasons: tuple[str, ...]
+
+
+def verdicts(
+    linkages: Sequence[Linkage],
+    crank_angle: ArrayLike,
+    side: ArrayLike,
+    *,
+    ordered: bool = True,
+    closed: bool = False,
+    timed: bool = False,
+) -> list[Verdict]:
+    """The `Verdict` of each linkage; arguments as of `passage`, one row a linkage."""
+    if not linkages:
+        return []
+    lengths = np.array([one.links for one in linkages])
+    angle, side = np.asarray(crank_angle, dtype=float), np.asarray(side)
+    crank = passage(lengths, angle, side, ordered=ordered, closed=closed, timed=timed)
+    rest = np.flatnonzero(crank.circuit & ~crank.driven)
+    by_rocker = np.zeros(len(lengths), dtype=bool)
+    if rest.size:
+        other = from_the_rocker(lengths[rest], angle[rest], side[rest])
+        by_rocker[rest] = passage(*other, ordered=ordered, closed=closed).driven
+    found = []
+    columns = (crank.order, crank.branch, crank.circuit, crank.uncertain, crank.driven, by_rocker)
+    for k, (order, branch, circuit, uncertain, driven, otherwise) in enumerate(
+        zip(*(one.tolist() for one in columns))
+    ):
+        driver = "crank" if driven else "rocker" if otherwise else None
+        reasons = _reasons(crank, k, driver) if uncertain or not driven else ()
+        found.append(Verdict(order, branch, circuit, driver, uncertain, reasons))
+    return found
+
+
+def _reasons(crank: Passage, k: int, driver: str | None) -> tuple[str, ...]:
+    """A sentence for each defect of linkage ``k``."""
+    reasons = []
+    if not np.all(crank.closes[k]):
+        numbers = [str(place + 1) for place in np.flatnonzero(~crank.closes[k])]
+        reasons.append(f"the linkage does not close at {_listed(numbers)}")
+    if np.any(flags := crank.open_between[k]):
+        reasons.append(f"the linkage does not close everywhere between {_named(flags)}")
+    if np.any(flags := crank.other_branch[k]):
+        reasons.append(f"{_named(flags)} lie on different branches")
+    if np.any(flags := crank.other_circuit[k]):
+        reasons.append(
+            f"{_named(flags)} lie on different circuits: the linkage would have to be taken apart between them"
+        )
+    if np.all(crank.closes[k]) and np.any(flags := crank.out_of_order[k] & ~crank.other_circuit[k]):
+        first = int(np.argmax(flags)) + 1
+        reasons.append(f"a crank that turns one way does not pass samples {first} and {first + 1} in this order")
+    if crank.no_return[k]:
+        reasons.append("the crank only swings: turning one way it does not come from the last sample to the first")
+    if driver == "rocker":
+        reasons.append("only the rocker can drive the linkage through the samples, not the crank")
+    elif driver is None:
+        reasons.append("neither crank nor rocker can drive the linkage through the samples, turning one way")
+    if crank.uncertain[k]:
+        reasons.append("the linkage is so near a change point that it may pass from one circuit to the other")
+    return tuple(reasons)
+
+
+def _named(flags: Flags) -> str:
+    """The pairs of neighbours (N - 1,) that are flagged: "samples 2 and 3", "samples 2/3, 7/8"."""
+    first = np.flatnonzero(flags) + 1
+    return _listed(f"{first[0]} {first[0] + 1}".split() if first.size == 1 else [f"{k}/{k + 1}" for k in first])
+
+
+def _listed(names: list[str]) -> str:
+    """Samples by name, the first few: "sample 2", "samples 2 and 3", "samples 2, 3, 4 and 5 more"."""
+    if len(names) == 1:
+        return f"sample {names[0]}"
+    rest = len(names) - NAMED
+    named, last = (names[:NAMED], f"{rest} more") if rest > 0 else (names[:-1], names[-1])
+    return f"samples {', '.join(named)} and {last}"
+
+
+class Built(Protocol):
+    """What practical limits look at."""
+
+    @property
+    def linkage(self) -> Linkage:
+        """The linkage."""
+
+    @property
+    def transmission_angle_min(self) -> float:
+        """Over the used interval."""
+
+    @property
+    def transmission_angle_min_turn(self) -> float | None:
+        """Over the whole turn; None where the crank does not turn fully."""
+
+
+def practical_faults(solution: Built, samples: Samples, limits: Limits, excursion: float | None = None) -> list[str]:
+    """A sentence for each practical limit that a solution breaks; what a request limits itself is judged by its own limit.
+
+    Parameters
+    ----------
+    solution : Solution, or whatever is built like one
+    samples : Samples
+        The motion; without positions lengths are ratios, and only those are judged.
+    limits : Limits
+        Of the request.
+    excursion : float, optional
+        Of the body point between samples, see `excursion.excursions`.
+    """
+    linkage, faults = solution.linkage, []
+
+    def angle(found: float, wanted: float, where: str) -> None:
+        if found < wanted - _ROUNDED:
+            degrees = np.rad2deg([found, wanted])
+            faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
+
+    angle(
+        solution.transmission_angle_min, limits.transmission_angle_min or TRANSMISSION_ANGLE, "over the used interval"
+    )
+    if solution.transmission_angle_min_turn is not None:
+        least = limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN
+        angle(solution.transmission_angle_min_turn, least, "over the whole turn")
+    ratio, most = max(linkage.links) / min(linkage.links), limits.link_ratio_max or LINK_RATIO
+    if ratio > most * (1 + _ROUNDED):
+        faults.append(f"longest link {ratio:.3g} times the shortest, above {most:g}")
+    if samples.position is not None:
+        extent, middle = samples.extent, complex(samples.position_mean(samples.position))
+        longest = max(linkage.links)
+        if limits.link_max is None and longest > REACH * extent:
+            faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {REACH:g}")
+        pivots = {"pivot_a": linkage.pivot_a, "pivot_b": linkage.pivot_b}
+        far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
+        if far and max(far) > REACH * (1 + _ROUNDED):
+            faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {REACH:g}")
+    if excursion is not None and excursion > LEAVES_SAMPLES:
+        faults.append(
+            f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"
+        )
+    return faults
+
+
+def size_of(linkage: Linkage, samples: Samples) -> float | None:
+    """Largest of the links, the coupler point's radius and the pivots' distances from the motion's middle, over its extent.
+
+    None without positions.
+    """
+    if samples.position is None or linkage.coupler_point is None:
+        return None
+    middle = complex(samples.position_mean(samples.position))
+    reach = (abs(linkage.pivot_a - middle), abs(linkage.pivot_b - middle))
+    return float(max(*linkage.links, linkage.coupler_point[0], *reach)) / samples.extent
+
+
+Complexes = NDArray[np.complex128]
+
+LEAVES_SAMPLES = 2.5
+"""Above this excursion the curve leaves the samples in between."""
+SHORTEST_CHORD = 0.05
+"""Of the length scale: shorter chords count as this long."""
+PANEL = np.deg2rad(15.0)
+"""Longest panel of the rule for arc lengths, in the coordinate round the circuit."""
+HALVINGS = 14
+"""A panel is halved so often at most; a cusp of the curve needs it."""
+ACCURACY = 1e-8
+"""Estimated error of a panel, of the whole way between two samples, above which it is halved."""
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+# of values at the nodes, the last two coefficients of their Legendre series
+TAIL = (np.polynomial.legendre.legvander(NODES, 7) * WEIGHTS[:, None] * (np.arange(8) + 0.5))[:, 6:]
+
+
+@dataclass(frozen=True)
+class RoundCircuit:
+    """A coordinate that runs once round each circuit, 0 to 2 pi; arrays of shape (n, 1).
+
+    It is theta1 where the crank turns fully. A crank that swings between theta1 = ``low`` and ``low + width`` moves as
+    ``low + width sin^2(t/2)``, out on side +1 (0 < t < pi) and back on side -1: where the sides meet, at the ends of the
+    swing, theta2 is infinitely fast in theta1 and smooth in t.
+    """
+
+    lengths: Floats
+    turns: NDArray[np.bool_]
+    low: Floats
+    width: Floats
+    side: Floats
+
+    @classmethod
+    def through(cls, lengths: Floats, crank_angle: Floats, side: Floats) -> tuple[RoundCircuit, Floats]:
+        """The coordinate on the circuit of the first sample, and where samples (n, N) are in it."""
+        where = Circuits.of(lengths)
+        within, _ = where.swing(crank_angle)
+        a, b, c = grashof_excesses(lengths)
+        product = 4 * lengths[:, 0] * lengths[:, 3]
+        # Y = 0 and X = 0 of `kinematics`; zero where the crank can be in line with the ground
+        nearest = 2 * np.arcsin(np.sqrt(np.clip(-a * b / product, 0, 1)))[:, None]
+        farthest = 2 * np.arccos(np.sqrt(np.clip(-c * lengths.sum(axis=-1) / product, 0, 1)))[:, None]
+        low, high = np.where(where.at_zero, -farthest, nearest), np.where(where.at_pi, TURN - nearest, farthest)
+        beyond = ~(where.at_zero | where.at_pi) & (within[:, :1] > np.pi)
+        low, high = np.where(beyond, TURN - high, low), np.where(beyond, TURN - low, high)
+        half = np.arctan2(np.sqrt(np.maximum(within - low, 0)), np.sqrt(np.maximum(high - within, 0)))
+        return cls(lengths, where.turns, low, high - low, side[:, :1]), np.where(
+            where.turns, crank_angle, 2 * side * half
+        )
+
+    def of_rows(self, row: NDArray[np.intp]) -> RoundCircuit:
+        """Those of some linkages, also repeated."""
+        return RoundCircuit(self.lengths[row], self.turns[row], self.low[row], self.width[row], self.side[row])
+
+    def closure(self, place: Floats) -> tuple[Closure, Floats, Floats]:
+        """The loop at places (n, m), the sides, and theta2."""
+        angle = np.where(self.turns, place, self.low + self.width * np.sin(place / 2) ** 2)
+        side = np.where(self.turns, self.side, np.where(np.sin(place) >= 0, 1.0, -1.0))
+        closure = close_loop(self.lengths, angle)
+        return closure, side, closure.diagonal_angle + side * 2 * np.arctan2(*closure.coupler_half_angle)
+
+    def speed(self, place: Floats, point: Complexes) -> Floats:
+        """|dP/dt| at places (n, m); ``point`` (n, 1) is P - D in the coupler's frame."""
+        closure, side, theta2 = self.closure(place)
+        angle = closure.crank_angle
+        rate = np.where(self.turns, 1.0, self.width / 2 * np.sin(place))
+        l1, l2, _, l4 = (closure.lengths[..., k] for k in range(4))
+        # the loop's derivative, times e^{-i theta3}: theta2' = -L1 sin(t1 - t3) / (L2 sin(t2 - t3)), both over L3
+        root = np.sqrt(closure.excess_x * closure.excess_y)
+        slope = -2 * l1 * side * (l2 * np.sin(theta2 - angle) + l4 * np.sin(angle)) / np.where(root > 0, root, np.nan)
+        crank = self.lengths[:, :1] * np.exp(1j * angle)
+        # at the very end of a swing 0 / 0 in double precision; the panel's other nodes stand for it
+        return np.nan_to_num(np.abs(rate * (crank + point * slope * np.exp(1j * theta2))))
+
+    def body_point(self, place: Floats, point: Complexes) -> Complexes:
+        """P at places (n, m), in the ground frame."""
+        closure, _, theta2 = self.closure(place)
+        return self.lengths[:, :1] * np.exp(1j * closure.crank_angle) + point * np.exp(1j * theta2)
+
+
+def excursions(
+    linkages: Sequence[Linkage],
+    crank_angle: ArrayLike,
+    side: ArrayLike,
+    length_scale: float,
+    *,
+    ordered: bool = True,
+    closed: bool = False,
+    timed: bool = False,
+    carried: ArrayLike | None = None,
+) -> list[float | None]:
+    """The excursion of each linkage's body point.
+
+    It is the largest, over neighbouring samples in the order in which they are passed, of the length of the curve between them
+    over their distance; a distance below `SHORTEST_CHORD` of the length scale counts as that. Above `LEAVES_SAMPLES` the curve
+    goes somewhere between two samples that nobody asked for. Where order is not required, the widest gap is left out.
+
+    Accurate to 1e-6 of its value, or to rounding of the positions near a change point.
+
+    Parameters
+    ----------
+    linkages : sequence of Linkage
+        Mounted ones.
+    crank_angle, side, ordered, closed, timed
+        As of `passage.passage`, one row a linkage.
+    length_scale : float
+        l of the objective, in the linkages' unit.
+    carried : array_like of bool, shape (n,), optional
+        Whether one circuit carries all samples, `Passage.circuit`, where that is known already.
+
+    Returns
+    -------
+    list of float or None
+        At least 1 where no distance is below the shortest; None without a body point, and where no circuit carries all samples.
+        Law: the same for reversed samples, and for linkages and length scale times k.
+    """
+    found: list[float | None] = [None] * len(linkages)
+    crank_angle, side = np.asarray(crank_angle, dtype=float), np.asarray(side)
+    mounted = [k for k, one in enumerate(linkages) if one.mounted]
+    if not mounted:
+        return found
+    lengths = np.array([linkages[k].links for k in mounted])
+    angle, side = crank_angle[mounted], side[mounted]
+    if carried is None:
+        carried = passage(lengths, angle, side, ordered=ordered, closed=closed, timed=timed).circuit
+    else:
+        carried = np.asarray(carried)[mounted]
+    rows = np.array(mounted)[carried]
+    if not rows.size:
+        return found
+    lengths, angle, side = lengths[carried], angle[carried], side[carried]
+    radius, direction = np.array([linkages[k].coupler_point for k in rows]).T
+    point = (radius * np.exp(1j * direction))[:, None]
+    circuit, place = RoundCircuit.through(lengths, angle, side)
+    first, step = _ways(place, circuit.turns, ordered, closed, timed)
+    arc = _arcs(circuit, point, first, step)
+    ends = circuit.body_point(np.concatenate([first, first + step], axis=-1), point)
+    chord = np.abs(np.subtract(*np.split(ends, 2, axis=-1)))
+    ratio = np.max(arc / np.maximum(chord, SHORTEST_CHORD * length_scale), axis=-1)
+    for k, value in zip(rows, ratio):
+        found[k] = float(value)
+    return found
+
+
+def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) -> Floats:
+    """Lengths of the curve between places ``first`` and ``first + step``, shape (n, m).
+
+    Gauss-Legendre sums of |dP/dt| with eight nodes to a panel of 15 degrees at most, halved where needed. With values that are
+    analytic the coefficients of their Legendre series fall geometrically, those of degree 6 and 7 by a factor q and the
+    error of the sum, of degree 16, by about q^(16/7); Trefethen, Approximation Theory and Approximation Practice, chapter 19.
+    """
+    panels = np.maximum(np.ceil(np.abs(step) / PANEL), 1).astype(int).ravel()
+    gap = np.repeat(np.arange(panels.size), panels)
+    width = (step.ravel() / panels)[gap]
+    begin = first.ravel()[gap] + (np.arange(gap.size) - (np.cumsum(panels) - panels)[gap]) * width
+    arc: Floats = np.zeros(step.size)
+    allowed: Floats = np.zeros(step.size)
+    for halved in range(HALVINGS + 1):
+        row = gap // step.shape[1]
+        nodes = begin[:, None] + width[:, None] * ((NODES + 1) / 2)
+        speed = circuit.of_rows(row).speed(nodes, point[row])
+        mean = speed @ WEIGHTS / 2
+        part = np.abs(width) * mean
+        if not halved:
+            allowed[:] = ACCURACY * np.bincount(gap, part, minlength=arc.size)
+        tail = np.max(np.abs(speed @ TAIL), axis=-1) / np.where(mean > 0, mean, 1.0)
+        rough = part * tail ** (16 / 7) > allowed[gap]
+        if halved == HALVINGS:
+            rough[:] = False
+        arc += np.bincount(gap[~rough], part[~rough], minlength=arc.size)
+        gap, begin, width = gap[rough].repeat(2), begin[rough].repeat(2), width[rough].repeat(2) / 2
+        begin[1::2] += width[1::2]
+        if not gap.size:
+            break
+    return arc.reshape(step.shape)
+
+
+def _ways(place: Floats, turns: NDArray[np.bool_], ordered: bool, closed: bool, timed: bool) -> tuple[Floats, Floats]:
+    """Where the ways between neighbours begin, and how far they lead, (n, N - 1), or (n, N) where closed."""
+    if not ordered:
+        place = np.sort(place % TURN, axis=-1)
+        step = np.diff(place, axis=-1, append=place[:, :1] + TURN)
+        if not closed:
+            widest = np.argmax(step, axis=-1)[:, None]
+            rest = (widest + 1 + np.arange(place.shape[-1] - 1)) % place.shape[-1]
+            place, step = np.take_along_axis(place, rest, axis=-1), np.take_along_axis(step, rest, axis=-1)
+        return place, step
+    steps, way = one_way(np.diff(place, axis=-1))
+    step = way * steps
+    if timed:
+        step = np.where(turns, np.diff(place, axis=-1), step)
+    if not closed:
+        return place[:, :-1], step
+    return place, np.concatenate([step, way * ((way * (place[:, :1] - place[:, -1:])) % TURN)], axis=-1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,13 +17,17 @@ from synthesis.fourbar.kinematics import (
     transmission_angle_over,
     wrap,
 )
+from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.linkage import Linkage
-from synthesis.pose import fit_positions
+from synthesis.mechanism import Placed
+from synthesis.pose import DEGENERATE, fit_positions
 from synthesis.ranking import Errors, motion_errors
-from synthesis.target import TURN, Interval, Target
+from synthesis.target import TURN, Interval, Samples, Target
 
 Floats = NDArray[np.float64]
 
+_KEPT = 1e-12
+"""To which, over the largest number involved, an answer must keep a given length or place."""
 ALIKE = 0.02
 """Part by which lengths of linkages that look alike in a picture differ at most."""
 
@@ -185,3 +189,58 @@ def assess(target: Target, linkages: list[Linkage], rows: list[int] | None = Non
             )
         )
     return solutions
+
+
+def keeps(target: Samples, limits: Limits, placed: Placed, rounding: float = 0.0) -> NDArray[np.bool_]:
+    """Which linkages, placed in the user's unit, keep limits, (n,).
+
+    Parameters
+    ----------
+    target : Samples
+        Whose mean position and length scale the constraints are measured in.
+    limits : Limits
+    placed : Placed
+    rounding : float
+        Part of the longest length by which a limit may be broken.
+    """
+    if limits.family == "any":
+        holds = transmission_angle_over(placed.lengths, placed.used) > 0
+    else:
+        holds = in_family(limits.family, placed.lengths)
+    if limits.only_family:
+        return holds
+    middle, scale = 0j, 1.0
+    if placed.pivot is not None:
+        assert target.position is not None
+        middle, scale = complex(target.position_mean(target.position)), target.length_scale
+        placed = placed.over(middle, scale)
+    found = Constraints(limits, middle, scale)(placed)
+    size = np.maximum(placed.lengths.max(axis=1, keepdims=True), 1 + abs(middle) / scale)
+    inside = np.where(found.equal, np.abs(found.values) <= _KEPT * size, found.values >= -rounding * size)
+    if placed.pivot is not None:  # a linkage shrunk to a point keeps many limits, and is no answer
+        inside = inside & (placed.lengths[:, :1] * scale > DEGENERATE * target.extent)
+    return holds & np.all(inside, axis=1)
+
+
+def placed_linkages(target: Target, linkages: Sequence[Linkage]) -> Placed:
+    """Linkages as the limits see them, in the user's unit."""
+    found = Placed(
+        np.array([one.links for one in linkages]),
+        np.array([float(one.branch) for one in linkages]),
+        target.interval.after(np.array([one.start for one in linkages])),
+    )
+    if target.position is None:
+        return found
+    turned = np.array([one.ground_angle for one in linkages])
+    points = np.array([one.coupler_point for one in linkages])
+    coupler = points[:, 0] * np.exp(1j * (points[:, 1] + turned))
+    return found._replace(pivot=np.array([one.pivot_a for one in linkages]), turned=turned, coupler=coupler)
+
+
+def within(target: Target, limits: Limits, solutions: list[Solution]) -> list[Solution]:
+    """The solutions that keep limits, checked on their own numbers."""
+    if not solutions:
+        return []
+    kept = keeps(target, limits, placed_linkages(target, [one.linkage for one in solutions]))
+    kept &= np.isfinite([one.errors.objective for one in solutions])
+    return [one for one, keep in zip(solutions, kept) if keep]

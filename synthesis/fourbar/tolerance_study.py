@@ -8,7 +8,6 @@ its pivot A, that of the rocker's pins its pivot B. The drive holds the crank's 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Linkage
+from synthesis.pose import whole_turns
 from synthesis.target import TURN
 from synthesis.work import Work
 
@@ -126,11 +126,12 @@ def simulate(
     nominal = linkage.joints(travel)
     quantiles: list[list[Floats]] = [[], []]
     worst = np.zeros((2, count))
-    for places in _blocks(travel.size, count):
+    step = max(1, _BLOCK // count)
+    for places in (slice(first, first + step) for first in range(0, travel.size, step)):
         work.check()
         point, direction = made.positions(travel[places])
-        turned = _wrapped(direction - nominal.coupler_angle[places])
-        gaps = [np.abs(turned)]
+        turned = direction - nominal.coupler_angle[places]
+        gaps = [np.abs(turned - whole_turns(turned))]
         if nominal.body_point is not None:
             gaps.append(np.abs(point - nominal.body_point[places]))
         inside = np.arange(travel.size)[places] < samples
@@ -154,16 +155,6 @@ def simulate(
 
     position = None if by_position is None else spread(1, by_position)
     return Study(position, spread(0, by_rotation), count, unclosed)
-
-
-def _blocks(points: int, count: int) -> Iterator[slice]:
-    """The crank angles in parts of at most `_BLOCK` positions."""
-    step = max(1, _BLOCK // count)
-    return (slice(first, first + step) for first in range(0, points, step))
-
-
-def _wrapped(angle: Floats) -> Floats:
-    return angle - TURN * np.round(angle / TURN)
 
 
 def _quantiles(values: Floats) -> Floats:
@@ -203,9 +194,7 @@ class _Made(NamedTuple):
         along = np.exp(1j * linkage.ground_angle)
         # the ground line in its own frame, in which it turns by little
         ground = linkage.links[3] + (moved_b - moved_a) / along
-        point = complex(0.0)
-        if linkage.coupler_point is not None:
-            point = complex(linkage.coupler_point[0] * np.exp(1j * linkage.coupler_point[1]))
+        point = linkage.arm if linkage.mounted else 0j
         return cls(
             linkage.pivot_a + moved_a,
             np.concatenate([links, np.abs(ground)[:, None]], axis=1),
@@ -243,10 +232,9 @@ def _derivatives(linkage: Linkage, travel: Floats) -> tuple[Floats, Floats | Non
     # pivot A, pivot B, and the play at A, crank pin, coupler pin, B: which way each moves the ground vector
     turned += [sign * by_ground for sign in (-1, 1, -1, -1, -1, 1)]
     rotation = np.stack(turned)
-    if linkage.coupler_point is None:
+    if not linkage.mounted:
         return rotation[..., None], None
-    radius, angle = linkage.coupler_point
-    arm = 1j * radius * np.exp(1j * angle) * e2
+    arm = 1j * linkage.arm * e2
     place = rotation * arm[:, None]
     place[0, :, 0] += e1
     place[3] += np.stack([e2, 1j * e2], axis=-1)

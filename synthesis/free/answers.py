@@ -8,12 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.excursion import LEAVES_SAMPLES, excursions
 from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.fourbar.solution import Solution, assess
-from synthesis.fourbar.within import keeps
+from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions
+from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.pool import Pool
 from synthesis.free.poses import Poses
 from synthesis.mechanism import Chart, Placed

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.within import ways
+from synthesis.fourbar.mechanism import ways
 from synthesis.free.joint import refine
 from synthesis.free.motion import chart_of
 from synthesis.free.pool import Pool

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.charts import AnyChart
-from synthesis.fourbar.grashof_chart import GrashofChart
+from synthesis.fourbar.charts import AnyChart, GrashofChart
 from synthesis.fourbar.limits import in_family
 from synthesis.free.align import aligned
 from synthesis.free.dyads import Body, Dyads, landscape, linear_dyads, polished

@@ -23,9 +23,8 @@ from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.kinematics import transmission_angle_over
 from synthesis.fourbar.limits import Limits, in_family
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.mechanism import FOURBAR, ways
 from synthesis.fourbar.solution import Solution
-from synthesis.fourbar.within import ways
 from synthesis.free.answers import solutions_of
 from synthesis.free.limited import LimitedJoint, guessed_windows, placed_within
 from synthesis.free.motion import FEW, chart_of, search_motion

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.fourbar.files import used_joints
 from synthesis.fourbar.kinematics import Family, close_loop, principal
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.linkage import Linkage
@@ -16,6 +17,7 @@ from synthesis.fourbar.mechanism import FourBar
 from synthesis.fourbar.solution import how_they_turn, looks_of
 from synthesis.function.wanted import Wanted
 from synthesis.pose import rotation_residual, whole_turns
+from synthesis.sheet import csv_text
 from synthesis.target import Target
 
 Floats = NDArray[np.float64]
@@ -272,3 +274,21 @@ def turns_back(wanted: Wanted, linkages: Sequence[Linkage]) -> list[str | None]:
         degrees = np.rad2deg(-row[row < 0].sum())
         found.append(f"the rocker turns back by {degrees:.3g} degrees at {100 * part:.3g} % of the interval")
     return found
+
+
+def to_csv(wanted: Wanted, linkage: Linkage, offset: float, unit: float) -> str:
+    """The function at the samples; angles are divided by ``unit`` (radians in one unit of angle)."""
+    used_joints(linkage, wanted.interval)
+    joints = linkage.joints(wanted.crank)
+    output = rocker_angles([linkage], wanted.crank)[0] + offset
+    columns = {
+        "input": wanted.crank,
+        "output_wanted": wanted.output,
+        "output": output,
+        "error": wanted.output - output,
+        "transmission_angle": joints.transmission_angle,
+        "crank_direction": joints.crank_angle,
+        "coupler_direction": joints.coupler_angle,
+        "rocker_direction": joints.rocker_angle,
+    }
+    return csv_text({name: (np.asarray(values) / unit).tolist() for name, values in columns.items()})

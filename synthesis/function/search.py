@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.solution import four
-from synthesis.fourbar.within import keeps
+from synthesis.fourbar.solution import four, keeps
 from synthesis.function.answers import PEAKS, Generator, Generators, exchanged, extremes, finished, look, turns_back
 from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, apart, descend
 from synthesis.function.problem import Problem

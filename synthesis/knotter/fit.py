@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -107,15 +108,15 @@ class Found:
 
 @dataclass(frozen=True)
 class Direction:
-    """A direction of the unknowns through a set that reproduces the pattern."""
+    """A direction of the unknowns along which the pattern is kept for a while."""
 
-    vector: Floats
-    """Of unit length, in shares of the ranges, shape (unknowns,)."""
     strength: float
-    """How fast the margins change along it (root of the sum of squares), per share."""
+    """How fast the margins change along it, length per share of the ranges; 0: not at all."""
     back: float
+    """How far the pattern is kept, in shares of the ranges; to their ends at most."""
     forth: float
-    """How far the pattern is kept, in shares; to the end of a range at most."""
+    vector: Annotated[Floats, dict[str, float]]
+    """In shares of the ranges, of length 1."""
 
 
 def search(
@@ -210,7 +211,7 @@ def directions(pattern: Pattern, found: Found, work: Work | None = None) -> list
     forth = extents(pattern, share, vectors, work)
     back = extents(pattern, share, -vectors, work)
     rows = zip(vectors, strengths, back, forth)
-    return [Direction(v, float(s), float(b), float(f)) for v, s, b, f in rows][::-1]
+    return [Direction(float(s), float(b), float(f), v) for v, s, b, f in rows][::-1]
 
 
 def rank(found: Sequence[Direction]) -> int:

@@ -132,26 +132,21 @@ HALVINGS = 24
 class Spread:
     """One condition within the tolerances."""
 
+    holds: bool
+    """With the nominal dimensions."""
     margin: float
-    """Of the nominal dimensions; positive where the condition holds."""
     linear: float
-    """The margin less the sum of the sizes of all sensitivities times their tolerances."""
+    """The margin less all sensitivities times their tolerances."""
     corner: float
-    """The margin where every dimension is at the end of its tolerance that the sensitivity names."""
-    factor: float
-    """The multiple of the tolerances at which that corner's verdict changes; infinite beyond `LARGEST_FACTOR`, NaN
-    where the condition fails as it is."""
+    """The margin where every dimension is off to its worse side."""
+    factor: float | None
+    """The multiple of the tolerances at which that corner fails; null: beyond 64, or it fails as it is."""
     least: float
     """The smallest margin of all samples."""
     share: float
     """The share of the samples in which the condition holds."""
     sensitivity: dict[str, float]
-    """Change of the margin per unit of each dimension that has a tolerance."""
-
-    @property
-    def holds(self) -> bool:
-        """With the nominal dimensions."""
-        return self.margin > 0
+    """Change of the margin per unit of each dimension, largest effects first."""
 
 
 def spread(
@@ -200,9 +195,11 @@ def spread(
 
         sampled = margins(draws) if samples else np.empty(0)
         holding &= sampled > 0
+        order = np.argsort(-np.abs(slopes), kind="stable")
         found[name] = Spread(
+            holds=margin > 0,
             margin=margin,
-            sensitivity=dict(zip(names, (slopes / half).tolist())),
+            sensitivity={names[k]: float(slopes[k] / half[k]) for k in order},
             linear=margin - float(np.abs(slopes).sum()),
             corner=along(1.0),
             factor=_factor(along, margin),
@@ -212,14 +209,14 @@ def spread(
     return found, float(np.mean(holding)) if samples else float(all(one.margin > 0 for one in found.values()))
 
 
-def _factor(margin_at: Callable[[float], float], nominal: float) -> float:
+def _factor(margin_at: Callable[[float], float], nominal: float) -> float | None:
     """The multiple of the tolerances at which the margin along a corner first becomes zero."""
     if not nominal > 0:
-        return float("nan")
+        return None
     low, high = 0.0, 1.0
     while margin_at(high) > 0:
         if high >= LARGEST_FACTOR:
-            return float("inf")
+            return None
         low, high = high, 2 * high
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)

@@ -31,7 +31,17 @@ from synthesis.lift.objective import (
     check_task,
     design_from_angle,
 )
-from synthesis.lift.pose import Cylinder, Design, Pose, angle_or_flat, dead_point, pose_at_turn, shape, third_side
+from synthesis.lift.pose import (
+    Cylinder,
+    Design,
+    Pose,
+    angle_or_flat,
+    dead_point,
+    joints,
+    pose_at_turn,
+    shape,
+    third_side,
+)
 from synthesis.one_variable import Flags, Floats, rising_root
 from synthesis.quadratic import minimise_quadratics
 from synthesis.work import Work
@@ -219,8 +229,9 @@ def _duration(travel: Any, drive: Cylinder) -> Any:
 
 def _envelope(found: dict[str, Any], pose: Pose, limits: Constraints, high: float) -> None:
     """The joints that move, A, B and C, within the box; the pivot D is below A, and O is a fact (`check_constraints`)."""
-    x = np.stack(np.broadcast_arrays(pose.x, pose.design.l3 * pose.sin_turn - pose.design.b, -pose.design.b), axis=-1)
-    y = np.stack(np.broadcast_arrays(pose.y, pose.root, pose.height), axis=-1)
+    places = joints(pose)
+    moving = np.stack([places[name] for name in "ABC"], axis=-1)
+    x, y = moving.real, moving.imag
     names = ("x_min>=min", "y_min>=min", "x_max<=max", "y_max<=max")
     for name, bound, values, side in zip(names, limits.envelope, (x, y, x, y), (1, 1, -1, -1)):
         if bound is not None:
@@ -265,8 +276,7 @@ def measured(built: Built, task: Task) -> dict[str, float]:
     pose = pose_at_turn(wide, turns_of(one, MEASURED_NODES), shape(wide, one.gamma[:, None]))
     closed, top = float(built.closed), float(pose.length[0, -1])
     run = jerky_run(pose, drive, speeds_at(pose, drive, closed, top))
-    x = np.concatenate([pose.x[0], (wide.l3 * pose.sin_turn - wide.b)[0], [0.0, -float(built.design.b)]])
-    y = np.concatenate([pose.y[0], pose.root[0], pose.height[0], [0.0]])
+    at = np.concatenate([place.ravel() for place in joints(pose).values()])
     push = -pose.length_1 / np.hypot(pose.down, pose.height_1 + pose.across)
     return {
         **built.design.as_dict(),
@@ -278,15 +288,15 @@ def measured(built: Built, task: Task) -> dict[str, float]:
         "rise_time": float(_duration(top - closed, drive)),
         "transmission": float(np.arcsin(np.clip(np.min(push), -1.0, 1.0))),
         "force_ratio": float(np.max(np.abs(pose.gain))),
-        "x_min": float(x.min()),
-        "y_min": float(y.min()),
-        "x_max": float(x.max()),
-        "y_max": float(y.max()),
+        "x_min": float(at.real.min()),
+        "y_min": float(at.imag.min()),
+        "x_max": float(at.real.max()),
+        "y_max": float(at.imag.max()),
     }
 
 
 @dataclass(frozen=True)
-class Row:
+class ConstraintRow:
     """One limit beside what a design has, the least or the most that it may have, and whether it holds the design."""
 
     name: str
@@ -301,7 +311,7 @@ class Row:
         return self.value >= self.limit if self.kind == "least" else self.value <= self.limit
 
 
-def rows_of(limits: Constraints, values: dict[str, float], active: Sequence[str] = ()) -> list[Row]:
+def rows_of(limits: Constraints, values: dict[str, float], active: Sequence[str] = ()) -> list[ConstraintRow]:
     """Every limit beside the value of `measured`; ``active`` as an `Optimum` names them."""
     left, bottom, right, top = limits.envelope
     ranges: dict[str, Range] = {
@@ -321,7 +331,7 @@ def rows_of(limits: Constraints, values: dict[str, float], active: Sequence[str]
     }
     ends: tuple[tuple[Literal["least", "most"], str], ...] = (("least", ">=min"), ("most", "<=max"))
     return [
-        Row(name, values[name], kind, limit, name + suffix in active)
+        ConstraintRow(name, values[name], kind, limit, name + suffix in active)
         for name, pair in ranges.items()
         for limit, (kind, suffix) in zip(pair, ends)
         if limit is not None

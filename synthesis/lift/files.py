@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthesis.lift.motion import Motion
-from synthesis.lift.pose import Design, Pose, pose_at_turn
+from synthesis.lift.pose import Design, joints, pose_at_turn
 from synthesis.one_variable import Floats
 from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
 
@@ -16,19 +15,6 @@ PATH_POINTS = 121
 MILLIMETRES = 4
 """$INSUNITS of a DXF."""
 LAYERS = {"GROUND": 8, "TRIANGLE": 5, "LINK": 7, "CYLINDER": 30, "TOP": 9, "PATHS": 3, "TEXT": 7}
-
-
-def joints(pose: Pose) -> dict[str, NDArray[np.complex128]]:
-    """The joints A, B, C of poses and the pivots O, D, as x + i y."""
-    design = pose.design
-    turns = np.shape(pose.height)
-    return {
-        "O": np.zeros(turns, complex),
-        "D": np.full(turns, -design.b, complex),
-        "A": -design.b + 1j * np.asarray(pose.height),
-        "B": np.asarray(pose.x) + 1j * np.asarray(pose.y),
-        "C": design.l3 * np.asarray(pose.sin_turn) - design.b + 1j * np.asarray(pose.root),
-    }
 
 
 def columns(moved: Motion) -> dict[str, Floats]:

@@ -182,8 +182,8 @@ class Optimum:
 
 
 @dataclass(frozen=True)
-class Rise:
-    """How an optimum comes up: the time it takes, the platform's speed, and the cylinder's length at the dead point below."""
+class OptimumMotion:
+    """How the optimum moves."""
 
     rise_time: float
     velocity_start: float
@@ -192,14 +192,14 @@ class Rise:
     dead_point_length: float
 
 
-def rise(found: Optimum, task: Task) -> Rise:
+def rise(found: Optimum, task: Task) -> OptimumMotion:
     """The rise of an optimum, or where the cylinder shortens its lowering, which starts at rest at the top."""
     built, drive = found.built, replace(task.cylinder, length=float(found.built.closed))
     form = shape(built.design, built.gamma)
     bottom = pose_at_turn(built.design, built.turn, form)
     travel = top_length(built.design, form) - drive.length
     velocity_bottom = float(velocity(bottom, np.sign(drive.speed) * driven_speed(bottom, drive)))
-    return Rise(
+    return OptimumMotion(
         rise_time=float(travel_time(travel, drive.speed, drive.acceleration)),
         velocity_start=velocity_bottom if drive.speed > 0 else 0.0,
         velocity_bottom=velocity_bottom,

@@ -213,16 +213,15 @@ SAME = 1e-9
 
 @dataclass(frozen=True)
 class Published:
-    """A published design on its constraints, its objective, the slope df/dl2 along l4 = l2, and how it compares.
-
-    ``source``: "printed", or "fitted" where a digit of it is inferred.
-    """
+    """The published design, put back on the constraints that its printed digits miss by their rounding."""
 
     design: Design
     objective: float
     slope: float
+    """df/dl2 along l4 = l2."""
     reason: str
     source: Literal["printed", "fitted"]
+    """Fitted: a digit that is lost in print is inferred."""
 
 
 def published_for(task: Task, optimum: Optimum) -> Published | None:

@@ -19,9 +19,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from synthesis.one_variable import EPSILON, Flags, Floats, bisect, rising_root
 
@@ -31,15 +32,22 @@ SEARCH_BLOCK = 256
 """Designs whose dead points are searched at a time."""
 
 
+Length = Annotated[Any, float]
+"""A float or an array; one number in a reply."""
+
+
 @dataclass(frozen=True)
 class Design:
-    """The five fixed lengths of a lift; floats or arrays that broadcast."""
+    """The five fixed lengths.
 
-    l2: Any
-    l3: Any
-    l4: Any
-    l5: Any
-    b: Any
+    Numbers of one lift, or arrays that broadcast, of many.
+    """
+
+    l2: Length
+    l3: Length
+    l4: Length
+    l5: Length
+    b: Length
 
     def as_tuple(self) -> tuple[Any, Any, Any, Any, Any]:
         """The lengths in the order (l2, l3, l4, l5, b)."""
@@ -224,6 +232,19 @@ def _pose(design: Design, form: Shape, sin_turn: Any, cos_turn: Any) -> Pose:
     # x x' + y y', in which two products cancel each other
     half_square_1 = across * s - design.b * down + s_1 * y
     return Pose(design, form, sin_turn, cos_turn, root, s, s_1, across, down, x, y, np.hypot(x, y), half_square_1)
+
+
+def joints(pose: Pose) -> dict[str, NDArray[np.complex128]]:
+    """The joints A, B, C of poses and the pivots O, D, as x + i y."""
+    design = pose.design
+    turns = np.shape(pose.height)
+    return {
+        "O": np.zeros(turns, complex),
+        "D": np.full(turns, -design.b, complex),
+        "A": -design.b + 1j * np.asarray(pose.height),
+        "B": np.asarray(pose.x) + 1j * np.asarray(pose.y),
+        "C": design.l3 * np.asarray(pose.sin_turn) - design.b + 1j * np.asarray(pose.root),
+    }
 
 
 def top_length(design: Design, form: Shape) -> Any:

@@ -16,13 +16,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.charts import AnyChart, FullCrankChart
-from synthesis.fourbar.grashof_chart import GrashofChart, LengthsChart
+from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.fourbar.solution import Solution, assess, mounted
-from synthesis.fourbar.within import within
+from synthesis.fourbar.solution import Solution, assess, mounted, within
 from synthesis.least_squares import minimise
 from synthesis.local.beginning import report_of, turning_fully
 from synthesis.mechanism import Bounded

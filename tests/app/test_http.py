@@ -21,6 +21,7 @@ from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.scenes import scene_queries
 from app.settings import Settings
+from tests.oracles.recompute import compare
 
 EXAMPLE = worked_example()
 ROTATION, POSITION = EXAMPLE["rotation"], EXAMPLE["position"]
@@ -226,81 +227,25 @@ def test_top_limits_the_answer(top, client) -> None:
     assert len(reply["solutions"]) == top
 
 
-def test_a_wrapped_rotation_is_noted(client) -> None:
-    wrapped = [(value + 345) % 360 - 180 for value in np.linspace(0, 40, 16)]
-    assert "unwrap" in ask(client, "/v1/match", rotation=wrapped, crank_span=70)["report"]["notes"][0]
-
-
 # -- synthesize -------------------------------------------------------------------------------------------------------
 
 
-def rotation_error(solution: dict[str, Any], crank_span: float) -> float:
-    """Largest rotation error, the coupler angle by the law of cosines: another way than the service's."""
-    crank, coupler, rocker, ground = solution["links"].values()
-    crank_angle = np.deg2rad(solution["start_angle"] + np.linspace(0, crank_span, len(ROTATION)))
-    diagonal = ground - crank * np.exp(1j * crank_angle)
-    r = np.abs(diagonal)
-    at_pin = np.arccos((coupler**2 + r**2 - rocker**2) / (2 * coupler * r))
-    theta2 = np.unwrap(np.angle(diagonal) + solution["branch"] * at_pin)
-    theta4 = math.radians(solution["mount"]["ground_angle"]) if solution["mount"] else 0.0
-    rest = np.deg2rad(ROTATION) - theta2 - theta4 - math.radians(solution["body_offset"])
-    return float(np.max(np.abs((rest + np.pi) % (2 * np.pi) - np.pi)))
-
-
 @pytest.mark.parametrize("effort", ["atlas", "refine"])
-def test_rotation_only_computes_no_mounting(effort, client) -> None:
-    reply = ask(client, "/v1/synthesize", rotation=ROTATION, crank_span=70, top=3, effort=effort)
+@pytest.mark.parametrize("kind", ["rotation", "position"])
+def test_of_rotation_or_position_alone_the_other_is_not_computed(kind, effort, client) -> None:
+    request = {kind: EXAMPLE[kind], "crank_span": 70}
+    reply = ask(client, "/v1/synthesize", **request, top=3, effort=effort)
+    scale = reply["report"]["length_scale"]
+    assert (scale is None) is (kind == "rotation")
     for solution in reply["solutions"]:
-        assert solution["mount"] is None and solution["links"]["ground"] == 1
         errors = solution["errors"]
-        assert errors["position_rms"] is None and errors["position_max"] is None
-        assert errors["rotation_max"] == pytest.approx(np.rad2deg(rotation_error(solution, 70)), abs=1e-7)
-        assert errors["objective"] == pytest.approx(math.radians(errors["rotation_rms"]), rel=1e-9)
-    assert reply["report"]["length_scale"] is None
-
-
-@pytest.mark.parametrize("effort", ["atlas", "refine"])
-def test_position_only_computes_no_rotation_error(effort, client) -> None:
-    reply = ask(client, "/v1/synthesize", position=POSITION, crank_span=70, top=3, effort=effort)
-    for solution in reply["solutions"]:
-        assert solution["body_offset"] is None
-        assert solution["errors"]["rotation_rms"] is None and solution["errors"]["rotation_max"] is None
-        scaled = solution["errors"]["position_rms"] / reply["report"]["length_scale"]
-        assert solution["errors"]["objective"] == pytest.approx(scaled, rel=1e-9)
-
-
-def test_solutions_are_sorted_and_differ(client) -> None:
-    reply = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", top=20)
-    objectives = [solution["errors"]["objective"] for solution in reply["solutions"]]
-    assert objectives == sorted(objectives) and len(objectives) == 20
-    links = np.array([list(solution["links"].values()) for solution in reply["solutions"]])
-    starts = np.array([[s["start_angle"], s["branch"]] for s in reply["solutions"]])
-    rows = np.hstack([links, starts])
-    gaps = np.abs(rows[:, None] - rows[None]).max(axis=2) + np.eye(len(rows))
-    assert gaps.min() > 1e-6
-    for solution in reply["solutions"]:
-        assert solution["errors"]["rotation_max"] == pytest.approx(np.rad2deg(rotation_error(solution, 70)), abs=1e-6)
-
-
-def test_the_mounting_poses_reproduce_the_positions(client) -> None:
-    reply = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", top=3)
-    for solution in reply["solutions"]:
-        mount, (crank, coupler, rocker, ground) = solution["mount"], solution["links"].values()
-        theta1 = np.deg2rad(solution["start_angle"] + np.linspace(0, 70, 16))
-        diagonal = ground - crank * np.exp(1j * theta1)
-        r = np.abs(diagonal)
-        theta2 = np.angle(diagonal) + solution["branch"] * np.arccos(
-            (coupler**2 + r**2 - rocker**2) / (2 * coupler * r)
-        )
-        theta4 = math.radians(mount["ground_angle"])
-        pin = complex(*mount["pivot_a"]) + crank * np.exp(1j * (theta1 + theta4))
-        angle = math.radians(mount["coupler_point"]["angle"])
-        point = pin + mount["coupler_point"]["radius"] * np.exp(1j * (angle + theta2 + theta4))
-        wanted = np.array([complex(*xy) for xy in POSITION])
-        assert np.abs(point - wanted).max() == pytest.approx(solution["errors"]["position_max"], abs=1e-8)
-        a, b = complex(*mount["pivot_a"]), complex(*mount["pivot_b"])
-        assert abs(b - a) == pytest.approx(ground) and np.angle(b - a) == pytest.approx(theta4)
-        assert a == pytest.approx(mount["L_B"] * np.exp(1j * math.radians(mount["beta"])))
+        other = {"rotation": "position", "position": "rotation"}[kind]
+        assert errors[f"{other}_rms"] is None and errors[f"{other}_max"] is None
+        assert solution["mount" if kind == "rotation" else "body_offset"] is None
+        assert kind == "position" or solution["links"]["ground"] == 1
+        own = math.radians(errors["rotation_rms"]) if kind == "rotation" else errors["position_rms"] / scale
+        assert errors["objective"] == pytest.approx(own, rel=1e-9)
+        assert compare(request, solution).gap < 1e-9
 
 
 def test_tolerance_decides_the_status(client) -> None:
@@ -406,23 +351,11 @@ def test_round_to_puts_the_links_on_the_grid(client) -> None:
     assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["solutions"][0]["rounded"] is None
 
 
-def test_sensitivity_is_the_derivative_by_each_length(client) -> None:
-    best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, sensitivity=True)["solutions"][0]
-    assert len(best["sensitivity"]["rotation"]) == len(best["sensitivity"]["position"]) == 4
-    links, start = list(best["links"].values()), best["start_angle"]
-    theta1 = np.deg2rad(start + np.linspace(0, 70, 16))
-
-    def theta2(lengths: list[float]) -> np.ndarray:
-        crank, coupler, rocker, ground = lengths
-        diagonal = ground - crank * np.exp(1j * theta1)
-        r = np.abs(diagonal)
-        return np.angle(diagonal) + np.arccos((coupler**2 + r**2 - rocker**2) / (2 * coupler * r))
-
-    for k, claimed in enumerate(best["sensitivity"]["rotation"]):
-        ahead, behind = (theta2([v + (i == k) * step for i, v in enumerate(links)]) for step in (1e-4, -1e-4))
-        slope = np.rad2deg((ahead - behind) / 2e-4)
-        assert claimed == pytest.approx(np.sqrt(np.mean(slope**2)), rel=1e-5)
-    assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["solutions"][0]["sensitivity"] is None
+def test_sensitivity_comes_where_it_is_asked_for(client) -> None:
+    for asked in (True, False):
+        best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, sensitivity=asked)["solutions"][0]
+        assert (best["sensitivity"] is not None) is asked
+    # that it is the derivative by each length: tests/synthesis/search/test_search.py
 
 
 # -- malformed requests -----------------------------------------------------------------------------------------------
@@ -457,9 +390,8 @@ def test_a_field_that_is_not_known_is_told_with_those_near_it(client) -> None:
     assert "`crank_angle`" in timing[0]["detail"] and "timing" not in timing[0]["detail"]
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
+NO_OBJECTS = [
+    *(
         "",
         " ",
         "[",
@@ -470,16 +402,13 @@ def test_a_field_that_is_not_known_is_told_with_those_near_it(client) -> None:
         "\0",
         b"\xff\xfe{}",
         '{"rotation": "\xff"}'.encode("latin-1"),
-    ],
-    ids=lambda body: repr(body)[:24],
-)
-@pytest.mark.parametrize("path", ["/v1/match", "/v1/synthesize"])
-def test_what_is_no_json_is_refused(path, body, client) -> None:
-    assert pointers(refusal(client, path, body)) == ["#"]
+    ),
+    *("null", "[]", "3", '"text"', "true", '{"\\ud800": 1}'),
+]
 
 
-@pytest.mark.parametrize("body", ["null", "[]", "3", '"text"', "true", '{"\\ud800": 1}'])
-def test_what_is_no_object_is_refused(body, client) -> None:
+@pytest.mark.parametrize("body", NO_OBJECTS, ids=lambda body: repr(body)[:24])
+def test_what_is_no_json_object_is_refused(body, client) -> None:
     for path in ("/v1/match", "/v1/synthesize"):
         assert pointers(refusal(client, path, body)) == ["#"]
 
@@ -497,20 +426,16 @@ def test_a_number_of_5000_digits_is_refused(field, client) -> None:
     assert "9999" not in json.dumps(values)
 
 
-@pytest.mark.parametrize(
-    ("fields", "place"),
-    [
+WRONG = {
+    "/v1/match": [
         ({"rotation": [1, 2]}, "#/rotation"),
         ({"rotation": [1.0] * 2000}, "#/rotation"),
-        ({"rotation": []}, "#/rotation"),
         ({"rotation": {"0": 1}}, "#/rotation"),
         ({"rotation": MARK}, "#/rotation"),
         ({"rotation": None}, "#/rotation"),
-        ({"rotation": [[1], [2], [3]]}, "#/rotation/0"),
         ({"rotation": [1, MARK, 3]}, "#/rotation/1"),
         ({"rotation": [0, 1, 1e308]}, "#/rotation/2"),
         ({"crank_span": None}, "#/crank_span"),
-        ({"crank_span": 0}, "#/crank_span"),
         ({"crank_span": 0.01}, "#/crank_span"),
         ({"crank_span": 1e308}, "#/crank_span"),
         ({"crank_angle": list(range(16))}, "#/crank_span"),
@@ -518,13 +443,10 @@ def test_a_number_of_5000_digits_is_refused(field, client) -> None:
         ({"crank_span": None, "crank_angle": [*range(15), 7]}, "#/crank_angle/15"),
         ({"crank_span": None, "crank_angle": [0, *(k * 1e-300 for k in range(1, 15)), 70]}, "#/crank_angle/1"),
         ({"crank_span": None, "crank_angle": [-1e308, 1e308, *range(14)]}, "#/crank_angle"),
-        ({"top": 0}, "#/top"),
         ({"top": 1001}, "#/top"),
-        ({"top": 1.5}, "#/top"),
         ({"top": "3"}, "#/top"),
         ({"top": True}, "#/top"),
         ({"features": 1}, "#/features"),
-        ({"features": "yes"}, "#/features"),
         ({"angle_unit": MARK}, "#/angle_unit"),
         ({"angle_unit": "\ud800"}, "#/angle_unit"),
         ({"budget_ms": 0}, "#/budget_ms"),
@@ -532,20 +454,8 @@ def test_a_number_of_5000_digits_is_refused(field, client) -> None:
         ({"body": 5}, "#/body"),
         ({"\u00e9": 5}, "#/%C3%A9"),
     ],
-    ids=lambda value: json.dumps(value)[:40],
-)
-def test_a_bad_field_of_match_is_pointed_at(fields, place, client) -> None:
-    values = refusal(client, "/v1/match", {"rotation": ROTATION, "crank_span": 70, **fields})
-    assert pointers(values)[0] == place
-    assert MARK not in json.dumps(values)
-
-
-@pytest.mark.parametrize(
-    ("fields", "place"),
-    [
+    "/v1/synthesize": [
         ({"rotation": None, "position": None}, "#"),
-        ({"position": POSITION[:2]}, "#/position"),
-        ({"position": [[1, 2]] * 2000}, "#/position"),
         ({"position": POSITION[:15]}, "#/position"),
         ({"position": [1, 2, 3]}, "#/position/0"),
         ({"position": [[1, 2, 3]] * 16}, "#/position/0"),
@@ -555,35 +465,32 @@ def test_a_bad_field_of_match_is_pointed_at(fields, place, client) -> None:
         ({"position": None, "length_scale": 1}, "#/length_scale"),
         ({"position": None, "round_to": 1}, "#/round_to"),
         ({"position": None, "limits": {"pivot_box": [0, 0, 1, 1]}}, "#/limits/pivot_box"),
-        ({"length_scale": 0}, "#/length_scale"),
         ({"length_scale": 1e300}, "#/length_scale"),
-        ({"round_to": -1}, "#/round_to"),
-        ({"round_to": 1e300}, "#/round_to"),
         ({"round_to": 1e-320}, "#/round_to"),
-        ({"top": 101}, "#/top"),
         ({"effort": MARK}, "#/effort"),
         ({"tolerance": -1}, "#/tolerance"),
-        ({"tolerance": 1e308}, "#/tolerance"),
-        ({"budget_ms": 0}, "#/budget_ms"),
-        ({"sensitivity": "yes"}, "#/sensitivity"),
         ({"limits": None}, "#/limits"),
-        ({"limits": []}, "#/limits"),
         ({"limits": {MARK: 1}}, f"#/limits/{MARK}"),
-        ({"limits": {"family": "crank"}}, "#/limits/family"),
-        ({"limits": {"transmission_angle_min": -1}}, "#/limits/transmission_angle_min"),
         ({"limits": {"transmission_angle_min": 90}}, "#/limits/transmission_angle_min"),
-        ({"limits": {"pivot_box": [0, 0, 1]}}, "#/limits/pivot_box"),
         ({"limits": {"pivot_box": [1, 1, 0, 0]}}, "#/limits/pivot_box"),
         ({"limits": {"pivot_box": [-1e308, 0, 1e308, 1]}}, "#/limits/pivot_box/0"),
-        ({"limits": {"link_min": 0}}, "#/limits/link_min"),
         ({"limits": {"link_min": 1e-320}}, "#/limits/link_min"),
         ({"limits": {"link_min": 2, "link_max": 1}}, "#/limits/link_min"),
         ({"features": True}, "#/features"),
     ],
+}
+GOOD = {"/v1/match": {"rotation": ROTATION, "crank_span": 70}, "/v1/synthesize": EXAMPLE}
+
+
+@pytest.mark.parametrize(
+    ("path", "fields", "place"),
+    [(path, *row) for path, rows in WRONG.items() for row in rows],
     ids=lambda value: json.dumps(value)[:40],
 )
-def test_a_bad_field_of_synthesize_is_pointed_at(fields, place, client) -> None:
-    assert pointers(refusal(client, "/v1/synthesize", {**EXAMPLE, **fields}))[0] == place
+def test_a_bad_field_is_pointed_at_and_not_repeated(path, fields, place, client) -> None:
+    values = refusal(client, path, {**GOOD[path], **fields})
+    assert pointers(values)[0] == place
+    assert MARK in place or MARK not in json.dumps(values)
 
 
 def test_a_refusal_lists_few_errors_and_cuts_long_names(client) -> None:
@@ -606,17 +513,12 @@ def test_json_may_be_declared_with_parameters(client) -> None:
 
 @pytest.mark.parametrize("declared", [True, False], ids=["content-length", "chunked"])
 def test_a_body_above_the_limit_gets_413(declared, client) -> None:
-    text = b"[" + b"1," * BODY_LIMIT + b"1]"
+    assert client.post("/v1/match", content=MATCH.ljust(BODY_LIMIT), headers=JSON).status_code == 200
+    text = MATCH.ljust(BODY_LIMIT + 1).encode()
     body = text if declared else (text[k : k + 1000] for k in range(0, len(text), 1000))
-    values = refusal(client, "/v1/match", body)
-    assert values["status"] == 413
+    assert refusal(client, "/v1/match", body)["status"] == 413
     huge = refusal(client, "/v1/match", MATCH, headers={**JSON, "content-length": "9" * 5000})
     assert huge["status"] == 413
-
-
-def test_a_body_at_the_limit_is_read(client) -> None:
-    assert client.post("/v1/match", content=MATCH.ljust(BODY_LIMIT), headers=JSON).status_code == 200
-    assert refusal(client, "/v1/match", MATCH.ljust(BODY_LIMIT + 1))["status"] == 413
 
 
 @pytest.mark.parametrize(
@@ -656,11 +558,6 @@ def test_a_fault_of_the_service_is_a_problem_too(client, monkeypatch) -> None:
 
 
 # -- health, overload, a missing atlas --------------------------------------------------------------------------------
-
-
-def test_health(client) -> None:
-    assert client.get("/livez").json() == {"status": "ok"}
-    assert client.get("/readyz").json() == {"status": "ready"}
 
 
 def without_atlas(fault: str, small_bytes: bytes, path: Path) -> TestClient:

@@ -332,6 +332,9 @@ class MotionPage(Page):
         self.wait("document.getElementById('request-text').textContent")
         return json.loads(self.text("request-text"))
 
+    def limits(self) -> dict[str, Any]:
+        return self.request().get("limits", {})
+
     def undo(self, again: bool = False) -> None:
         keys = self.actions().key_down(Keys.CONTROL)
         keys = keys.key_down(Keys.SHIFT).send_keys("z").key_up(Keys.SHIFT) if again else keys.send_keys("z")

@@ -107,19 +107,19 @@ def test_the_first_result_is_there_soon(page) -> None:
         assert min(times) < FIRST_RESULT_MS, f"{example['name']}: {times} ms"
 
 
-def test_every_format_is_exported(page) -> None:
-    page.choose("worked")
-    page.solve()
-    for button in page.all("#numbers-card [data-format]"):
-        page.centre(button).click()
-        page.wait("document.getElementById('export-note').textContent.startsWith('Saved')")
-    whole = json.loads(page.saved("linkage-1.json"))
+def test_every_format_is_exported(standing) -> None:
+    standing.choose("worked")
+    standing.solve()
+    for button in standing.all("#numbers-card [data-format]"):
+        standing.centre(button).click()
+        standing.wait("document.getElementById('export-note').textContent.startsWith('Saved')")
+    whole = json.loads(standing.saved("linkage-1.json"))
     assert whole["solution"]["links"]["crank"] == pytest.approx(19, abs=1e-6)
-    rows = list(csv.DictReader(io.StringIO(page.saved("linkage-1.csv").decode())))
+    rows = list(csv.DictReader(io.StringIO(standing.saved("linkage-1.csv").decode())))
     assert len(rows) == 16 and float(rows[5]["position_error"]) < 1e-9
-    assert ElementTree.fromstring(page.saved("linkage-1.svg")).tag.endswith("svg")
-    assert not ezdxf.read(io.StringIO(page.saved("linkage-1.dxf").decode())).audit().errors
-    assert ElementTree.fromstring(page.saved("linkage-1.xml")).tag == "mujoco"
+    assert ElementTree.fromstring(standing.saved("linkage-1.svg")).tag.endswith("svg")
+    assert not ezdxf.read(io.StringIO(standing.saved("linkage-1.dxf").decode())).audit().errors
+    assert ElementTree.fromstring(standing.saved("linkage-1.xml")).tag == "mujoco"
 
 
 def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
@@ -185,31 +185,31 @@ def test_a_damaged_link_says_so(page) -> None:
         page.run("document.getElementById('status').textContent = ''")
 
 
-def test_poses_move_by_mouse_and_keyboard_and_back(page) -> None:
-    page.choose("carton")
-    start = page.table()
-    scale = page.view()[2]
-    page.drag(page.pick("[data-pose='4'] .hit"), 40, -30)
-    moved = page.table()
+def test_poses_move_by_mouse_and_keyboard_and_back(standing) -> None:
+    standing.choose("carton")
+    start = standing.table()
+    scale = standing.view()[2]
+    standing.drag(standing.pick("[data-pose='4'] .hit"), 40, -30)
+    moved = standing.table()
     assert moved[4][1] - start[4][1] == pytest.approx(40 / scale, abs=2 / scale)
     assert moved[4][2] - start[4][2] == pytest.approx(30 / scale, abs=2 / scale)
-    page.drag(page.pick("[data-pose='4'] circle.turner"), -20, 25)
-    assert page.table()[4][3] != moved[4][3] and page.table()[4][1:3] == moved[4][1:3]
-    page.click("undo")
-    assert page.table() == moved
-    page.click("undo")
-    assert page.table() == start
-    page.click("redo")
-    assert page.table() == moved
-    group = page.pick("[data-pose='4']")
+    standing.drag(standing.pick("[data-pose='4'] circle.turner"), -20, 25)
+    assert standing.table()[4][3] != moved[4][3] and standing.table()[4][1:3] == moved[4][1:3]
+    standing.click("undo")
+    assert standing.table() == moved
+    standing.click("undo")
+    assert standing.table() == start
+    standing.click("redo")
+    assert standing.table() == moved
+    group = standing.pick("[data-pose='4']")
     group.send_keys(Keys.ARROW_RIGHT * 2, "[")
-    assert page.table()[4][1] > moved[4][1] and page.table()[4][3] == pytest.approx(moved[4][3] + 1, abs=1e-3)
+    assert standing.table()[4][1] > moved[4][1] and standing.table()[4][3] == pytest.approx(moved[4][3] + 1, abs=1e-3)
     group.send_keys(Keys.PAGE_DOWN)
-    assert page.run("return document.activeElement.dataset.pose") == "5"
-    page.active.send_keys(Keys.DELETE)
-    assert len(page.table()) == len(start) - 1
-    page.undo()
-    assert len(page.table()) == len(start)
+    assert standing.run("return document.activeElement.dataset.pose") == "5"
+    standing.active.send_keys(Keys.DELETE)
+    assert len(standing.table()) == len(start) - 1
+    standing.undo()
+    assert len(standing.table()) == len(start)
 
 
 def test_a_pivot_box_is_drawn_and_kept_to(page) -> None:
@@ -305,110 +305,110 @@ def test_poses_that_are_the_same_and_angles_that_wrap_are_named(standing) -> Non
     assert [row[3] for row in standing.table()] == [0, -10, 10] and not standing.shown("unwrap")
 
 
-def test_a_motion_that_cannot_be_solved_says_why(page) -> None:
-    page.click("new-motion")
-    page.click("solve")
-    assert "two poses" in page.text("status")
-    page.select("timing", "even")
-    page.click("solve")
-    assert "three poses" in page.text("status")
-    page.select("timing", "free")
-    page.select("wanted", "rotation")
+def test_a_motion_that_cannot_be_solved_says_why(standing) -> None:
+    standing.click("new-motion")
+    standing.click("solve")
+    assert "two poses" in standing.text("status")
+    standing.select("timing", "even")
+    standing.click("solve")
+    assert "three poses" in standing.text("status")
+    standing.select("timing", "free")
+    standing.select("wanted", "rotation")
     for _ in range(3):
-        page.click("add-row")
-    page.click("solve")
-    assert "positions are needed" in page.text("status")
+        standing.click("add-row")
+    standing.click("solve")
+    assert "positions are needed" in standing.text("status")
 
 
-def test_the_linkage_runs_and_stops(page) -> None:
-    page.choose("worked")
-    page.solve()
-    before = page.drawn("d")
-    page.click("play")
+def test_the_linkage_runs_and_stops(standing) -> None:
+    standing.choose("worked")
+    standing.solve()
+    before = standing.drawn("d")
+    standing.click("play")
     time.sleep(0.6)
-    assert page.find("play").get_attribute("aria-label") == "Pause"
-    page.click("play")
-    assert abs(page.drawn("d") - before) > 0.5
-    page.select("range", "turn")
-    page.slide(300)
-    assert page.text("travel") == "300.0°"
+    assert standing.find("play").get_attribute("aria-label") == "Pause"
+    standing.click("play")
+    assert abs(standing.drawn("d") - before) > 0.5
+    standing.select("range", "turn")
+    standing.slide(300)
+    assert standing.text("travel") == "300.0°"
 
 
-def test_a_motion_of_two_poses_is_solved_with_free_crank_angles(page) -> None:
-    page.click("new-motion")
-    assert Select(page.find("timing")).first_selected_option.text == "free"
-    page.click_canvas((-100, 20), (60, -40))
-    page.mode("move")
-    page.pick("[data-pose='1']").send_keys("[[[{")
-    page.listen()
-    page.solve_soon()
-    body = page.asked()
+def test_a_motion_of_two_poses_is_solved_with_free_crank_angles(standing) -> None:
+    standing.click("new-motion")
+    assert Select(standing.find("timing")).first_selected_option.text == "free"
+    standing.click_canvas((-100, 20), (60, -40))
+    standing.mode("move")
+    standing.pick("[data-pose='1']").send_keys("[[[{")
+    standing.listen()
+    standing.solve_soon()
+    body = standing.asked()
     assert body["timing"] == "free" and not {"crank_span", "crank_angle", "order", "closed"} & body.keys()
-    marks = page.texts("#solutions .verdict")
+    marks = standing.texts("#solutions .verdict")
     assert marks and all(len(text) > 5 for text in marks)
-    texts = page.run("return document.querySelector('.judged').textContent")
+    texts = standing.run("return document.querySelector('.judged').textContent")
     assert all(word in texts for word in ("Order", "Branch", "Circuit", "Practical limits"))
 
 
-def test_crank_angles_are_free_by_choice_and_back(page) -> None:
-    page.choose("carton")
-    before = page.table()
-    assert page.value("timing") == "table"
-    page.select("timing", "free")
-    page.click("any-order")
-    page.click("closed")
-    assert not page.shown("direction")
-    assert not page.pick("#poses [aria-label='Pose 2, crank angle']").is_displayed()
-    page.click("undo")
-    assert page.ticked("any-order") and not page.ticked("closed")
-    page.click("undo")
-    page.click("undo")
-    assert page.value("timing") == "table" and page.table() == before
-    page.click("redo")
-    assert page.value("timing") == "free"
+def test_crank_angles_are_free_by_choice_and_back(standing) -> None:
+    standing.choose("carton")
+    before = standing.table()
+    assert standing.value("timing") == "table"
+    standing.select("timing", "free")
+    standing.click("any-order")
+    standing.click("closed")
+    assert not standing.shown("direction")
+    assert not standing.pick("#poses [aria-label='Pose 2, crank angle']").is_displayed()
+    standing.click("undo")
+    assert standing.ticked("any-order") and not standing.ticked("closed")
+    standing.click("undo")
+    standing.click("undo")
+    assert standing.value("timing") == "table" and standing.table() == before
+    standing.click("redo")
+    assert standing.value("timing") == "free"
 
 
-def test_a_path_is_drawn_by_hand(page) -> None:
-    page.choose("worked")
-    before = page.table()
-    page.draw([(-200, 100), (-200, -100), (-100, -100), (200, -100)])
-    places, (cx, cy, scale) = page.placed(), page.view()
+def test_a_path_is_drawn_by_hand(standing) -> None:
+    standing.choose("worked")
+    before = standing.table()
+    standing.draw([(-200, 100), (-200, -100), (-100, -100), (200, -100)])
+    places, (cx, cy, scale) = standing.placed(), standing.view()
     assert len(places) == 24
     steps = np.hypot(*np.diff(places, axis=0).T)
     assert np.sum(steps) * scale == pytest.approx(600, rel=0.03)
     assert np.all(steps * scale <= 600 / 23 * 1.02) and np.median(steps) * scale == pytest.approx(600 / 23, rel=0.02)
     assert places[0] == pytest.approx([cx - 200 / scale, cy - 100 / scale], abs=2 / scale)
     assert places[-1] == pytest.approx([cx + 200 / scale, cy + 100 / scale], abs=2 / scale)
-    assert page.value("wanted") == "position"
-    assert page.value("timing") == "free" and not page.ticked("closed")
-    assert "24 points" in page.text("example-note")
+    assert standing.value("wanted") == "position"
+    assert standing.value("timing") == "free" and not standing.ticked("closed")
+    assert "24 points" in standing.text("example-note")
     ring = [(round(150 * np.cos(t)), round(-90 * np.sin(t))) for t in np.linspace(0, 2 * np.pi, 40)]
-    page.trace(ring)
-    assert len(page.placed()) == 24 and page.ticked("closed")
-    gap = np.hypot(*(page.placed()[0] - page.placed()[-1]))
-    assert gap == pytest.approx(np.median(np.hypot(*np.diff(page.placed(), axis=0).T)), rel=0.1)
-    page.click("undo")
-    assert page.placed() == pytest.approx(places)
-    page.click("undo")
-    assert page.table() == before and page.value("timing") == "even"
+    standing.trace(ring)
+    assert len(standing.placed()) == 24 and standing.ticked("closed")
+    gap = np.hypot(*(standing.placed()[0] - standing.placed()[-1]))
+    assert gap == pytest.approx(np.median(np.hypot(*np.diff(standing.placed(), axis=0).T)), rel=0.1)
+    standing.click("undo")
+    assert standing.placed() == pytest.approx(places)
+    standing.click("undo")
+    assert standing.table() == before and standing.value("timing") == "even"
 
 
-def test_a_path_is_made_of_single_points_by_click_and_by_key(page) -> None:
-    page.mode("path")
-    page.click_canvas((-150, 60), (-80, 10), (0, -20))
-    assert len(page.table()) == 3, "the first click begins a new motion"
-    page.press("#new-path", "keyboard")
-    assert page.table() == []
-    page.press("#add-row", "keyboard")
-    point = page.pick("[data-pose='0']")
+def test_a_path_is_made_of_single_points_by_click_and_by_key(standing) -> None:
+    standing.mode("path")
+    standing.click_canvas((-150, 60), (-80, 10), (0, -20))
+    assert len(standing.table()) == 3, "the first click begins a new motion"
+    standing.press("#new-path", "keyboard")
+    assert standing.table() == []
+    standing.press("#add-row", "keyboard")
+    point = standing.pick("[data-pose='0']")
     assert point.get_attribute("aria-label").startswith("Point 1 of 1")
     point.send_keys(Keys.ARROW_UP)
     for _ in range(3):
-        page.active.send_keys(Keys.ENTER)
-        page.active.send_keys(Keys.ARROW_UP)
-    assert len(page.table()) == 4
-    assert np.all(np.diff(page.placed(), axis=0) > 0)
-    assert page.run("return document.activeElement.dataset.pose") == "3"
+        standing.active.send_keys(Keys.ENTER)
+        standing.active.send_keys(Keys.ARROW_UP)
+    assert len(standing.table()) == 4
+    assert np.all(np.diff(standing.placed(), axis=0) > 0)
+    assert standing.run("return document.activeElement.dataset.pose") == "3"
 
 
 def test_a_path_is_drawn_by_a_finger(page) -> None:
@@ -426,43 +426,32 @@ def next_sample(page) -> tuple[str, float]:
     return page.text("at-sample"), float(page.value("slider"))
 
 
-def test_a_path_is_solved_and_its_samples_are_passed(page) -> None:
+def test_a_path_is_solved_and_its_samples_are_passed(standing) -> None:
     angles = -np.array([0, 20, 55, 100, 160, 200])
     request = path_request(angles)
-    page.answered(request, angles)
-    assert page.asked()["position"] == request["position"] and "rotation" not in page.asked()
-    marks = page.texts("#solutions .verdict")
+    standing.answered(request, angles)
+    assert standing.asked()["position"] == request["position"] and "rotation" not in standing.asked()
+    marks = standing.texts("#solutions .verdict")
     assert marks == [
         "✓ within practical limits",
         "! transmission angle 21.9° over the used interval, below 35 (and 1 more)",
         "! sample 3 is off by 2.4 times what is allowed, the most of all",
         "✕ order and branch defects",
     ]
-    page.slide(0)
+    standing.slide(0)
     for k in range(1, 6):
-        assert next_sample(page) == (f"sample {k + 1}", pytest.approx(-angles[k]))
-        assert abs(page.drawn("p") - complex(*request["position"][k])) < 1 / page.view()[2]
-    assert page.text("travel") == "-200.0°"
-    assert page.count("#marks .mark") == 6
-    page.cards()[3].click()
-    details = page.text("numbers")
+        assert next_sample(standing) == (f"sample {k + 1}", pytest.approx(-angles[k]))
+        assert abs(standing.drawn("p") - complex(*request["position"][k])) < 1 / standing.view()[2]
+    assert standing.text("travel") == "-200.0°"
+    assert standing.count("#marks .mark") == 6
+    standing.cards()[3].click()
+    details = standing.text("numbers")
     assert "different branches" in details and "dead position" in details
-    page.pick("#numbers summary").click()
-    assert "-160°" in page.text("numbers")
+    standing.pick("#numbers summary").click()
+    assert "-160°" in standing.text("numbers")
 
 
-def test_a_drawn_path_is_solved_by_the_service(page) -> None:
-    page.mode("path")
-    ring = [(round(150 * np.cos(t)), round(-80 * np.sin(t))) for t in np.linspace(0, 2 * np.pi, 30)]
-    page.trace(ring)
-    page.solve_soon()
-    assert page.count("#marks .mark") == 24
-    assert page.count("#solutions .verdict") >= 1
-    page.slide(0)
-    assert page.text("at-sample") == "sample 1"
-
-
-def test_samples_in_any_order_are_marked_where_they_are_passed(page) -> None:
+def test_samples_in_any_order_are_marked_where_they_are_passed(standing) -> None:
     angles = np.array([0, 340, 30, 355, 60])
     joints = FREE.joints(angles)
     request = {
@@ -471,30 +460,30 @@ def test_samples_in_any_order_are_marked_where_they_are_passed(page) -> None:
         "timing": "free",
         "order": "any",
     }
-    page.take(request)
-    assert page.ticked("any-order")
-    page.stub(request, angles, VERDICTS[:1])
-    page.solve()
-    assert page.asked()["order"] == "any"
-    slider = page.find("slider")
+    standing.take(request)
+    assert standing.ticked("any-order")
+    standing.stub(request, angles, VERDICTS[:1])
+    standing.solve()
+    assert standing.asked()["order"] == "any"
+    slider = standing.find("slider")
     assert float(slider.get_attribute("min")) == -20 and float(slider.get_attribute("max")) == 60
-    page.slide(-20)
-    assert page.text("at-sample") == "sample 2"
-    assert [next_sample(page)[0] for _ in range(4)] == ["sample 4", "sample 1", "sample 3", "sample 5"]
-    assert abs(page.drawn("p") - complex(*request["position"][4])) < 1 / page.view()[2]
-    page.select("range", "turn")
-    page.slide(340)
-    assert page.text("at-sample") == "sample 2"
-    assert page.count("#curves [role=img]") == 4
+    standing.slide(-20)
+    assert standing.text("at-sample") == "sample 2"
+    assert [next_sample(standing)[0] for _ in range(4)] == ["sample 4", "sample 1", "sample 3", "sample 5"]
+    assert abs(standing.drawn("p") - complex(*request["position"][4])) < 1 / standing.view()[2]
+    standing.select("range", "turn")
+    standing.slide(340)
+    assert standing.text("at-sample") == "sample 2"
+    assert standing.count("#curves [role=img]") == 4
 
 
-def test_the_picture_stops_at_samples(page) -> None:
+def test_the_picture_stops_at_samples(standing) -> None:
     angles = np.array([0.0, 60, 120])
     request = path_request(angles)
-    page.answered(request, angles, VERDICTS[:1])
-    page.slide(0)
-    page.select("speed", "4")
-    seen = page.later(
+    standing.answered(request, angles, VERDICTS[:1])
+    standing.slide(0)
+    standing.select("speed", "4")
+    seen = standing.later(
         "const done=arguments[0],seen=[],s=document.getElementById('slider'),end=performance.now()+1500;"
         "document.getElementById('play').click();const look=()=>{seen.push(Number(s.value));"
         "if(performance.now()<end)requestAnimationFrame(look);else{document.getElementById('play').click();done(seen)}};look()"
@@ -589,29 +578,29 @@ def test_kinematics_in_the_browser_agree_with_pythons(standing) -> None:
     assert worst < 1e-12
 
 
-def test_the_request_is_shown_as_json(page) -> None:
-    page.choose("casement")
-    page.click("any-order")
-    shown = page.request()
+def test_the_request_is_shown_as_json(standing) -> None:
+    standing.choose("casement")
+    standing.click("any-order")
+    shown = standing.request()
     example = next(e["request"] for e in EXAMPLES if e["name"] == "casement")
     assert shown == {**example, "order": "any", "top": 8}
-    page.take(shown)
-    assert page.ticked("any-order") and page.request() == shown
+    standing.take(shown)
+    assert standing.ticked("any-order") and standing.request() == shown
 
 
-def test_an_empty_cell_is_a_missing_value(page) -> None:
-    page.choose("casement")
-    page.cell("Pose 3, angle", Keys.DELETE, Keys.TAB)
-    page.listen()
-    page.solve_soon()
-    body = page.asked()
+def test_an_empty_cell_is_a_missing_value(standing) -> None:
+    standing.choose("casement")
+    standing.cell("Pose 3, angle", Keys.DELETE, Keys.TAB)
+    standing.listen()
+    standing.solve_soon()
+    body = standing.asked()
     assert body["rotation"][2] is None and body["position"][2] == [287, -87]
-    assert page.text("at-sample") == "sample 1"
+    assert standing.text("at-sample") == "sample 1"
 
 
-def test_a_motion_is_saved_as_rows(page) -> None:
-    page.choose("casement")
-    rows = page.saved("motion.csv", "#save").decode().splitlines()
+def test_a_motion_is_saved_as_rows(standing) -> None:
+    standing.choose("casement")
+    rows = standing.saved("motion.csv", "#save").decode().splitlines()
     assert rows[0] == "x,y,angle" and rows[2] == "296,-43,-8.3" and len(rows) == 9
 
 

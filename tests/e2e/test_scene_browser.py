@@ -10,7 +10,7 @@ import pytest
 from selenium.webdriver.support.ui import Select
 
 from app.page import scene_details
-from app.scenes import SCENES
+from app.scenes import SCENES, queries_of
 from tests.e2e.page import Page
 
 FIRST_ANSWER_MS = 500
@@ -44,7 +44,7 @@ def asked(page: Page, act: Callable[[], None]) -> None:
 def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> None:
     page = at(scene, width)
     page.wait(ANSWERED)
-    for k in range(len(scene_details(scene)["queries"])):
+    for k in range(len(queries_of(scene))):
         if k:
             asked(page, lambda k=k: Select(page.find("query")).select_by_index(k))
         page.run("for (const fold of document.querySelectorAll('details')) fold.open = true")
@@ -64,7 +64,7 @@ def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> 
 def test_every_example_goes_through_the_form_unchanged(at, scene) -> None:
     """What the form reads back from an example's fields is the example: nothing is lost, nothing is typed as JSON."""
     page = at(scene)
-    for query in scene_details(scene)["queries"]:
+    for query in json.loads(scene_details(scene).content)["queries"]:
         for name, example in query["examples"].items():
             page.run("document.body.innerHTML = '<section class=schema id=fields></section>'")
             read = page.later(

@@ -224,37 +224,29 @@ def test_the_pivot_box_can_be_typed(page) -> None:
 def test_each_practical_limit_can_be_switched_off(page) -> None:
     page.click("new-motion")
     page.unfold("limits")
-
-    def limits() -> dict:
-        return page.request().get("limits", {})
-
-    assert limits() == {"preset": "practical"}
+    assert page.limits() == {"preset": "practical"}
     page.click("keep-turn")
-    assert limits() == {"preset": "practical", "transmission_angle_min_turn": 0}
+    assert page.limits() == {"preset": "practical", "transmission_angle_min_turn": 0}
     page.click("keep-reach")
-    assert limits() == {"preset": "none", "transmission_angle_min": 35, "link_ratio_max": 10}, "free angles bring it"
+    assert page.limits() == {"preset": "none", "transmission_angle_min": 35, "link_ratio_max": 10}
     page.select("timing", "even")
-    assert limits() == {"transmission_angle_min": 35, "link_ratio_max": 10}
+    assert page.limits() == {"transmission_angle_min": 35, "link_ratio_max": 10}
     page.select("timing", "free")
-    page.take({"position": [[0, 0], [3, 4]], "timing": "free", "limits": limits()})
+    page.take({"position": [[0, 0], [3, 4]], "timing": "free", "limits": page.limits()})
     assert not page.ticked("keep-turn") and page.ticked("keep-ratio")
     page.click("practical")
-    assert limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
+    assert page.limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
 
 
 def test_practical_limits_follow_what_is_known_of_the_crank_until_they_are_chosen(page) -> None:
     page.click("new-motion")
     page.unfold("limits")
-
-    def limits() -> dict:
-        return page.request().get("limits", {})
-
     assert page.ticked("practical") and "off" not in page.text("timing-note")
     page.select("timing", "even")
-    assert not page.ticked("practical") and limits() == {}
+    assert not page.ticked("practical") and page.limits() == {}
     assert "The practical limits are off" in page.text("timing-note")
     page.click("practical")
-    assert limits() == {"preset": "practical"} and "off" not in page.text("timing-note")
+    assert page.limits() == {"preset": "practical"} and "off" not in page.text("timing-note")
     page.select("timing", "free")
     page.click("keep-use")
     page.select("timing", "even")
@@ -408,14 +400,14 @@ def test_texts_are_free_of_jargon(page) -> None:
     assert "determination" not in page.run("return document.body.innerText")
 
 
-def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(page) -> None:
+def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(standing) -> None:
     request = path_request([0, 60, 120])
-    page.answered(request, [0, 60, 120])
-    cards = page.cards()
+    standing.answered(request, [0, 60, 120])
+    cards = standing.cards()
     assert "broken" in cards[1].get_attribute("class") and "transmission angle 21.9° over" in cards[1].text
     assert "broken" not in cards[0].get_attribute("class")
-    assert "Position error, largest" in page.text("numbers") and "mm at pose" in page.text("numbers")
-    assert page.count("#canvas .worst") == 1
+    assert "Position error, largest" in standing.text("numbers") and "mm at pose" in standing.text("numbers")
+    assert standing.count("#canvas .worst") == 1
 
 
 @pytest.mark.parametrize(
@@ -429,20 +421,20 @@ def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(page) -> None:
         ),
     ],
 )
-def test_no_linkage_is_said_without_a_claim_that_was_not_proved(page, status, notes, said) -> None:
+def test_no_linkage_is_said_without_a_claim_that_was_not_proved(standing, status, notes, said) -> None:
     request = {**path_request([0, 60, 120]), "limits": {"link_min": 99}}
-    page.take(request)
-    page.stub(request, [0, 60, 120], [])
-    page.run("window.stub.status = arguments[0]; window.stub.report.notes = arguments[1]", status, notes)
-    page.click("solve")
-    page.wait(IDLE)
-    assert said in page.text("status")
+    standing.take(request)
+    standing.stub(request, [0, 60, 120], [])
+    standing.run("window.stub.status = arguments[0]; window.stub.report.notes = arguments[1]", status, notes)
+    standing.click("solve")
+    standing.wait(IDLE)
+    assert said in standing.text("status")
     if notes:
-        button = page.pick("#suggestions button")
+        button = standing.pick("#suggestions button")
         assert button.text == "Set links at least to 42.5"
         button.click()
-        page.wait(IDLE)
-        assert page.asked()["limits"]["link_min"] == 42.5
+        standing.wait(IDLE)
+        assert standing.asked()["limits"]["link_min"] == 42.5
 
 
 def test_a_linkage_is_changed_by_hand(page) -> None:
@@ -480,6 +472,7 @@ def test_a_linkage_is_changed_by_hand(page) -> None:
 
 
 def test_a_link_brings_the_chosen_card_back(page) -> None:
+    page.choose("worked")
     Select(page.find("length-unit")).select_by_visible_text("cm")
     page.solve()
     page.cards()[1].click()

@@ -91,9 +91,10 @@ BROKEN = (
 )
 
 
+@pytest.mark.parametrize("wide", some_of([False, True], 1))
 @pytest.mark.parametrize("kind", ["motion", "function"])
-def test_a_store_with_something_else_in_it_breaks_no_page(page, kind) -> None:
-    for content in BROKEN:
+def test_a_store_with_something_else_in_it_breaks_no_page(page, kind, wide) -> None:
+    for content in BROKEN if wide else BROKEN[::4]:
         page.run("localStorage.setItem(arguments[0], arguments[1])", f"linkage-atlas-{kind}", content)
         page.go("" if kind == "motion" else "/function")
         if kind == "motion":
@@ -323,5 +324,7 @@ def test_a_shape_drawn_by_mouse_is_solved(browser, served, downloads, shape) -> 
     page.click("solve")
     page.wait(f"{IDLE} && document.getElementById('status').textContent", 90)
     assert "off by" in page.text("status"), page.text("status")
-    assert page.count("#solutions li") >= 1 and page.earlier() is False and page.in_view()
+    assert page.count("#solutions li .verdict") >= 1 and page.earlier() is False and page.in_view()
+    page.rest()
+    assert page.count("#marks .mark") == 24 and page.text("at-sample") == "sample 1"
     page.assert_no_errors()

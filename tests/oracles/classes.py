@@ -16,7 +16,7 @@ import numpy as np
 from mpmath import mp, mpf
 from numpy.random import Generator
 
-from tests.oracles.recompute import DIGITS, LINKS, close_by_circles
+from tests.oracles.recompute import DIGITS, LINKS, body_points, close_by_circles
 
 SAMPLES = 32
 
@@ -246,15 +246,8 @@ def truth_motion(truth: dict[str, Any], crank_degrees: np.ndarray) -> tuple[np.n
         ground = mpf(mount["ground_angle"])
         turns = mp.ceil((closed.theta2[0] / mp.pi - 1) / 2)
         rotation = [a / unit - 360 * turns + ground + mpf(truth["body_offset"]) for a in closed.theta2]
-        radius = mpf(mount["coupler_point"]["radius"])
-        arm_cos, arm_sin = mp.cos_sin((mpf(mount["coupler_point"]["angle"]) + ground) * unit)
-        position = []
-        for t, (c, s) in zip(crank, closed.direction):
-            cosine, sine = mp.cos_sin(t + ground * unit)
-            x = mpf(mount["pivot_a"][0]) + mpf(links[0]) * cosine + radius * (arm_cos * c - arm_sin * s)
-            y = mpf(mount["pivot_a"][1]) + mpf(links[0]) * sine + radius * (arm_cos * s + arm_sin * c)
-            position.append((float(x), float(y)))
-        return np.array([float(value) for value in rotation]), np.array(position)
+        points = body_points(links[0], mount, unit, ground * unit, crank, closed)
+        return np.array([float(value) for value in rotation]), np.array([(float(x), float(y)) for x, y in points])
 
 
 def _smooth_request(random: Generator, samples: int) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.fourbar.kinematics import coupler_angle
-from tests.oracles import largest_scenes
+from synthesis.knotter.d_knotter import mechanism
+from synthesis.knotter.mechanism import dimensions
 
 MOST_BYTES = 150_000_000
 """That no request within its documented sizes needs more of, above an idle process."""
@@ -84,6 +85,9 @@ GIVEN = {
     "body_offset": 0.0,
     "mount": {"ground_angle": 0.0, "pivot_a": [0.0, 0.0], "coupler_point": {"radius": 50.0, "angle": 40.0}},
 }
+DESIGN = {"l2": 351.9, "l3": 162.8, "l4": 351.9, "l5": 347.2, "b": 535.8}
+CYLINDER = {"length": 220.0, "speed": 100.0}
+EXTRAS = "angles angular_velocities angular_accelerations points conditions residual instant_centre".split()
 QUICK = {
     "motion, half of the rotations missing",
     "free: poses in any order",
@@ -106,6 +110,20 @@ def requests() -> dict[str, Largest]:
     return {**_timed(), **_free(), **_functions(), **_matches(), **_scenes()}
 
 
+def _asked(path: str, bodies: dict[str, Any], atlas: bool = False, always: bool = False) -> dict[str, Largest]:
+    """Requests of a route for as many answers as there are, unless they say how many or refine one."""
+
+    def whole(body: dict[str, Any]) -> dict[str, Any]:
+        return body if "refine_from" in body and not always else {"top": TOP, **body}
+
+    return {name: Largest(path, whole(body), atlas=atlas) for name, body in bodies.items()}
+
+
+def first_of(count: int, body: dict[str, Any]) -> dict[str, Any]:
+    """A request of so many of its samples."""
+    return {name: value[:count] if isinstance(value, list) else value for name, value in body.items()}
+
+
 def _timed() -> dict[str, Largest]:
     all_of = moved()
     motion: dict[str, Any] = {"rotation": all_of.rotation, "position": all_of.position, **SPAN}
@@ -119,133 +137,98 @@ def _timed() -> dict[str, Largest]:
     }
     few = moved(64)
     some: dict[str, Any] = {"rotation": few.rotation, "position": few.position, **SPAN}
+    thousand = [0.5 * k for k in range(1, 1001)]
+    any_family, tight = {"limits": {"family": "any"}}, {"limits": {**LIMITS, "family": "any"}}
+    made = {"tolerance_study": REPORTS["tolerance_study"], "top": 1}
     bodies: dict[str, dict[str, Any]] = {
-        "motion": {**motion, "top": TOP},
-        "motion, crank angles given one by one, weights and tolerances": {**uneven, **each, "top": TOP},
-        "motion, half of the rotations missing": {**motion, "rotation": missing, "top": TOP},
-        "motion, any family": {**motion, "limits": {"family": "any"}, "top": TOP},
-        "motion, practical": {**motion, "limits": {"preset": "practical"}, "top": TOP, "diverse": True},
-        "motion, any family within all limits": {
-            **motion,
-            "limits": {**LIMITS, "family": "any"},
-            "top": TOP,
-            "diverse": True,
-        },
-        "rotation": {"rotation": all_of.rotation, **SPAN, "top": TOP, "limits": {"family": "any"}},
-        "path": {**path, "top": TOP},
-        "path, any family within all limits": {**path, "limits": {**LIMITS, "family": "any"}, "top": TOP},
-        "motion, ten turns": {**motion, "crank_span": 3600, "limits": {"family": "any"}, "top": TOP},
+        "motion": motion,
+        "motion, crank angles given one by one, weights and tolerances": {**uneven, **each},
+        "motion, half of the rotations missing": {**motion, "rotation": missing},
+        "motion, any family": {**motion, **any_family},
+        "motion, practical": {**motion, "limits": {"preset": "practical"}, "diverse": True},
+        "motion, any family within all limits": {**motion, **tight, "diverse": True},
+        "rotation": {"rotation": all_of.rotation, **SPAN, **any_family},
+        "path": path,
+        "path, any family within all limits": {**path, **tight},
+        "motion, ten turns": {**motion, "crank_span": 3600, **any_family},
         "everything reported of 20": {**motion, **REPORTS, "top": 20},
         "everything reported of one": {**motion, **REPORTS, "top": 1},
-        "100,000 made linkages of 1,024 samples": {**motion, "tolerance_study": REPORTS["tolerance_study"], "top": 1},
-        "100,000 made linkages of 30 samples": {
-            "rotation": all_of.rotation[:30],
-            "position": all_of.position[:30],
-            "crank_span": 8.8,
-            "tolerance_study": REPORTS["tolerance_study"],
-            "top": 1,
-        },
-        "links on a grid": {**motion, "limits": LIMITS, "round_to": 0.01, "top": TOP},
-        "links from 1,000 lengths": {
-            **motion,
-            "limits": LIMITS,
-            "lengths_from": [0.5 * k for k in range(1, 1001)],
-            "top": TOP,
-        },
-        "links from 1,000 lengths, 64 samples": {**some, "lengths_from": [0.5 * k for k in range(1, 1001)], "top": 5},
+        "100,000 made linkages of 1,024 samples": {**motion, **made},
+        "100,000 made linkages of 30 samples": {**first_of(30, motion), "crank_span": 8.8, **made},
+        "links on a grid": {**motion, "limits": LIMITS, "round_to": 0.01},
+        "links from 1,000 lengths": {**motion, "limits": LIMITS, "lengths_from": thousand},
+        "links from 1,000 lengths, 64 samples": {**some, "lengths_from": thousand, "top": 5},
         "refined from a linkage": {**motion, "limits": LIMITS, "refine_from": GIVEN, **REPORTS, "round_to": 0.01},
-        "path refined from a linkage of any family": {**path, "limits": {"family": "any"}, "refine_from": GIVEN},
+        "path refined from a linkage of any family": {**path, **any_family, "refine_from": GIVEN},
     }
-    found = {name: Largest("/v1/synthesize", body) for name, body in bodies.items()}
+    found = _asked("/v1/synthesize", bodies)
     found["motion as a table"] = Largest("/v1/synthesize.csv", {**motion, "analysis": REPORTS["analysis"]})
     found["motion as a drawing"] = Largest("/v1/synthesize.dxf", {**path, "limits": LIMITS})
     given = {"request": {**motion, "analysis": REPORTS["analysis"]}, "solution": GIVEN}
     found["a given linkage as a table"] = Largest("/v1/export", {**given, "format": "csv"})
-    rows = {"effort": "atlas", "top": TOP}
     of_atlas = {
-        "atlas rows of a motion": {**motion, **rows},
-        "atlas rows of a motion within limits": {**motion, **rows, "limits": {**LIMITS, "family": "any"}},
-        "atlas rows of a path": {**path, **rows},
-        "atlas rows of a path within limits": {**path, **rows, "limits": {**LIMITS, "family": "any"}, **REPORTS},
-        "atlas rows of a short path": {"position": all_of.position, "crank_span": 5, **rows},
-        "atlas rows of three positions": {"position": all_of.position[::400], "crank_span": 70, **rows},
-        "atlas rows of a rotation": {"rotation": all_of.rotation, **SPAN, **rows},
+        "a motion": motion,
+        "a motion within limits": {**motion, **tight},
+        "a path": path,
+        "a path within limits": {**path, **tight, **REPORTS},
+        "a short path": {"position": all_of.position, "crank_span": 5},
+        "three positions": {"position": all_of.position[::400], "crank_span": 70},
+        "a rotation": {"rotation": all_of.rotation, **SPAN},
     }
-    return found | {name: Largest("/v1/synthesize", body, atlas=True) for name, body in of_atlas.items()}
+    rows = {f"atlas rows of {name}": {**body, "effort": "atlas"} for name, body in of_atlas.items()}
+    return found | _asked("/v1/synthesize", rows, atlas=True)
 
 
 def _free() -> dict[str, Largest]:
     all_of = moved()
-    poses: dict[str, Any] = {"timing": "free", "rotation": all_of.rotation, "position": all_of.position}
-    path: dict[str, Any] = {"timing": "free", "position": all_of.position}
+    poses: dict[str, Any] = {"rotation": all_of.rotation, "position": all_of.position}
+    path: dict[str, Any] = {"position": all_of.position}
     eight, place, far = moved(8, 200, 0.02), moved(SAMPLES, 200, 0.02), moved(noise=3.0)
     mixed = {
-        "timing": "free",
         "position": eight.position,
         "rotation": [None if k in (2, 4, 5) else value for k, value in enumerate(eight.rotation)],
     }
     sparse = [value if k % 128 == 0 else None for k, value in enumerate(all_of.rotation)]
+    turns = [None if k % 3 == 2 else value for k, value in enumerate(place.rotation)]
     gaps = [None if k % 3 == 1 else value for k, value in enumerate(place.position)]
-    any_family, practical = {"family": "any"}, {"preset": "practical"}
-    tight = {**LIMITS, "family": "any"}
+    practical = {"preset": "practical"}
+    any_family, tight = {"limits": {"family": "any"}}, {"limits": {**LIMITS, "family": "any"}}
+    both = {"limits": {**practical, "family": "any"}}
     four = {name: poses[name][::250][:4] for name in ("rotation", "position")}
+    none = {"rotation": far.rotation, "position": far.position}
     bodies: dict[str, dict[str, Any]] = {
-        "poses": {**poses, "top": TOP},
-        "poses, any family": {**poses, "limits": any_family, "top": TOP},
-        "poses, any family, practical": {**poses, "limits": {**practical, **any_family}, "top": TOP, "diverse": True},
-        "poses, any family within all limits": {**poses, "limits": tight, "top": TOP},
-        "poses in any order": {**poses, "order": "any", "limits": {**practical, **any_family}, "top": TOP},
-        "poses, closed": {**poses, "closed": True, "limits": {**practical, **any_family}, "top": TOP},
-        "poses within a span": {**poses, "crank_span_max": 320, "limits": {**practical, **any_family}, "top": TOP},
+        "poses": poses,
+        "poses, any family": {**poses, **any_family},
+        "poses, any family, practical": {**poses, **both, "diverse": True},
+        "poses, any family within all limits": {**poses, **tight},
+        "poses in any order": {**poses, "order": "any", **both},
+        "poses, closed": {**poses, "closed": True, **both},
+        "poses within a span": {**poses, "crank_span_max": 320, **both},
         "poses, everything reported": {**poses, **REPORTS, "round_to": 0.01, "limits": practical, "top": 20},
-        "poses, links from 1,000 lengths": {**poses, "lengths_from": [0.5 * k for k in range(1, 1001)], "top": TOP},
+        "poses, links from 1,000 lengths": {**poses, "lengths_from": [0.5 * k for k in range(1, 1001)]},
         "poses refined from a linkage": {
             **poses,
             "refine_from": {**GIVEN, "crank_angle": all_of.crank_angle},
             **REPORTS,
         },
-        "poses refined from a linkage without crank angles": {**poses, "refine_from": GIVEN, "limits": tight},
-        "path": {**path, "top": TOP},
-        "path, any family": {**path, "limits": any_family, "top": TOP},
-        "path, any family, practical": {**path, "limits": {**practical, **any_family}, "top": TOP, "diverse": True},
-        "path, any family within all limits": {**path, "limits": tight, "top": TOP, "closed": True},
-        "path refined from a linkage": {**path, "refine_from": GIVEN, "limits": tight},
-        "poses with rotations at eight": {
-            **poses,
-            "rotation": sparse,
-            "limits": {**practical, **any_family},
-            "top": TOP,
-        },
-        "rotations and positions, each missing at some": {
-            "timing": "free",
-            "rotation": [None if k % 3 == 2 else value for k, value in enumerate(place.rotation)],
-            "position": gaps,
-            "limits": {**practical, **any_family},
-            "top": TOP,
-        },
-        "eight samples, three without rotation": {**mixed, "limits": {**practical, **any_family}, "top": TOP},
-        "eight samples, three without rotation, all limits": {**mixed, "limits": tight, "top": TOP, "order": "any"},
-        "four poses": {"timing": "free", **four, "limits": {**practical, **any_family}, "top": TOP, **REPORTS},
-        "three poses": {
-            "timing": "free",
-            **{k: v[:3] for k, v in four.items()},
-            "limits": tight,
-            "top": TOP,
-            "diverse": True,
-        },
-        "two poses": {"timing": "free", **{k: v[:2] for k, v in four.items()}, "limits": tight, "top": TOP},
-        "poses of no linkage": {"timing": "free", "rotation": far.rotation, "position": far.position, "top": TOP},
-        "poses of no linkage in any order": {
-            "timing": "free",
-            "rotation": far.rotation,
-            "position": far.position,
-            "order": "any",
-            "limits": any_family,
-            "top": TOP,
-        },
-        "path of no linkage": {"timing": "free", "position": far.position, "limits": tight, "top": TOP},
+        "poses refined from a linkage without crank angles": {**poses, "refine_from": GIVEN, **tight},
+        "path": path,
+        "path, any family": {**path, **any_family},
+        "path, any family, practical": {**path, **both, "diverse": True},
+        "path, any family within all limits": {**path, **tight, "closed": True},
+        "path refined from a linkage": {**path, "refine_from": GIVEN, **tight},
+        "poses with rotations at eight": {**poses, "rotation": sparse, **both},
+        "rotations and positions, each missing at some": {"rotation": turns, "position": gaps, **both},
+        "eight samples, three without rotation": {**mixed, **both},
+        "eight samples, three without rotation, all limits": {**mixed, **tight, "order": "any"},
+        "four poses": {**four, **both, **REPORTS},
+        "three poses": {**first_of(3, four), **tight, "diverse": True},
+        "two poses": {**first_of(2, four), **tight},
+        "poses of no linkage": none,
+        "poses of no linkage in any order": {**none, "order": "any", **any_family},
+        "path of no linkage": {"position": far.position, **tight},
     }
-    return {f"free: {name}": Largest("/v1/synthesize", body) for name, body in bodies.items()}
+    return _asked("/v1/synthesize", {f"free: {name}": {**body, "timing": "free"} for name, body in bodies.items()})
 
 
 def _functions() -> dict[str, Largest]:
@@ -253,7 +236,7 @@ def _functions() -> dict[str, Largest]:
     table = {"table": np.stack([x, np.log10(x)], axis=-1).tolist(), "output_span": 90}
     named = {"name": "log10", "x": [1, 2], "output_span": 90, "samples": SAMPLES}
     output = np.rad2deg(np.log(x) + 0.002 * np.random.default_rng(6).normal(size=SAMPLES)).round(6).tolist()
-    common = {"crank_span": 60, "top": TOP, "sensitivity": True, "curves": True}
+    common = {"crank_span": 60, "sensitivity": True, "curves": True}
     limits = {"limits": {"preset": "practical", "links": {"ground": 100}}, "round_to": 0.01}
     given = {"links": GIVEN["links"], "branch": 1, "start_angle": 28.0, "output_offset": 0.0}
     weights = {"weights": [1.0 + 0.001 * k for k in range(SAMPLES)]}
@@ -266,7 +249,7 @@ def _functions() -> dict[str, Largest]:
         "max within limits": {**common, "function": table, "objective": "max", **limits, "one_way": True},
         "refined from a linkage": {**common, "function": named, "objective": "max", **limits, "refine_from": given},
     }
-    return {f"function: {name}": Largest("/v1/function", body) for name, body in bodies.items()}
+    return _asked("/v1/function", {f"function: {name}": body for name, body in bodies.items()}, always=True)
 
 
 def _matches() -> dict[str, Largest]:
@@ -283,5 +266,131 @@ def _matches() -> dict[str, Largest]:
     return {f"match: {name}": Largest("/v1/match", body, atlas=True) for name, body in bodies.items()}
 
 
+Bodies = dict[str, tuple[str, dict[str, Any]]]
+
+
 def _scenes() -> dict[str, Largest]:
-    return {name: Largest(path, body) for name, (path, body) in largest_scenes.bodies().items()}
+    return {
+        f"{scene}: {name}": Largest(f"/v1/{scene}/{path}", body)
+        for scene, bodies in (("lift", _lifts()), ("chain", _chains()), ("knotter", _knotters()))
+        for name, (path, body) in bodies.items()
+    }
+
+
+def _lifts() -> Bodies:
+    pneumatics = {"load": 1000.0, "mass": 20.0, "bore": 63.0, "rod": 20.0, "pressure": 6.0}
+    motion = {"design": DESIGN, "cylinder": CYLINDER, "pneumatics": pneumatics, "include": EXTRAS}
+    stroke = {"cylinder": CYLINDER, "stroke": [200, 510]}
+    cylinders = [{"length": 200 + k, "speed": 100} for k in range(24)]
+    found: Bodies = {
+        "motion": ("motion", {**motion, "samples": 100_000}),
+        "motion at times of one's own": (
+            "motion",
+            {**motion, "times": [round(k / 30_000, 6) for k in range(100_000)]},
+        ),
+        "motion as a table": ("motion.csv", {**motion, "samples": 100_000}),
+        "optimum": ("optimize", {**stroke, "objective": {"kind": "discrete", "n": 4000}}),
+        "optimum within constraints": (
+            "optimize",
+            {**stroke, "objective": {"kind": "discrete", "n": 4000}, "constraints": {"rise_time": [0.5, 60]}},
+        ),
+        "24 cylinders": (
+            "batch",
+            {"cylinders": cylinders, "stroke": [200, 510], "objective": {"kind": "discrete", "n": 500}},
+        ),
+    }
+    return found
+
+
+def _chains() -> Bodies:
+    slot = {
+        "pitch": 131,
+        "links": 16,
+        "upper_radius": 181.78,
+        "samples": 10_001,
+        "include": ["outline"],
+        "roller_radius": 20,
+    }
+    long = {**slot, "roller_radius": 1, "links": 1000, "upper_radius": 20_700, "samples": 1000}
+    stadium = {"pitch": 1, "links": 1000, "stadium": {"radius": 20}, "samples": 1000, "roller_radius": 0.2}
+    fits = {"chebyshev": 64, "spline": 4096, "fourier": 256, "polynomial": 100}
+    listed = {"include": ["pins", "outline"]}
+    found: Bodies = {
+        **{
+            f"slot, {kind}": ("slot", {**slot, "fit": {"kind": kind, "order": order}}) for kind, order in fits.items()
+        },
+        "slot, pins listed": ("slot", {**slot, "samples": 10_001, **listed}),
+        "slot as a table with pins": ("slot.csv", {**slot, **listed}),
+        "slot as a drawing": ("slot.dxf", slot),
+        "slot of 1,000 links": ("slot", {**long, "fit": {"kind": "spline", "order": 4096}}),
+        "slot of 1,000 links, 200 samples listed": ("slot", {**long, "samples": 200, **listed}),
+        "track of 1,000 links": ("track", {**stadium, "fit": {"kind": "spline", "order": 4096}}),
+        "track of 1,000 links, 200 samples listed": ("track", {**stadium, "samples": 200, **listed}),
+        "tolerance": (
+            "tolerance",
+            {
+                "pitch": 131,
+                "links": 1000,
+                "upper_radius": 20_700,
+                "pitch_errors": [round(0.002 * (k - 50), 3) for k in range(101)],
+                "tolerances": {"pitch": 0.001},
+            },
+        ),
+    }
+    return found
+
+
+def _knotters() -> Bodies:
+    grid = {"alpha1": [0.1 * k for k in range(100)], "alpha3": [10 + 0.1 * k for k in range(200)]}
+
+    others = {"alpha2": 8.0, "d1": 136.0, "D": 20.0, "d5": 54.0, "d6": 142.0, "d9": 12.0, "d10": 24.5}
+    nine = {"alpha1": [k / 2 for k in range(12)], "alpha3": [20 + k / 2 for k in range(13)]}
+    nine |= {name: [value, value + 0.25] for name, value in others.items()}
+
+    def laws(rows: int) -> dict[str, Any]:
+        angles = [k * 720 / (rows - 1) for k in range(rows)]
+        tables = {
+            name: {"table": [[a, 23.5 + ratio * a] for a in angles], "kind": "pchip", "outside": "hold"}
+            for name, ratio in (("beta", 0.5), ("alpha4", 0.05))
+        }
+        whole = {"windows": {"wrap": [0, 720], "bite": [0, 720]}}
+        return {"laws": tables, "clearance": {"over": [0, 720], "hook": "moving", "disc_radius": 40}, **whole}
+
+    fixed = ("alpha1", "alpha3")
+    known = {name: value for name, value in dimensions(mechanism({}, {}, {}, {})).items() if name not in fixed}
+    unknowns = [{"name": name, "low": value - 5, "high": value + 5} for name, value in list(known.items())[:40]]
+    pattern = [
+        {
+            "condition": ("wrap", "clearance", "bite")[k % 3],
+            "alpha1": k % 20,
+            "alpha3": 20 + k % 11,
+            "holds": k % 2 == 0,
+        }
+        for k in range(200)
+    ]
+    found: Bodies = {
+        "scan": ("scan", {"grid": grid}),
+        "scan of nine parameters": ("scan", {"grid": nine}),
+        "scan of nine parameters as a table": ("scan.csv", {"grid": nine}),
+        "scan of 14,000 over two turns, laws of 6 rows": (
+            "scan",
+            {"grid": {**grid, "alpha3": grid["alpha3"][:140]}, **laws(6)},
+        ),
+        "scan of 500, laws of 1,000 rows": (
+            "scan",
+            {"grid": {**grid, "alpha1": grid["alpha1"][:5], "alpha3": grid["alpha3"][:100]}, **laws(1000)},
+        ),
+        "limit": ("limit", {"samples": 1025}),
+        "limit, laws of 480 rows": ("limit", {"samples": 1025, **laws(480), "condition": "bite"}),
+        "needle": ("needle", {}),
+        "curves": ("curves", {"samples": 7201, "step": 0.01, "over": [0, 720]}),
+        "curves, laws of 1,000 rows": ("curves", {"samples": 7201, "step": 0.01, "over": [0, 720], **laws(1000)}),
+        "curves as a table": ("curves.csv", {"samples": 7201, "over": [0, 720]}),
+        "fit": ("fit", {"unknowns": unknowns, "pattern": pattern, "draws": 350, "descents": 1, "budget_ms": 2000}),
+        "fit, 2,000 draws": (
+            "fit",
+            {"unknowns": unknowns, "pattern": pattern[:32], "draws": 2000, "descents": 1, "budget_ms": 2000},
+        ),
+        "tolerance": ("tolerance", {"alpha1": 10, "alpha3": 25, "samples": 20_000}),
+    }
+    return found

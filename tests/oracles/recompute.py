@@ -118,7 +118,7 @@ def recompute(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Recomp
             rotation_rms, rotation_max = _rms_and_max(gaps)
             square += rotation_rms**2
         if request.get("position") is not None:
-            points = _body_points(links[0], mount, unit, ground, crank, closed)
+            points = body_points(links[0], mount, unit, ground, crank, closed)
             gaps = [
                 mp.hypot(mpf(float(x)) - px, mpf(float(y)) - py)
                 for (x, y), (px, py) in zip(request["position"], points)
@@ -271,9 +271,10 @@ def _unit(request: Mapping[str, Any]) -> Any:
     return mpf(1) if request.get("angle_unit", "deg") == "rad" else mp.pi / 180
 
 
-def _body_points(
+def body_points(
     crank_length: float, mount: Mapping[str, Any], unit: Any, ground: Any, crank: list[Any], closed: Angles
 ) -> list[tuple[Any, Any]]:
+    """Places of the body point at crank angles, as of `Angles`; ``ground`` is the ground's angle in radians."""
     ax, ay = (mpf(float(value)) for value in mount["pivot_a"])
     radius = mpf(float(mount["coupler_point"]["radius"]))
     arm_cos, arm_sin = mp.cos_sin(mpf(float(mount["coupler_point"]["angle"])) * unit + ground)

@@ -183,6 +183,8 @@ D1 = {"name": "d1", "low": 0, "high": 200}
 SCAN_REFUSALS = {
     "empty grid": ({"grid": {"alpha1": []}}, "/grid/alpha1", ""),
     "coincident points": ({"points": {"S4": [0, 16, -12]}}, "/points", "S3 and S4"),
+    "rope's end on a vertex": ({"points": {"S1": [0, 16, -12]}}, "/points", "S1 and S3"),
+    "edge without length": ({"points": {"S7": [56.5, 0, -30.5]}}, "/points", "S7 and S9"),
     "points on a line": ({"points": {"S5": [0, 12, -20]}}, "/points", "S3, S4 and S5"),
     "hook without a blade": ({"points": {"S8": [0, 0, 0]}}, "/points", "O5 and S8"),
     "law too short": ({"laws": {"beta": {"table": [[0, 0], [90, 45]]}}}, "/laws/beta", "not defined"),

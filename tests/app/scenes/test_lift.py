@@ -105,6 +105,7 @@ def test_only_what_is_asked_for_is_computed(client, monkeypatch) -> None:
         ("cylinder.speed", 0, "speed", 0.0),
         ("cylinder.acceleration", -10, "stopping", 72.022727),
         ("design.l4", 479.9, "top_lever", 458.0758),
+        ("design.b", 1e9, "proportion", 8.2e8),
         ("times", [0, 5.8], "time", 5.8 - 5.720227),
     ],
 )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import count
-from threading import Event
+from itertools import count, pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from synthesis.atlas.descent import Left
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.matrices import RotationMatrix
 from synthesis.atlas.scan import HARMONICS, SERIES_ERROR, STARTS, Scan
-from synthesis.atlas.series import Bucket, prepare, prepare_phasors
+from synthesis.atlas.series import GroupKey, SeriesGroup, prepare
 from synthesis.atlas.table import Atlas, AtlasRule
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
@@ -30,11 +30,15 @@ def cells() -> list[Cells]:
         patch.setattr(scan_cells, "LEAF", 3)
         patch.setattr(scan_cells, "FEWEST", 1)
         atlas = make_atlas(AtlasRule(TypeRule(72, 2, OrderRule.FULL_CRANK), 64))
-        made = [make_cells(bucket) for bucket in buckets(atlas)]
+        made = [make_cells(group, new_array) for group in groups(atlas)]
         return [cells for cells in made if len(cells.levels) > 1]
 
 
-def buckets(atlas: Atlas) -> list[Bucket]:
+def new_array(name: str, dtype: Any, shape: tuple[int, ...]) -> np.ndarray:
+    return np.empty(shape, dtype)
+
+
+def groups(atlas: Atlas) -> list[SeriesGroup]:
     """The series of an atlas as a scan prepares them."""
     return list(prepare(atlas, np.arange(len(atlas)), SERIES_ERROR, HARMONICS))
 
@@ -66,14 +70,43 @@ def some_crank(rng: np.random.Generator) -> np.ndarray:
 def test_every_type_is_in_one_cell_of_each_level(cells) -> None:
     for tree in cells:
         assert np.all(np.diff(tree.first) > 0) and tree.most <= 3
-        assert np.array_equal(np.unique(tree.bucket.rows), np.sort(tree.bucket.rows))
+        assert np.array_equal(np.unique(tree.group.rows), np.sort(tree.group.rows))
         for level, its_cells in enumerate(tree.levels):
-            below = [types_below(tree, level, cell) for cell in range(len(its_cells.cells.rows))]
-            assert np.array_equal(np.concatenate(below), np.arange(len(tree.bucket.rows)))
-            for types, representative in zip(below, its_cells.cells.rows):
-                assert representative in tree.bucket.rows[types]
+            below = [types_below(tree, level, cell) for cell in range(len(its_cells.representatives.rows))]
+            assert np.array_equal(np.concatenate(below), np.arange(len(tree.group.rows)))
+            for types, representative in zip(below, its_cells.representatives.rows):
+                assert representative in tree.group.rows[types]
         finest = np.arange(len(tree.first) - 1)
-        assert np.array_equal(np.unique(tree.types_of(finest)), np.arange(len(tree.bucket.rows)))
+        assert np.array_equal(np.unique(tree.types_of(finest)), np.arange(len(tree.group.rows)))
+
+
+def naive_cells(features: np.ndarray, members: list[int], depth: int) -> list[list[int]]:
+    """Cells by a recursion over lists of Python's whole numbers."""
+    if not depth:
+        return [members]
+    values = [[int(features[place, k]) for place in members] for k in range(features.shape[1])]
+    spreads = [len(some) * sum(v * v for v in some) - sum(some) ** 2 for some in values]
+    widest = spreads.index(max(spreads))
+    ranked = sorted(members, key=lambda place: (int(features[place, widest]), place))
+    half = len(members) // 2
+    low, high = sorted(ranked[:half]), sorted(ranked[half:])
+    return naive_cells(features, low, depth - 1) + naive_cells(features, high, depth - 1)
+
+
+@pytest.mark.parametrize(
+    ("number", "harmonics", "seed"), [(1, 5, 0), (7, 5, 1), (500, 5, 2), (1031, 3, 3), (2048, 8, 4)]
+)
+def test_the_order_is_that_of_a_plain_recursion(number, harmonics, seed) -> None:
+    """Of types with coefficients that repeat, so that ties are many, and some beyond what is told apart."""
+    rng = np.random.default_rng(seed)
+    series = rng.normal(size=(number, 6 * harmonics)).round(1) * rng.choice([1e-3, 1.0, 9.0], 6 * harmonics)
+    types = SeriesGroup(GroupKey(0, harmonics), np.arange(number), series, np.zeros(number), np.zeros(number))
+    columns, limit = 2 * min(scan_cells._HALVED_HARMONICS, harmonics), scan_cells._LARGEST_STEP
+    features = np.rint(types.periodic[:, :columns] / scan_cells._STEP).clip(-limit, limit).astype(int)
+    order, begins = scan_cells.halve(types, 6)
+    cells = [order[begin:end].tolist() for begin, end in pairwise(begins)]
+    assert cells == naive_cells(features, list(range(number)), len(cells).bit_length() - 1)
+    assert max(map(len, cells)) <= 6 and sorted(order) == list(range(number))
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -87,8 +120,10 @@ def test_no_type_is_further_from_its_representative_than_the_radius(cells, seed)
     for tree in cells:
         for level, its_cells in enumerate(tree.levels):
             radius = arcs.radius(its_cells, np.arange(len(its_cells.error)))
-            for cell in rng.choice(len(its_cells.cells.rows), 3):
-                differences = tree.bucket.periodic[types_below(tree, level, cell)] - its_cells.cells.periodic[cell]
+            for cell in rng.choice(len(its_cells.representatives.rows), 3):
+                below = types_below(tree, level, cell)
+                assert np.all(tree.group.error[below] <= its_cells.error[cell])
+                differences = tree.group.periodic[below] - its_cells.representatives.periodic[cell]
                 for window in rng.choice(2 * STARTS, 8):
                     start = np.deg2rad(window % STARTS) + target.crank
                     values = series_at(differences, start if window < STARTS else -start)
@@ -105,9 +140,9 @@ def test_radii_are_no_larger_than_they_need_be(cells) -> None:
         for tree in cells:
             finest = tree.levels[-1]
             radius = arcs.radius(finest, np.arange(len(finest.error)))
-            for cell in range(0, len(finest.cells.rows), 7):
-                differences = tree.bucket.periodic[types_below(tree, len(tree.levels) - 1, cell)]
-                differences = differences - finest.cells.periodic[cell]
+            for cell in range(0, len(finest.representatives.rows), 7):
+                differences = tree.group.periodic[types_below(tree, len(tree.levels) - 1, cell)]
+                differences = differences - finest.representatives.periodic[cell]
                 largest = max(
                     series_at(differences, np.deg2rad(s) + target.crank).std(axis=1).max() for s in range(0, 360, 60)
                 )
@@ -260,10 +295,10 @@ def test_a_scan_whose_series_for_positions_are_not_there_keeps_a_short_budget(pu
 def test_types_that_the_file_leaves_unresolved_are_taken_from_their_lengths() -> None:
     atlas = make_atlas(AtlasRule(TypeRule(60, 2, OrderRule.FULL_CRANK), 16))
     assert np.mean(atlas.curve_error > 1e-3) > 0.1
-    rotation = buckets(atlas)
-    assert np.mean(np.concatenate([bucket.error for bucket in rotation]) > 1e-5) < 0.01
-    position = [prepare_phasors(atlas, bucket, 512, Event()) for bucket in rotation]
-    assert np.mean(np.concatenate([phasors.error for phasors in position]) > 1e-4) < 0.01
+    scan = Scan(atlas)
+    assert np.mean(np.concatenate([cells.group.error for cells in scan.prepared.cells]) > 1e-5) < 0.01
+    assert scan.prepare_positions(Work())
+    assert np.mean(np.concatenate([phasors.error for phasors in scan.prepared.phasors]) > 1e-4) < 0.01
 
 
 @pytest.mark.parametrize("end", ["cancelled", "out of time"])

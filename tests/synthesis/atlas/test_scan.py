@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
-from threading import Event
 
 import numpy as np
 import pytest
 
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import scan as scan_module
-from synthesis.atlas.cells import Arcs, Cells, make_cells
+from synthesis.atlas.cells import Arcs, Cells
 from synthesis.atlas.descent import Descent
 from synthesis.atlas.matrices import Matrices
-from synthesis.atlas.scan import HARMONICS, SERIES_ERROR, STARTS, Scan
-from synthesis.atlas.series import Phasors, join, prepare, prepare_phasors
+from synthesis.atlas.preparation import Preparation
+from synthesis.atlas.scan import KIND, STARTS, Scan
+from synthesis.atlas.series import Phasors
 from synthesis.atlas.table import AtlasRule, Table
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -43,25 +42,26 @@ AT_ONCE = 1 << 11
 class Bounds:
     """The bounds of windows that a scan of a table rests on, made from its parts."""
 
-    table: Table
-    cells: list[Cells]
+    prepared: Preparation
 
     @classmethod
     def of(cls, table: Table) -> Bounds:
-        shares: dict[tuple[int, int], list] = {}
-        for bucket in prepare(table, np.arange(len(table)), SERIES_ERROR, HARMONICS):
-            shares.setdefault((bucket.winding, bucket.harmonics), []).append(bucket)
-        return cls(table, [make_cells(join(shares[key])) for key in sorted(shares)])
+        return cls(Preparation(table.mechanism, lambda: table, KIND))
 
-    @cached_property
+    @property
+    def cells(self) -> list[Cells]:
+        return self.prepared.cells
+
+    @property
     def phasors(self) -> list[Phasors]:
-        return [prepare_phasors(self.table, cells.bucket, 512, Event()) for cells in self.cells]
+        assert self.prepared.prepare_positions(Work())
+        return self.prepared.phasors
 
     def below(self, target: Target, limit: float) -> tuple[np.ndarray, np.ndarray]:
         """Numbers (as of `every_window`, see `place_of`) and bounds of all windows that a limit leaves."""
         phasors = [None] * len(self.cells) if target.position is None else self.phasors
-        reaches = [cells.bucket.harmonics for cells in self.cells] + [p.reach for p in phasors if p is not None]
-        arcs, matrices = Arcs(target, STARTS), Matrices(target, 2 * max(reaches), STARTS)
+        harmonics = [cells.group.harmonics for cells in self.cells] + [p.harmonics for p in phasors if p is not None]
+        arcs, matrices = Arcs(target, STARTS), Matrices(target, 2 * max(harmonics), STARTS)
         parts = [Descent(cells, arcs, matrices, known) for cells, known in zip(self.cells, phasors)]
         found = [batch(limit) for part in parts for batch in part.batches(limit)[0]]
         found = [(np.empty(0, dtype=np.int64), np.empty(0)), *filter(None, found)]

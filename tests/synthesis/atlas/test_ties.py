@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from synthesis.atlas import descent as descent_module
-from synthesis.atlas import leaders as leaders_module
 from synthesis.atlas import scan as scan_module
-from synthesis.atlas.leaders import Leaders, Numbering, lowest, lowest_steps
+from synthesis.atlas import windows as windows_module
 from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.table import AtlasRule
-from synthesis.atlas.windows import TIE, Windows
+from synthesis.atlas.windows import TIE, BestWindows, Numbering, Windows, lowest, lowest_steps
 from synthesis.errors import FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
@@ -100,7 +99,7 @@ def test_more_windows_than_may_be_held_are_evaluated_one_by_one(kind, held, scan
     monkeypatch.setattr(scan_module, "_COUNT_BELOW", 64)
     monkeypatch.setattr(scan_module, "_FIRST_COUNT", 64)
     most = []
-    plain = leaders_module.lowest
+    plain = windows_module.lowest
     monkeypatch.setattr(
         descent_module, "lowest", lambda numbering, ids, *more: most.append(ids.size) or plain(numbering, ids, *more)
     )
@@ -190,13 +189,13 @@ def test_little_more_is_evaluated_once_the_time_is_up(kind, budget, scan) -> Non
     assert sum(after) * 500 <= 3 * scan_module._EXACT_SAMPLES
 
 
-def test_leaders_evaluate_no_more_at_once_than_they_are_told() -> None:
+def test_the_best_evaluate_no_more_at_once_than_they_are_told() -> None:
     sizes: list[int] = []
 
     def exact(windows: Windows) -> np.ndarray:
         sizes.append(windows.row.size)
         return 1.0 + windows.start
 
-    leaders = Leaders(5, Numbering(STARTS), exact, 100, lambda: False)
-    leaders.consider(np.arange(3000), np.zeros(3000))
-    assert max(sizes) <= 100 and leaders.windows.start.max() < 5
+    best = BestWindows(5, Numbering(STARTS), exact, 100, lambda: False)
+    best.consider(np.arange(3000), np.zeros(3000))
+    assert max(sizes) <= 100 and best.windows.start.max() < 5

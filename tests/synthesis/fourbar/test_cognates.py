@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from synthesis.fourbar.cognates import cognates
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.linkage import Linkage, cognates
 
 
 @pytest.mark.parametrize("seed", range(20))

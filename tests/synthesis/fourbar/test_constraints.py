@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
-from synthesis.fourbar.grashof_chart import GrashofChart
+from synthesis.fourbar.charts import GrashofChart
 from synthesis.fourbar.kinematics import close_loop, transmission_angle_over
 from synthesis.fourbar.limits import Constraints, Limits, Reach
 from synthesis.mechanism import Placed

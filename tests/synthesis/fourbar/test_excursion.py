@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.excursion import LEAVES_SAMPLES, excursions
 from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions
 from synthesis.target import TURN
 from tests.oracles import tracker
 from tests.synthesis.fourbar.test_verdict import KINDS, lengths_of, samples_on, start_of

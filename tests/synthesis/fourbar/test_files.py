@@ -16,8 +16,7 @@ import linkage_atlas as la
 from app import cli
 from app.registry import worked_example
 from synthesis.errors import FieldError
-from synthesis.fourbar.drawing import to_svg
-from synthesis.fourbar.files import to_csv, to_dxf, to_mjcf
+from synthesis.fourbar.files import to_csv, to_dxf, to_mjcf, to_svg
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import Interval, make_target
 

@@ -207,6 +207,10 @@ def test_family_changes_as_its_law_says(lengths) -> None:
     assert close_loop(lengths, crank).closed.all() == turns_fully
 
 
+def test_each_pairing_of_the_links_has_its_change_point() -> None:
+    assert set(family([[1, 2, 3, 4], [2, 1, 3, 4], [2, 3, 1, 4]])) == {Family.CHANGE_POINT}
+
+
 def test_coupler_angle_is_continuous_over_turns() -> None:
     crank = np.linspace(-3 * TURN, 3 * TURN, 6 * 360 + 1)
     for lengths, turns in (([19, 72, 144, 165], 0), ([165, 144, 72, 19], 6)):

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.passage import from_the_rocker, passage
-from synthesis.fourbar.verdict import verdicts
+from synthesis.fourbar.passage import from_the_rocker, passage, verdicts
 from synthesis.target import TURN
 from tests.oracles import tracker
 

@@ -6,17 +6,23 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from synthesis.free.dyads import Body, linear_dyads, polished
+from synthesis.fourbar.charts import FullCrankChart
+from synthesis.free.dyads import Body, evaluate_dyads, linear_dyads, polished
+from synthesis.free.joint import JointProblem, Timed, refine
 from synthesis.free.poses import Poses, make_poses
 from tests.oracles.free_classes import burmester_dyads, free_case, recompute_free
 
 EXACT = 1e-9
 
 
-def asked(case, **more):
-    """The front door's answer in degrees, within no limits but those asked for."""
+def free(rotation, position, **more):
+    """The front door's answer, within no limits but those asked for."""
     more["limits"] = {"preset": "none"} | more.get("limits", {})
-    return la.synthesize(np.rad2deg(case.rotation), case.position, timing="free", **more)
+    return la.synthesize(rotation, position, timing="free", **more)
+
+
+def asked(case, **more):
+    return free(np.rad2deg(case.rotation), case.position, **more)
 
 
 def checked(case, found, rotation=None):
@@ -53,11 +59,7 @@ def test_few_poses_have_many_linkages(samples) -> None:
         assert apart[np.triu_indices(10, 1)].min() > 1e-4
         # exact ones are ranked by what one would build: near the samples all the way, a short swing, a good transmission angle
         places = [
-            (
-                one.excursion > 2.5,
-                np.ptp(one.crank_angle) // 90,
-                -(one.transmission_angle_min // 5),
-            )
+            (one.excursion > 2.5, np.ptp(one.crank_angle) // 90, -(one.transmission_angle_min // 5))
             for one in found.solutions
         ]
         assert places == sorted(places)
@@ -76,6 +78,21 @@ def test_five_poses_have_the_dyads_that_brute_force_finds(seed) -> None:
     assert len(others) <= mine.radius.size
 
 
+def test_the_error_of_a_dyad_is_the_cheapest_way_to_move_the_poses_onto_it() -> None:
+    """Each pose by itself, to first order: the least squares of a move and a turn that take its point onto the circle."""
+    case = free_case(1, 6)
+    body = Body(make_poses(case.rotation, case.position))
+    m, c, radius = 0.4 - 1.1j, 1.3 + 0.2j, 1.7
+    arm = body.turned * m
+    gap = body.position + arm - c
+    normal = gap / np.abs(gap)
+    ways = np.stack([normal.real, normal.imag, (np.conj(normal) * 1j * arm).real], axis=1)
+    ways /= np.stack([body.position_root, body.position_root, body.rotation_root], axis=1)
+    moves = [np.linalg.lstsq(way[None], [off], rcond=None)[0] for way, off in zip(ways, np.abs(gap) - radius)]
+    found = evaluate_dyads(body, np.array([[m.real, m.imag, c.real, c.imag, radius]]))
+    assert found.cost[0] == pytest.approx(sum(move @ move for move in moves))
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_swinging_cranks_are_found_where_any_family_will_do(seed) -> None:
     case = free_case(seed, 8, swinging=True)
@@ -90,7 +107,7 @@ def test_half_of_the_rotations_may_be_missing(samples) -> None:
         rotation = case.rotation.copy()
         rotation[np.random.default_rng(seed).permutation(samples)[: samples // 2]] = np.nan
         asked_for = [None if np.isnan(turn) else float(np.rad2deg(turn)) for turn in rotation]
-        found = la.synthesize(asked_for, case.position, timing="free", limits={"preset": "none"}, top=3)
+        found = free(asked_for, case.position, top=3)
         assert checked(case, found, rotation).min() < EXACT, seed
 
 
@@ -98,9 +115,7 @@ def test_dyads_of_which_no_pair_will_do_are_no_error() -> None:
     case = free_case(0, 8)
     rotation = [float(np.rad2deg(turn)) if k in (0, 3, 7) else None for k, turn in enumerate(case.rotation)]
     for limit in (0.2, 5.0):
-        found = la.synthesize(
-            rotation, case.position, timing="free", limits={"preset": "none"}, crank_span_max=limit, budget=1.0
-        )
+        found = free(rotation, case.position, crank_span_max=limit, budget=1.0)
         assert all(abs(one.crank_angle[-1]) <= limit * (1 + 1e-9) for one in found.solutions)
 
 
@@ -116,16 +131,14 @@ def same_linkages(one: la.Result, other: la.Result, scale: float = 1.0) -> None:
 def test_moved_scaled_mirrored_and_reversed_requests_give_the_same_linkages(seed) -> None:
     case = free_case(seed, 7)
     turns, points = np.rad2deg(case.rotation), case.position
-    found = la.synthesize(turns, points, timing="free", limits={"preset": "none"})
+    found = free(turns, points)
     turned = np.exp(1j * np.deg2rad(33.0))
-    same_linkages(
-        found, la.synthesize(turns + 33, points * turned + (70 - 20j), timing="free", limits={"preset": "none"})
-    )
-    same_linkages(found, la.synthesize(turns, 1e-3 * points, timing="free", limits={"preset": "none"}), 1e-3)
-    mirrored = la.synthesize(-turns, points.conj(), timing="free", limits={"preset": "none"})
+    same_linkages(found, free(turns + 33, points * turned + (70 - 20j)))
+    same_linkages(found, free(turns, 1e-3 * points), 1e-3)
+    mirrored = free(-turns, points.conj())
     same_linkages(found, mirrored)
     assert {s.linkage.branch for s in mirrored.solutions[:1]} == {-found.best.linkage.branch}
-    backward = la.synthesize(turns[::-1], points[::-1], timing="free", limits={"preset": "none"})
+    backward = free(turns[::-1], points[::-1])
     same_linkages(found, backward)
     assert np.sign(backward.best.crank_angle[-1]) == -np.sign(found.best.crank_angle[-1])
 
@@ -134,29 +147,20 @@ def test_in_any_order_a_shuffled_request_gives_the_same_linkage() -> None:
     for seed in range(6):
         case = free_case(seed, 9)
         shuffle = np.random.default_rng(seed).permutation(9)
-        found = la.synthesize(
-            np.rad2deg(case.rotation[shuffle]),
-            case.position[shuffle],
-            timing="free",
-            limits={"preset": "none"},
-            order="any",
-        )
+        found = free(np.rad2deg(case.rotation[shuffle]), case.position[shuffle], order="any")
         own = asked(case)
         best = found.best.to_dict()
         again = recompute_free(case.position[shuffle], case.rotation[shuffle], best)
         assert again.objective < EXACT
-        assert found.best.crank_angle[0] == 0 and np.all(
-            (found.best.crank_angle >= 0) & (found.best.crank_angle < 360)
-        )
+        crank = found.best.crank_angle
+        assert crank[0] == 0 and crank.min() >= 0 and crank.max() < 360
         same_linkages(own, found)
 
 
 def test_whole_turns_of_a_rotation_do_not_count() -> None:
     case = free_case(3, 8)
     more = case.rotation + 2 * np.pi * np.random.default_rng(0).integers(-3, 4, 8)
-    same_linkages(
-        asked(case), la.synthesize(np.rad2deg(more), case.position, timing="free", limits={"preset": "none"})
-    )
+    same_linkages(asked(case), free(np.rad2deg(more), case.position))
 
 
 def test_a_sixth_pose_on_a_solution_gives_that_solution() -> None:
@@ -169,7 +173,7 @@ def test_a_sixth_pose_on_a_solution_gives_that_solution() -> None:
         joints = one.linkage.joints([between])
         turns = np.insert(np.rad2deg(case.rotation), 2, joints.rotation[0])
         points = np.insert(case.position, 2, complex(*joints.body_point[0]))
-        again = la.synthesize(turns, points, timing="free", limits={"preset": "none"})
+        again = free(turns, points)
         assert min(np.abs(s.linkage.links - one.linkage.links).max() for s in again.solutions) < 1e-5 * max(
             one.linkage.links
         )
@@ -184,9 +188,6 @@ def test_the_crank_keeps_within_its_span() -> None:
 
 
 def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
-    from synthesis.fourbar.charts import FullCrankChart
-    from synthesis.free.joint import JointProblem, Timed, refine
-
     random = np.random.default_rng(5)
     for seed in range(6):
         case = free_case(seed, 20)
@@ -194,11 +195,8 @@ def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
         noise = (
             1e-3 * poses.length_scale * (random.standard_normal(20) + 1j * random.standard_normal(20)) / np.sqrt(2)
         )
-        noisy = Poses(
-            rotation=case.rotation + 1e-3 * random.standard_normal(20),
-            position=case.position + noise,
-            length_scale=poses.length_scale,
-        )
+        rotation = case.rotation + 1e-3 * random.standard_normal(20)
+        noisy = Poses(rotation, case.position + noise, length_scale=poses.length_scale)
         problem = JointProblem(noisy, FullCrankChart())
         truth = Timed(
             problem.chart.unknowns(case.lengths[None]),
@@ -210,14 +208,7 @@ def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
         body = problem.turned(truth).body
         offset = np.angle(np.exp(1j * (case.rotation - body.angle)).mean(axis=1))
         polished_truth = refine(problem, truth._replace(offset=offset), 200)
-        found = la.synthesize(
-            noisy.rotation,
-            noisy.position,
-            timing="free",
-            limits={"preset": "none"},
-            degrees=False,
-            length_scale=poses.length_scale,
-        )
+        found = free(noisy.rotation, noisy.position, degrees=False, length_scale=poses.length_scale)
         assert found.best.errors.objective <= 1.01 * np.sqrt(polished_truth.cost[0]), seed
 
 
@@ -226,6 +217,6 @@ def test_poses_far_from_any_linkage_are_searched_on_all_samples() -> None:
     random = np.random.default_rng([55, 20, 1])
     rotation = random.uniform(-1, 1, 20)
     position = random.standard_normal(20) + 1j * random.standard_normal(20)
-    found = la.synthesize(np.rad2deg(rotation), position, timing="free", limits={"preset": "none"}, top=1)
+    found = free(np.rad2deg(rotation), position, top=1)
     told = recompute_free(position, rotation, found.best.to_dict())
     assert told.one_way and told.objective < 1.01 * 0.60101

@@ -9,8 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from synthesis.fourbar.charts import FullCrankChart
-from synthesis.fourbar.grashof_chart import GrashofChart
+from synthesis.fourbar.charts import FullCrankChart, GrashofChart
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR
@@ -141,18 +140,8 @@ def test_more_time_is_never_worse(screens) -> None:
     poses = Poses(None, position, length_scale=float(np.max(np.abs(position - position.mean()))))
     limits = Limits(**practical_limits(poses, {}))
     least = np.inf
-    for looks in (
-        1,
-        3,
-        10,
-        30,
-        60,
-        100,
-        150,
-        250,
-        400,
-        800,
-    ):  # looks at the clock stand for time: the same on any machine
+    # looks at the clock stand for time: the same on any machine
+    for looks in (1, 3, 10, 30, 60, 100, 150, 250, 400, 800):
         found, _ = search_free(poses, limits, 3, work=counted(looks), screens=screens)
         assert found
         assert found[0].errors.objective <= least * 1.01

@@ -29,18 +29,13 @@ def test_a_rocker_turns_as_the_coupler_of_the_exchanged_linkage(a, b, c, d, bran
     assert one.links == (a, c, b, d) and one.branch == -branch and exchanged(one).links == (a, b, c, d)
 
 
-def test_rocker_angles_and_gradient_against_fifty_digits() -> None:
+def test_rocker_angles_against_fifty_digits() -> None:
     travel = np.linspace(0, 2 * np.pi, 13)
     naive = naive_angles(CRANK_ROCKER.links, 1, 0.4 + travel)
     found = rocker_angles([CRANK_ROCKER], travel)[0]
     np.testing.assert_allclose(found - found[0], [float(a - naive[0]) for a in naive], atol=4e-15)
-    lengths = np.array([CRANK_ROCKER.links])
-    angle, slope = ROCKER.body_angle_gradient(lengths, np.array([1.0]), 0.4 + travel)
-    np.testing.assert_allclose(ROCKER.body_angle(lengths, np.array([1.0]), 0.4 + travel), angle)
-    for k in range(4):
-        step = 1e-6 * np.eye(4)[k]
-        ahead, behind = (ROCKER.body_angle(lengths + s * step, np.array([1.0]), 0.4 + travel) for s in (1, -1))
-        np.testing.assert_allclose(slope[..., k], (ahead - behind) / 2e-6, atol=1e-8)
+    turned = ROCKER.body_angle(np.array([CRANK_ROCKER.links]), np.array([1.0]), 0.4 + travel)[0]
+    np.testing.assert_allclose(turned - turned[0], found - found[0], atol=4e-15)
 
 
 def test_extremes_of_a_chebyshev_polynomial() -> None:

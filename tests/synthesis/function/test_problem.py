@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.within import keeps
+from synthesis.fourbar.solution import keeps
 from synthesis.function.problem import Problem
 from synthesis.function.wanted import Wanted
 from synthesis.mechanism import Placed

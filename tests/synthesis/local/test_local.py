@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.limits import FAMILIES, Limits, in_family, practical_limits
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.solution import assess
-from synthesis.fourbar.within import keeps, within
+from synthesis.fourbar.solution import assess, keeps, within
 from synthesis.free.align import squared_errors
 from synthesis.free.motion import chart_of
 from synthesis.free.poses import make_poses
@@ -121,6 +120,17 @@ def test_no_refinement_is_worse_than_its_beginning_and_each_keeps_the_limits(see
     assert kept or not keeps
     assert not kept or found[0].errors.objective <= kept[0].errors.objective
     assert not found or report.trace[-1][1] == found[0].errors.objective
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_mirrored_request_gives_the_mirrored_linkage(seed: int) -> None:
+    """Its limits are mirrored too: a box, a pivot."""
+    asked, limits, begin = asked_and_begun(seed, keeps=True)
+    target = make_target(**asked, crank_angle=CRANK)
+    (one,), _ = refine_motion(target, limits, begin, 1e-10, Work())
+    (other,), _ = refine_motion(target.mirrored(), limits.mirrored(), begin.mirrored(), 1e-10, Work())
+    assert np.allclose(other.linkage.links, one.linkage.links) and other.linkage.branch == -one.linkage.branch
+    assert np.isclose(other.linkage.pivot_a, np.conj(one.linkage.pivot_a))
 
 
 @settings(max_examples=4)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import linkage_atlas as la
 from linkage_atlas.limits import read_limits
-from synthesis.fourbar.grashof_chart import GrashofChart, LengthsChart
+from synthesis.fourbar.charts import GrashofChart, LengthsChart
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.search.constrained import Descended, Plan, descend, restored
@@ -44,13 +44,8 @@ def posed_problem(seed: int, chart: Any, weighted: bool = False) -> tuple[PosedP
     random, samples = np.random.default_rng(seed), 14
     weights = random.uniform(0.1, 2, (2, samples)) if weighted else (None, None)
     position = np.cumsum(random.normal(size=samples)) + 1j * np.cumsum(random.normal(size=samples))
-    target = make_target(
-        np.cumsum(random.normal(size=samples)) / 5,
-        position,
-        3.0,
-        rotation_weights=weights[0],
-        position_weights=weights[1],
-    )
+    rotation = np.cumsum(random.normal(size=samples)) / 5
+    target = make_target(rotation, position, 3.0, rotation_weights=weights[0], position_weights=weights[1])
     middle = complex(target.position_mean(target.position))
     problem = PosedProblem(target, chart, Constraints(LIMITS, middle, target.length_scale))
     shapes = random.uniform(0.2, 1.0, (20, 4))
@@ -177,30 +172,40 @@ def test_an_exact_linkage_in_a_narrow_valley_that_just_keeps_its_limits() -> Non
     assert recompute(request, solution).objective < 1e-9
 
 
-NAMED = {
-    "transmission_angle_min_turn": lambda middle, extent: 20.0,
-    "link_ratio_max": lambda middle, extent: 2.5,
-    "links": lambda middle, extent: {"rocker": 1.3 * extent},
-    "pivot_a": lambda middle, extent: [middle[0] + extent, middle[1] - extent],
-    "pivot_b": lambda middle, extent: [middle[0] - extent, middle[1] - extent],
-    "pivot_a_box": lambda middle, extent: _box(middle, extent),
-    "pivot_b_box": lambda middle, extent: _box(middle, extent),
-    "keep_out": lambda middle, extent: [_box(middle, 1.2 * extent), _box(middle + 2 * extent, 0.5 * extent)],
-    "coupler_radius_max": lambda middle, extent: 1.2 * extent,
-    "envelope": lambda middle, extent: _box(middle, 2.2 * extent),
-    "preset": lambda middle, extent: "practical",
-}
+def named(middle: np.ndarray, extent: float) -> dict[str, Any]:
+    """Each limit for a motion of this size at this place."""
+    box = _box(middle, extent)
+    return {
+        "transmission_angle_min_turn": 20.0,
+        "link_ratio_max": 2.5,
+        "links": {"rocker": 1.3 * extent},
+        "pivot_a": (middle + np.array([extent, -extent])).tolist(),
+        "pivot_b": (middle - extent).tolist(),
+        "pivot_a_box": box,
+        "pivot_b_box": box,
+        "keep_out": [_box(middle, 1.2 * extent), _box(middle + 2 * extent, 0.5 * extent)],
+        "coupler_radius_max": 1.2 * extent,
+        "envelope": _box(middle, 2.2 * extent),
+        "preset": "practical",
+    }
 
 
 def _box(middle: np.ndarray, half: float) -> list[float]:
     return [*(middle - half).tolist(), *(middle + half).tolist()]
 
 
+def place_of(request: dict[str, Any]) -> tuple[np.ndarray, float]:
+    """Middle and extent of a request's positions."""
+    position = np.array(request["position"])
+    middle = position.mean(axis=0)
+    return middle, float(np.linalg.norm(position - middle, axis=1).max())
+
+
 def named_and_timed() -> list:
     """Each limit with crank angles given and free; the default run takes one of the two, in turn."""
     return [
         pytest.param(name, timing, marks=[pytest.mark.wide] * ((k + other) % 2))
-        for k, name in enumerate(NAMED)
+        for k, name in enumerate(named(np.zeros(2), 1.0))
         for other, timing in enumerate(("given", "free"))
     ]
 
@@ -208,10 +213,8 @@ def named_and_timed() -> list:
 @pytest.mark.parametrize(("name", "timing"), named_and_timed())
 def test_each_limit_is_kept(name, timing) -> None:
     request = dict(make_case("unreachable", len(name), 10).request)
-    position = np.array(request["position"])
-    middle = position.mean(axis=0)
-    extent = float(np.linalg.norm(position - middle, axis=1).max())
-    request["limits"] = {name: NAMED[name](middle, extent)}
+    middle, extent = place_of(request)
+    request["limits"] = {name: named(middle, extent)[name]}
     if timing == "free":
         del request["crank_span"]
         request["timing"] = "free"
@@ -239,9 +242,8 @@ def test_a_field_beside_the_preset_replaces_its_value() -> None:
 
 def test_what_excludes_everything_is_named() -> None:
     request = make_case("any order", 4, 12).request
-    position = np.array(request["position"])
-    extent = float(np.linalg.norm(position - position.mean(axis=0), axis=1).max())
-    box = _box(position.mean(axis=0), 0.5 * extent)
+    middle, extent = place_of(request)
+    box = _box(middle, 0.5 * extent)
     reply = la.synthesize(**request, limits={"link_min": 4 * extent, "pivot_box": box}, top=1)
     assert reply.status == "infeasible"
     note = next(note for note in reply.report.notes if note.startswith("link_min excludes"))
@@ -269,8 +271,7 @@ def test_diverse_solutions_lie_farther_apart() -> None:
 def test_determination_leaves_out_what_limits_hold() -> None:
     """A length at its limit has no uncertainty; the others move as the best linkage does when the motion is disturbed."""
     request = make_limited("boxed", 1, 12).request
-    position = np.array(request["position"])
-    extent = float(np.linalg.norm(position - position.mean(axis=0), axis=1).max())
+    position, (_, extent) = np.array(request["position"]), place_of(request)
     limits = {"links": {"ground": 1.5 * extent}}
     plain = {name: request[name] for name in ("rotation", "crank_span")}
     best = la.synthesize(position=position, **plain, limits=limits, top=1).solutions[0]

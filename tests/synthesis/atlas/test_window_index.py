@@ -9,20 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.atlas import index as index_module
-from synthesis.atlas import preparation, short_spans, trees
-from synthesis.atlas.index import Index
-from synthesis.atlas.leaders import Leaders
-from synthesis.atlas.legendre import Expansion, polynomials
-from synthesis.atlas.scan import KIND, Scan
-from synthesis.atlas.short_spans import ShortSpan
-from synthesis.atlas.storeys import INTERVAL_PARTS, STOREYS, StoreyIndex
+from synthesis.atlas import preparation, window_index, window_search
+from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import AtlasRule
-from synthesis.atlas.trees import NO_ENTRY
-from synthesis.atlas.windows import TIE, Windows
+from synthesis.atlas.window_index import INTERVALS, NO_ENTRY, PARTS, Expansion, WindowIndex, polynomials
+from synthesis.atlas.window_search import WindowSearch
+from synthesis.atlas.windows import TIE, BestWindows, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.target import TURN, Target, make_target
 from synthesis.work import OutOfTime, Work
 from tests.conftest import make_atlas
@@ -39,16 +33,16 @@ RULES = {
 def small_leaves() -> Iterator[None]:
     """Boxes of several levels, and no giving up, although the atlases are small."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (trees, short_spans):
+        for module in (window_index, window_search):
             patch.setattr(module, "LEAF", 4)
-            patch.setattr(module, "PARTS", 3)
-        for module in (preparation, index_module):  # so that enough windows are sharp
-            patch.setattr(module, "STOREYS", [one._replace(sharp=one.sharp / 100) for one in STOREYS])
-        patch.setattr(short_spans, "MOST_LEAVES", np.inf)
-        patch.setattr(short_spans, "LARGEST_LIMIT", np.inf)
-        patch.setattr(short_spans, "MOST_WINDOWS", np.inf)
-        patch.setattr(short_spans, "MOST_PLACED", np.inf)
-        patch.setattr(short_spans, "_MANY", 16)
+            patch.setattr(module, "CHILDREN", 3)
+        # so that enough windows are sharp
+        patch.setattr(preparation, "INTERVALS", [one._replace(sharp=one.sharp / 100) for one in INTERVALS])
+        patch.setattr(window_search, "MOST_LEAVES", np.inf)
+        patch.setattr(window_search, "LARGEST_LIMIT", np.inf)
+        patch.setattr(window_search, "MOST_WINDOWS", np.inf)
+        patch.setattr(window_search, "MOST_PLACED", np.inf)
+        patch.setattr(window_search, "_MANY", 16)
         yield
 
 
@@ -78,7 +72,7 @@ def request(scan: Scan, seed: int, shape: str = "", samples: int = 0) -> Target:
     rng = np.random.default_rng(seed)
     shape = shape or str(rng.choice(SHAPES))
     samples = samples or int(rng.choice([3, 4, 5, 8, 17, 40]))
-    crank, share = any_span(rng, 5.01, 99.9, [storey.top for storey in STOREYS], samples)
+    crank, share = any_span(rng, 5.01, 99.9, [one.largest_span for one in INTERVALS], samples)
     span = crank[-1]
     lengths = scan.lengths[rng.integers(scan.types)].astype(float)
     lengths *= np.exp(rng.normal(scale=rng.choice([0, 1e-3, 1e-1]), size=4))
@@ -100,10 +94,10 @@ def request(scan: Scan, seed: int, shape: str = "", samples: int = 0) -> Target:
     )
 
 
-def short_span(scan: Scan, target: Target) -> ShortSpan:
-    short = scan._short_span(target, lambda: False)
-    assert short is not None
-    return short
+def search(scan: Scan, target: Target) -> WindowSearch:
+    found = scan._window_search(target, lambda: False)
+    assert found is not None
+    return found
 
 
 # -- coefficients -----------------------------------------------------------------------------------------------------
@@ -119,14 +113,14 @@ def short_span(scan: Scan, target: Target) -> ShortSpan:
     winding=st.integers(0, 1),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_no_value_is_further_from_its_coefficients_than_the_rest(
+def test_no_value_is_further_from_its_coefficients_than_the_remainder(
     harmonics, centre, half_width, terms, falls, winding, seed
 ) -> None:
     rng = np.random.default_rng(seed)
     order = np.arange(1, harmonics + 1)
     series = rng.normal(size=(3, harmonics, 2)) / order[:, None] ** falls
     expansion = Expansion(harmonics, np.array([centre]), half_width, terms)
-    found, rest = expansion.coefficients(series.reshape(3, -1), winding, np.zeros(3))
+    found, remainder = expansion.coefficients(series.reshape(3, -1), winding, np.zeros(3))
     place = np.linspace(-1, 1, 400)
     turned = np.outer(order, centre + half_width * place)
     curve = series[..., 0] @ np.cos(turned) + series[..., 1] @ np.sin(turned) + winding * half_width * place
@@ -135,9 +129,9 @@ def test_no_value_is_further_from_its_coefficients_than_the_rest(
     turned = np.outer(order, centre + half_width * point)
     mean = (series[..., 0] @ np.cos(turned) + series[..., 1] @ np.sin(turned)) @ weight / 2
     largest = np.abs(difference - mean[:, None]).max(axis=1)
-    assert np.all(largest <= rest[:, 0] * (1 + 1e-9) + 1e-12 * np.abs(series).sum(axis=(1, 2)))
+    assert np.all(largest <= remainder[:, 0] * (1 + 1e-9) + 1e-12 * np.abs(series).sum(axis=(1, 2)))
     if falls > 2 and harmonics * half_width < 3:  # and it is no idle number
-        assert np.all(rest[:, 0] <= 40 * largest + 1e-9)
+        assert np.all(remainder[:, 0] <= 40 * largest + 1e-9)
 
 
 # -- the index --------------------------------------------------------------------------------------------------------
@@ -146,24 +140,24 @@ def test_no_value_is_further_from_its_coefficients_than_the_rest(
 @pytest.mark.parametrize("name", RULES)
 def test_each_type_is_in_each_interval_once(scans, name) -> None:
     scan, kept = scans[name], set()
-    for index in scan.prepared.storeys:
+    for index in scan.prepared.short_spans:
         entries = np.asarray(index.entries)
         found = np.sort(entries[entries != NO_ENTRY])
-        assert np.array_equal(found, np.arange(scan.types * index.storey.places))
-        assert index.trees[0].levels and index.trees[0].part == INTERVAL_PARTS[0]
+        assert np.array_equal(found, np.arange(scan.types * index.intervals.number))
+        assert index.trees[0].levels and index.trees[0].part == PARTS[0]
         kept |= {tree.part for tree in index.trees if tree.levels}
     assert len(kept) > (2 if name == "increasing" else 1), "no window is sharp: nothing of the parts is tested"
 
 
 @pytest.mark.parametrize("name", RULES)
 def test_what_lies_in_a_box_lies_in_those_above(scans, name) -> None:
-    for index in scans[name].prepared.storeys:
-        terms, boxes = index.size, np.asarray(index.boxes, dtype=float)
+    for index in scans[name].prepared.short_spans:
+        terms, boxes = index.intervals.terms, np.asarray(index.boxes, dtype=float)
         for tree in index.trees:
             for (first, count), (below, parts) in zip(tree.levels, tree.levels[1:]):
-                above = boxes[first + np.arange(parts) // trees.PARTS]
+                above = boxes[first + np.arange(parts) // window_index.CHILDREN]
                 own = boxes[below : below + parts]
-                assert (parts - 1) // trees.PARTS + 1 == count
+                assert (parts - 1) // window_index.CHILDREN + 1 == count
                 apart = np.abs(own[:, :terms] - above[:, :terms]) + own[:, terms:-1]
                 assert np.all(apart <= above[:, terms:-1]) and np.all(own[:, -1] <= above[:, -1])
 
@@ -174,7 +168,7 @@ def test_each_bound_is_below_the_error_and_no_window_is_lost(scans, name, seed) 
     scan = scans[name]
     target = request(scan, seed, samples=int(seed) % 7 + 3)
     errors = every_error(scan, target)
-    short = short_span(scan, target)
+    short = search(scan, target)
     for share in (1e-3, 0.1, 1):
         limit = float(np.quantile(errors, share)) if share < 1 else 1e3
         near = short._below(limit)
@@ -188,10 +182,10 @@ def test_each_bound_is_below_the_error_and_no_window_is_lost(scans, name, seed) 
 def test_the_bound_of_a_few_samples_is_below_the_error(scans, seed) -> None:
     scan = scans["increasing"]
     target = request(scan, seed, SHAPES[seed % len(SHAPES)], 9)
-    short = short_span(scan, target)
+    short = search(scan, target)
     near = short._below(1e3)
-    leaders = Leaders(10, scan.numbering, lambda windows: windows.error + np.inf, 64, lambda: False)
-    ids, bounds = short._by_samples(near._replace(bound=np.zeros(near.id.size)), leaders, scan._errors_of_some)
+    best = BestWindows(10, scan.numbering, lambda windows: windows.error + np.inf, 64, lambda: False)
+    ids, bounds = short._by_samples(near._replace(bound=np.zeros(near.id.size)), best, scan._errors_of_some)
     assert np.array_equal(ids, near.id) and np.all(bounds <= every_error(scan, target)[ids])
     assert np.median(bounds) > 0 or short._request.some_samples()[1] > 0.7
 
@@ -203,7 +197,7 @@ def test_bounds_exclude_what_is_far(scans) -> None:
     for seed in range(9):
         target = request(scan, seed, "linkage", 17)
         errors = np.sort(every_error(scan, target))
-        left.append(short_span(scan, target)._below(float(errors[9])).id.size)
+        left.append(search(scan, target)._below(float(errors[9])).id.size)
     assert np.median(left) < 60
 
 
@@ -245,12 +239,12 @@ def test_the_index_is_what_answers(scans, monkeypatch) -> None:
         scan.best(make_target(np.linspace(0, 0.3, 9) ** 2, crank_span=np.deg2rad(degrees)), 10)
     for degrees in (4.9, 100.1, 360):
         target = make_target(np.linspace(0, 0.3, 9) ** 2, crank_span=np.deg2rad(degrees))
-        assert scan._short_span(target, lambda: False) is None
+        assert scan._window_search(target, lambda: False) is None
 
 
 @pytest.mark.parametrize(("name", "value"), [("MOST_LEAVES", 0), ("LARGEST_LIMIT", 0.0), ("MOST_WINDOWS", 0.01)])
 def test_where_it_gives_up_the_cells_answer_with_its_limit(scans, plain, monkeypatch, name, value) -> None:
-    monkeypatch.setattr(short_spans, name, value)
+    monkeypatch.setattr(window_search, name, value)
     scan, asked = scans["increasing"], []
     requested = Scan._requested
     monkeypatch.setattr(Scan, "_requested", lambda *more: asked.append(1) or requested(*more))
@@ -306,7 +300,7 @@ def test_making_the_index_can_be_ended(scans) -> None:
     scan = Scan(make_atlas(RULES["increasing"]))
     with pytest.raises(OutOfTime):
         scan.prepare_short_spans(Work(0))
-    assert not scan.prepared.storeys
+    assert not scan.prepared.short_spans
     assert scan.best(request(scan, 1), 3)[1].exhaustive
 
 
@@ -320,39 +314,5 @@ def test_an_atlas_without_types_has_no_answers() -> None:
 def test_an_index_of_other_starts_is_not_asked(scans) -> None:
     odd = Scan(make_atlas(RULES["increasing"]), starts=50)
     odd.prepare_short_spans(Work())
-    assert odd._short_span(make_target(np.arange(4.0), crank_span=1.0), lambda: False) is None
-    assert StoreyIndex(STOREYS[0], odd.prepared.storeys[0].arrays).types == odd.types
-
-
-# -- its file ---------------------------------------------------------------------------------------------------------
-
-
-def test_the_index_is_mapped_from_a_file_and_no_answer_comes_from_a_damaged_one(tmp_path, plain) -> None:
-    table, place = make_atlas(RULES["increasing"]), tmp_path / "atlas.index"
-
-    def index() -> Index:
-        return Index(place, "of a test", FOURBAR, lambda: table, KIND)
-
-    made = Scan(index().prepared(table, 1))
-    made.prepare_short_spans(Work())
-    opened = index().opened(1)
-    assert opened is not None and len(opened.storeys) == len(STOREYS)
-    for one, other in zip(made.prepared.storeys, opened.storeys):
-        assert all(np.array_equal(one.arrays[name], other.arrays[name]) for name in one.arrays)
-    targets = [request(made, seed, "linkage", 17) for seed in range(3)]
-    for target in targets:
-        assert_same(Scan(opened), plain["increasing"], target, 10)
-
-    spans = place.with_name(place.name + ".spans")
-    content = bytearray(spans.read_bytes())
-    for byte in range(4096, len(content), 512):
-        content[byte] ^= 1
-    spans.write_bytes(bytes(content))
-    damaged = index().opened(1)
-    assert damaged is not None
-    for target in targets:
-        assert_same(Scan(damaged), plain["increasing"], target, 10)
-    scan = Scan(damaged)
-    scan.prepare_short_spans(Work())
-    assert scan._short_span(targets[0], lambda: False) is not None
-    assert_same(scan, plain["increasing"], targets[0], 10)
+    assert odd._window_search(make_target(np.arange(4.0), crank_span=1.0), lambda: False) is None
+    assert WindowIndex(INTERVALS[0], odd.prepared.short_spans[0].arrays).types == odd.types
