@@ -78,7 +78,6 @@ def in_order(
 
 
 def _taken(under_way: deque[Future[bytes]], stopped: Callable[[], bool]) -> bytes:
-    """The first answer, once it is there."""
     while not wait([under_way[0]], _LOOK_SECONDS).done:
         if stopped():
             raise KeyboardInterrupt

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import fcntl
+import os
+import re
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -60,6 +64,26 @@ def listening(app: Any, **options: Any) -> Iterator[tuple[int, uvicorn.Server]]:
         server.should_exit = True
         thread.join(30)
         assert not thread.is_alive()
+
+
+@contextmanager
+def started(folder: Path, *command: str, **settings: Any) -> Iterator[tuple[subprocess.Popen[str], int, Path]]:
+    """A service as a process of its own with these settings alone: process, port and log. It ends well afterwards."""
+    log = folder / "log"
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("LINKAGE_ATLAS_")}
+    environment |= {f"LINKAGE_ATLAS_{name.upper()}": str(value) for name, value in settings.items()}
+    arguments, root = [sys.executable, *command], Path(__file__).parents[1]
+    with log.open("w") as file:
+        process = subprocess.Popen(arguments, cwd=root, env=environment, stdout=file, stderr=file, text=True)
+    try:
+        end = time.monotonic() + 120
+        while not (found := re.search(r"running on http://127.0.0.1:(\d+)", log.read_text())):
+            assert process.poll() is None and time.monotonic() < end, log.read_text()
+            time.sleep(0.02)
+        yield process, int(found[1]), log
+    finally:
+        process.terminate()
+        assert process.wait(30) == 0
 
 
 def make_atlas(rule: AtlasRule) -> Atlas:

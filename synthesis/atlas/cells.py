@@ -262,7 +262,6 @@ def _upwards(values: NDArray[np.floating]) -> Bounds:
 
 
 def _points(harmonics: int) -> int:
-    """Points of the grid on which series are compared."""
     return max(2 * ARCS, 1 << (_POINTS * harmonics - 1).bit_length())
 
 

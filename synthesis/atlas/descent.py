@@ -157,7 +157,6 @@ class Descent:
 
     @cached_property
     def _top(self) -> Floats:
-        """D of all windows of the representatives of the coarsest cells."""
         representatives = self.cells.levels[0].representatives
         return self.rotation.mean_square_error(representatives, slice(None))
 
@@ -209,7 +208,6 @@ class Descent:
         return Left.of(np.concatenate(cells), np.concatenate(windows))
 
     def _types(self, cell: Ints, window: Ints, real: NDArray[np.bool_], limit: float) -> tuple[Ints, Floats] | None:
-        """Windows of the types of some finest cells."""
         types = self.cells.types_of(cell)
         error = gather(self.types.error, types)
         group, place, column, squared = self._near(types, window, error, limit)

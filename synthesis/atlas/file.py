@@ -191,8 +191,6 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], new: New) -> ND
 
 
 class _Image(io.FileIO):
-    """What is behind the header of a file."""
-
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         """As of a file."""
         return super().seek(offset + HEADER_BYTES * (whence == io.SEEK_SET), whence) - HEADER_BYTES
@@ -212,7 +210,6 @@ def decode_atlas(data: bytes, max_types: int = MAX_TYPES) -> Atlas:
 
 
 def _decoded(image: Any, size: int, max_types: int, new: New) -> Atlas:
-    """The atlas in an image that its header matches."""
     try:
         with h5py.File(image, "r") as file:
             _check_rest(file, size)

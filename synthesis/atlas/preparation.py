@@ -144,7 +144,6 @@ class Preparation:
     # -- making -------------------------------------------------------------------------------------------------------
 
     def _fill_cells(self, new: New, folder: Path | None) -> dict[str, Any]:
-        """Lengths and windings of the types, and the cells of all groups."""
         table = self._load()
         for name, values in (("lengths", table.lengths), ("winding", table.winding)):
             new(name, values.dtype, values.shape)[...] = values
@@ -180,7 +179,6 @@ class Preparation:
         return list(prepare(table, rows, self._kind.series_error, self._kind.harmonics))
 
     def _fill_positions(self, work: Work, new: New, folder: Path | None) -> dict[str, Any]:
-        """The series for positions of all groups."""
         table, given_up = self._load(), Event()
         with ThreadPoolExecutor(self.threads) as pool:
             made = [

@@ -206,7 +206,6 @@ class Scan:
         return self._in_batches(target, windows, error)
 
     def _in_batches(self, target: Target, windows: Windows, error: Callable[[Target, Floats], Floats]) -> Floats:
-        """The errors of windows, of few at a time."""
         errors = np.empty(len(windows.row))
         batch = max(1, _EXACT_SAMPLES // target.samples)
         for first in range(0, errors.size, batch):
@@ -321,7 +320,6 @@ class Scan:
         expired: Callable[[], bool],
         pool: Executor | None,
     ) -> None:
-        """Evaluate, batch by batch, all windows that may be among the best."""
         for ids, bounds in bounds_of(parts, lambda: min(ceiling, found.worst) + TIE, expired, pool):
             found.consider(ids, bounds)
 
@@ -336,7 +334,6 @@ class Scan:
         return error[np.searchsorted(kinds, winding)]
 
     def _probe(self, parts: list[Descent], best: BestWindows, top: int) -> None:
-        """Evaluate windows of the most promising cells."""
         nearest = [part.nearest[0] for part in parts]
         squared = np.concatenate([np.empty(0), *nearest])
         if not squared.size:

@@ -141,8 +141,6 @@ def _modulus_series(coefficients: Complexes) -> tuple[Floats, Floats]:
 
 
 class _Curves(NamedTuple):
-    """Spectra of some types, and the bound of the error of the curves that they are of."""
-
     rows: Ints
     spectrum: Complexes
     error: Floats

@@ -288,7 +288,6 @@ class WindowIndex:
 
 
 def _level_counts(leaves: int) -> list[int]:
-    """Boxes of each level of a tree, coarse to fine."""
     counts = [leaves] if leaves else []
     while counts and counts[0] > CHILDREN:
         counts.insert(0, -(-counts[0] // CHILDREN))
@@ -382,8 +381,6 @@ def _points_of(intervals: Intervals, group: SeriesGroup, every: int, go_on: Call
 
 
 class _SharpWindows:
-    """Curves of a group over the parts of intervals."""
-
     def __init__(self, intervals: Intervals, group: SeriesGroup) -> None:
         self._intervals, self._harmonics, self._winding = intervals, group.harmonics, group.winding
         self._expansion = cache(self._expansion_over)
@@ -505,7 +502,6 @@ class _SortedRuns:
 
 
 def _fill(parts: list[_SortedRuns], terms: int, new: New, go_on: Callable[[], None]) -> None:
-    """Boxes, codes and entries of all parts."""
     counts = [_level_counts(part.leaves) for part in parts]
     leaves = sum(part.leaves for part in parts)
     boxes = new("boxes", np.float32, (sum(sum(own) for own in counts), 2 * terms + 1))
@@ -552,7 +548,6 @@ def _leaves(part: _SortedRuns, terms: int, go_on: Callable[[], None]) -> Iterato
 
 
 def _fill_level(below: Singles, above: Singles) -> None:
-    """Fill a level of boxes from the next finer one."""
     terms = below.shape[1] // 2
     at_once = max(1, _AT_ONCE // (CHILDREN * terms))
     for first in range(0, len(above), at_once):

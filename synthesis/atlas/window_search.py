@@ -427,7 +427,6 @@ class WindowSearch:
         return nearest
 
     def _evaluate(self, best: BestWindows, ids: Ints) -> None:
-        """Evaluate windows, no more at once than is allowed."""
         for first in range(0, ids.size, best.at_once):
             if first:
                 self._go_on()
@@ -455,7 +454,6 @@ class WindowSearch:
 
     @cached_property
     def _queries(self) -> Queries:
-        """Of all parts that have entries."""
         ends = np.array([self.index.trees[part].part for part in self._parts])
         return self._request.queries(ends, self.index.largest[self._parts])
 
@@ -508,7 +506,6 @@ class WindowSearch:
     # -- the search ---------------------------------------------------------------------------------------------------
 
     def _below(self, limit: float) -> Candidates:
-        """All windows whose bound is at most ``limit``."""
         limit += self._request.rounding
         queries, trees = self._queries, [self.index.trees[part] for part in self._parts]
         most, pairs = self._most_leaves, []
@@ -552,7 +549,6 @@ class WindowSearch:
         return at, first + at, np.concatenate(masks, axis=1)
 
     def _entries(self, queries: Queries, limit: float, problem: Ints, leaf: Ints, boxes: Ints) -> Candidates:
-        """Windows of the entries of some leaves, each for a query."""
         terms = self.index.intervals.terms
         leaves, first, which = np.unique(leaf, return_index=True, return_inverse=True)
         box = gather(self.index.boxes, boxes[first])

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import http.client
 import os
-import re
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from tests.conftest import started
 from tests.oracles.largest import MOST_BYTES, QUICK, requests
 from tests.oracles.memory import answered
 
@@ -29,7 +28,7 @@ NEEDS_ROCKERS = "match: rocker"
 class Running:
     """A service with one worker."""
 
-    def __init__(self, process: subprocess.Popen[bytes], port: int) -> None:
+    def __init__(self, process: subprocess.Popen[str], port: int) -> None:
         self.process, self.port = process, port
 
     def ask(self, path: str, content: bytes) -> tuple[int, bytes]:
@@ -48,21 +47,9 @@ class Running:
 
 @contextmanager
 def serving(folder: Path, *options: str) -> Iterator[Running]:
-    log = folder / "log"
-    inherited = {name: value for name, value in os.environ.items() if not name.startswith("LINKAGE_ATLAS_")}
-    environment = {**inherited, "LINKAGE_ATLAS_REQUEST_MEMORY_BYTES": str(MOST_BYTES)}
-    command = [sys.executable, "-m", "app.start", "serve", "--port", "0", "--workers", "1", *options]
-    with log.open("w") as file:
-        process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=file, stderr=file)
-    try:
-        begin = time.monotonic()
-        while not (found := re.search(r"running on http://127.0.0.1:(\d+)", log.read_text())):
-            assert process.poll() is None and time.monotonic() - begin < PATIENCE, log.read_text()
-            time.sleep(0.02)
-        yield Running(process, int(found[1]))
-    finally:
-        process.terminate()
-        assert process.wait(PATIENCE) == 0
+    command = ("-m", "app.start", "serve", "--port", "0", "--workers", "1", *options)
+    with started(folder, *command, request_memory_bytes=MOST_BYTES) as (process, port, _):
+        yield Running(process, port)
 
 
 def kinds(atlas: bool) -> list:

@@ -21,6 +21,7 @@ from typing import Any
 import pytest
 
 from app.server import default_workers, listening
+from tests.conftest import started
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere threads compute")
 PATIENCE = 30.0
@@ -66,12 +67,8 @@ NEEDLE = "/v1/knotter/needle"
 class Running:
     """A service and its processes: the supervisor, the front, and those that compute."""
 
-    def __init__(self, process: subprocess.Popen[str], log: Path) -> None:
-        self.process, self.log = process, log
-        until(lambda: re.search(r"running on http://127.0.0.1:\d+", log.read_text()) or process.poll() is not None)
-        found = re.search(r"running on http://127.0.0.1:(\d+)", log.read_text())
-        assert found, log.read_text()
-        self.port = int(found[1])
+    def __init__(self, process: subprocess.Popen[str], port: int, log: Path) -> None:
+        self.process, self.port, self.log = process, port, log
         until(lambda: len(self.children()) == 3)
 
     def children(self) -> list[int]:
@@ -126,19 +123,10 @@ def until(condition: Any, seconds: float = PATIENCE) -> None:
 
 @contextmanager
 def serving(folder: Path, *options: str, **settings: Any) -> Iterator[Running]:
-    log = folder / "log"
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("LINKAGE_ATLAS_")}
-    environment |= {f"LINKAGE_ATLAS_{name.upper()}": str(value) for name, value in settings.items()}
-    with log.open("w") as file:
-        command = [sys.executable, "-c", SERVICE, *(options or ["--no-atlas"])]
-        process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=file, stderr=file, text=True)
-    try:
-        yield Running(process, log)
-    finally:
-        children = children_of(process.pid)
-        process.terminate()
-        assert process.wait(PATIENCE) == 0
-        until(lambda: not any(map(status, children)))
+    with started(folder, "-c", SERVICE, *(options or ["--no-atlas"]), **settings) as found:
+        yield Running(*found)
+        children = children_of(found[0].pid)
+    until(lambda: not any(map(status, children)))
 
 
 @pytest.fixture(scope="module")

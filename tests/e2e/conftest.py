@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import re
 import shutil
-import subprocess
-import sys
-import time
 
 import pytest
 
 from app.main import create_app
 from app.settings import Settings
-from tests.conftest import listening
-from tests.e2e.page import ROOT, MotionPage
+from tests.conftest import listening, started
+from tests.e2e.page import MotionPage
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
@@ -41,20 +37,9 @@ def address():
 @pytest.fixture(scope="session")
 def served(tmp_path_factory):
     """The service as `serve` runs it: in processes, each request with the memory that it is given by default."""
-    log = tmp_path_factory.mktemp("served") / "log"
-    command = [sys.executable, "-m", "app.start", "serve", "--no-atlas", "--port", "0"]
-    with log.open("w") as out:
-        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, cwd=ROOT)
-    try:
-        for _ in range(1200):
-            if found := re.search(r"running on (http://127.0.0.1:\d+)", log.read_text()):
-                break
-            assert process.poll() is None, log.read_text()
-            time.sleep(0.05)
-        yield found[1]
-    finally:
-        process.terminate()
-        process.wait(20)
+    folder = tmp_path_factory.mktemp("served")
+    with started(folder, "-m", "app.start", "serve", "--no-atlas", "--port", "0") as (_, port, _):
+        yield f"http://127.0.0.1:{port}"
 
 
 @pytest.fixture(scope="session")

@@ -96,30 +96,18 @@ def test_a_sample_of_weight_0_counts_for_nothing(motion) -> None:
 def test_tolerances_decide_the_status_and_name_the_worst_sample(motion) -> None:
     random = np.random.default_rng(3)
     turns, points = motion[0] + 0.05 * random.standard_normal(6), motion[1] + 0.02 * random.standard_normal((6, 2))
-    wide = la.synthesize(
-        turns,
-        points,
-        timing="free",
-        limits={"preset": "none"},
-        tolerances={"rotation": 1.0, "position": 0.5},
-        prefer="error",
-    )
+    asked = {"rotation": turns, "position": points, "timing": "free", "limits": {"preset": "none"}}
+    wide = la.synthesize(**asked, tolerances={"rotation": 1.0, "position": 0.5}, prefer="error")
     assert wide.status == "reached" and wide.best.verdict.within_tolerance
     errors = wide.best.errors
-    narrow = la.synthesize(
-        turns,
-        points,
-        timing="free",
-        limits={"preset": "none"},
-        tolerances={"rotation": 1.0, "position": 0.5 * errors.position_max},
-    )
-    assert narrow.status == "closest" and not any(one.verdict.within_tolerance for one in narrow.solutions)
-    told = next(reason for reason in narrow.best.verdict.reasons if "off by" in reason)
+    for part in ("rotation", "position"):
+        allowed = {"rotation": 1.0, "position": 0.5, part: 0.02 * getattr(errors, f"{part}_max")}
+        narrow = la.synthesize(**asked, tolerances=allowed)
+        assert narrow.status == "closest" and not any(one.verdict.within_tolerance for one in narrow.solutions)
+        told = next(reason for reason in narrow.best.verdict.reasons if "off by" in reason)
     off = np.linalg.norm(narrow.best.linkage.joints(narrow.best.crank_angle).body_point - points, axis=1)
     assert f"sample {np.argmax(off) + 1} is off by" in told
-    assert (
-        la.synthesize(turns, points, timing="free", limits={"preset": "none"}).best.verdict.within_tolerance is None
-    )
+    assert la.synthesize(**asked).best.verdict.within_tolerance is None
 
 
 def test_solutions_that_keep_the_tolerances_come_first(motion) -> None:
