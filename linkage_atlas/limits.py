@@ -91,7 +91,6 @@ def _check_names(given: Mapping[str, Any], forms: Mapping[str, Form]) -> None:
 
 
 def _value(field: str, kind: str, value: Any, radian: float) -> Any:
-    """A limit's value as `Limits` has it."""
     match kind:
         case "angle":
             return number(field, value) * radian
@@ -118,7 +117,6 @@ def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:
 
 
 def _lengths(field: str, given: Any) -> tuple[float | None, ...]:
-    """Given lengths in the order of a four-bar."""
     if not isinstance(given, Mapping):
         raise FieldError(f"/{field}", f"wanted some of {', '.join(LINKS)} with their lengths")
     for name in given:
@@ -173,7 +171,6 @@ def _changed(limits: fourbar.Limits, name: str, value: Any) -> fourbar.Limits:
 
 
 def _sentence(limits: fourbar.Limits, name: str, motion: Motion, search: Search, watch: Work) -> str:
-    """What a limit would have to be, as near to what it is as was found."""
     extent = 1.0 if motion.samples.position is None else motion.samples.extent
     low, high, best = 0.0, 1.0, None
     for _ in range(_STEPS):
@@ -206,7 +203,6 @@ def _eased(limits: fourbar.Limits, name: str, part: float, extent: float) -> fou
 
 
 def _shown(limits: fourbar.Limits, name: str, motion: Motion) -> str:
-    """A limit's value in the user's unit."""
     value = getattr(limits, name)
     if FORMS[name].kind == "angle":
         return f"{value / motion.radian:.3g} {'degrees' if motion.degrees else 'radians'}"

@@ -91,7 +91,6 @@ class _Newton(NamedTuple):
     def of(
         cls, hessian: Floats, matrix: Floats, transposed: Floats, slack: Floats, multiplier: Floats, rest: Floats
     ) -> _Newton:
-        """The systems at slacks and multipliers."""
         weight = multiplier / slack
         system = hessian + transposed @ (weight[:, :, None] * matrix)
         # a hair on the diagonal: what no constraint and no curvature holds stays where it is

@@ -198,7 +198,6 @@ class Target(Samples):
         return np.unique(np.concatenate(kept))
 
     def _parts(self) -> dict[str, tuple[NDArray[Any] | None, Floats | None]]:
-        """Rotation and position with their weights."""
         return {
             "rotation": (self.rotation, self.rotation_weights),
             "position": (self.position, self.position_weights),

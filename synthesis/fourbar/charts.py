@@ -7,17 +7,16 @@ and crank angle at the first sample, over a target's samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.fourbar.kinematics import grashof_excesses
-from synthesis.mechanism import BodyAngles
-from synthesis.target import TURN, Target
+from synthesis.mechanism import BodyAngles, Evaluate
+from synthesis.target import TURN, Interval, Target
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -36,41 +35,46 @@ class FourBarShape(NamedTuple):
     """(n, 4, 3): derivatives of the lengths by the chart's unknowns."""
 
 
-class _Closing(Protocol):
-    """What the evaluation of coupler angles needs to know of a chart."""
-
-    @property
-    def sheet(self) -> int:
-        """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
-
-    @property
-    def always_closes(self) -> bool:
-        """Whether every shape closes at every crank angle."""
-
-    def shape(self, unknowns: Floats) -> FourBarShape:
-        """Shapes at unknowns (n, k)."""
-
-
 _FAR = (-8.0, -5.0, -2.5, 2.5, 5.0, 8.0)
 
 
 class Evaluated:
-    """What all charts of the four-bar share: the evaluation of coupler angles, from shape, sheet and whether it always closes."""
+    """What all charts of the four-bar share: the evaluation of coupler angles, the fast path of `kinematics`.
+
+    It makes few array operations, each over all candidates and samples: in small batches their number determines the run time.
+    """
 
     cell: Floats
+    sheet: int
+    """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
+    always_closes: bool
+    """Whether every shape closes at every crank angle."""
 
     @property
     def edges(self) -> Floats:
         """None, where a chart names no shapes at its far ends."""
         return np.empty((0, len(self.cell) - 1))
 
-    def prepared(self: _Closing, target: Target) -> CouplerAngles:
-        """The evaluation of candidates over a target's samples."""
-        return CouplerAngles(self, target)
+    def shape(self, unknowns: Floats) -> FourBarShape:
+        """Shapes at unknowns (n, k)."""
+        raise NotImplementedError
 
-    def at(self: _Closing, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-        """The evaluation of candidates at crank angles of their own."""
-        return angles_at(self, unknowns, theta1, branch, derivatives)
+    def prepared(self, target: Target) -> Evaluate:
+        """The evaluation of candidates over a target's samples, whose crank turns counter-clockwise."""
+        turned, interval = np.exp(0.5j * target.crank), target.interval
+
+        def evaluate(unknowns: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+            shape, start = self.shape(unknowns[:, :-1]), unknowns[:, -1:]
+            half = np.exp(0.5j * start) * turned
+            used = None if self.always_closes else interval.after(start[:, 0])
+            return _angles(self, shape, start + target.crank, half, branch[:, None], derivatives, used)
+
+        return evaluate
+
+    def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
+        """Angles at crank angles (n, N) of each candidate's own; the slope's last row is that by theta1."""
+        half = np.exp(0.5j * theta1)
+        return _angles(self, self.shape(unknowns), theta1, half, branch[:, None], derivatives)
 
 
 @dataclass(frozen=True)
@@ -155,73 +159,36 @@ class AnyChart(Evaluated):
         return np.log(lengths[..., :3] / lengths[..., 3:])
 
 
-class CouplerAngles:
-    """Coupler angles of candidates over a target's samples, with their derivatives: the fast path of `kinematics`.
+def _closes(
+    chart: Evaluated, shape: FourBarShape, x: Floats, y: Floats, used: Interval | None
+) -> NDArray[np.bool_] | Literal[True]:
+    """Which candidates are of the sheet and close at every sample, and at theta1 = 0 and pi where an interval holds them.
 
-    It makes few array operations, each over all candidates and samples: in small batches their number determines the run time.
-
-    Parameters
-    ----------
-    chart : Chart
-    target : Target
-        With a crank that turns counter-clockwise.
+    There the diagonal is shortest and longest, so nothing can open between the samples.
     """
-
-    def __init__(self, chart: _Closing, target: Target) -> None:
-        self.chart = chart
-        self.crank = target.crank
-        self.interval = target.interval
-        self.half = np.exp(0.5j * target.crank)
-
-    def __call__(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-        """theta2 at unknowns (n, k + 1) and branches (n,)."""
-        shape, start = self.chart.shape(unknowns[:, :-1]), unknowns[:, -1:]
-        half = np.exp(0.5j * start) * self.half
-
-        def closes(x: Floats, y: Floats) -> NDArray[np.bool_] | Literal[True]:
-            return self._closes(shape, start[:, 0], x, y)
-
-        return _angles(shape, start + self.crank, half, branch[:, None], derivatives, closes)
-
-    def _closes(self, shape: FourBarShape, start: Floats, x: Floats, y: Floats) -> NDArray[np.bool_] | Literal[True]:
-        """Which candidates are of the sheet and close at every sample, and at theta1 = 0 and pi where the interval holds them.
-
-        There the diagonal is shortest and longest, so nothing can open between the samples.
-        """
-        answer: NDArray[np.bool_] | Literal[True] = True
-        if self.chart.sheet:
-            answer = (shape.lengths[:, 0] - shape.lengths[:, 3]) * self.chart.sheet > 0
-        if not self.chart.always_closes:
-            begin, end = self.interval.after(start)
-            holds_zero = np.floor(end / TURN) >= np.ceil(begin / TURN)
-            holds_half = np.floor((end - np.pi) / TURN) >= np.ceil((begin - np.pi) / TURN)
-            between = ~(holds_zero & (shape.y0 <= 0)) & ~(holds_half & (shape.x0 <= 0))
-            answer = answer & between & np.all((x > 0) & (y > 0), axis=1)
+    answer: NDArray[np.bool_] | Literal[True] = True
+    if chart.sheet:
+        answer = (shape.lengths[:, 0] - shape.lengths[:, 3]) * chart.sheet > 0
+    if chart.always_closes:
         return answer
-
-
-def angles_at(chart: _Closing, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool) -> BodyAngles:
-    """theta2 at crank angles (n, N) of each candidate's own; the slope's last row is that by theta1. See `mechanism.Chart`."""
-    shape = chart.shape(unknowns)
-
-    def closes(x: Floats, y: Floats) -> NDArray[np.bool_] | Literal[True]:
-        answer: NDArray[np.bool_] | Literal[True] = True
-        if chart.sheet:
-            answer = (shape.lengths[:, 0] - shape.lengths[:, 3]) * chart.sheet > 0
-        return answer if chart.always_closes else answer & np.all((x > 0) & (y > 0), axis=1)
-
-    return _angles(shape, theta1, np.exp(0.5j * theta1), branch[:, None], derivatives, closes)
+    if used is not None:
+        begin, end = used
+        holds_zero = np.floor(end / TURN) >= np.ceil(begin / TURN)
+        holds_half = np.floor((end - np.pi) / TURN) >= np.ceil((begin - np.pi) / TURN)
+        answer = answer & ~(holds_zero & (shape.y0 <= 0)) & ~(holds_half & (shape.x0 <= 0))
+    return answer & np.all((x > 0) & (y > 0), axis=1)
 
 
 def _angles(
+    chart: Evaluated,
     shape: FourBarShape,
     theta1: Floats,
     half: Complexes,
     side: Floats,
     derivatives: bool,
-    closes: Callable[[Floats, Floats], NDArray[np.bool_] | Literal[True]],
+    used: Interval | None = None,
 ) -> BodyAngles:
-    """theta2 of shapes at theta1 (n, N), with half = e^{i theta1 / 2}; ``closes`` says from X and Y who closes."""
+    """theta2 of shapes at theta1 (n, N), with half = e^{i theta1 / 2}."""
     lengths = shape.lengths[:, :, None]
     l1, l2, l3, l4 = lengths[:, 0], lengths[:, 1], lengths[:, 2], lengths[:, 3]
     sine, cosine = half.imag.copy(), half.real.copy()
@@ -231,7 +198,7 @@ def _angles(
     cosine *= cosine
     cosine *= product
     x, y, r2 = shape.x0[:, None] + cosine, shape.y0[:, None] + reach, gap * gap + reach
-    possible = closes(x, y)
+    possible = _closes(chart, shape, x, y, used)
     if possible is not True:
         x, y, r2 = (np.where(possible[:, None], value, 1.0) for value in (x, y, r2))
     # theta2 as in `kinematics`, where the two forms of arg(B - D) are explained. 2 L2 r cos(mu) = r^2 + L2^2 - L3^2 and

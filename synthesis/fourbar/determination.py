@@ -198,8 +198,6 @@ def _angles_eliminated(matrix: Floats, samples: int, start: int) -> Floats:
 
 
 class _Rows(NamedTuple):
-    """The limits at linkages, and the bounds of their family."""
-
     slopes: Floats
     """(n, C, m): derivatives by the unknowns."""
     touched: NDArray[np.bool_]
@@ -346,7 +344,6 @@ def _half_hessian(target: Target, linkage: Linkage, limits: Limits, free: int, f
 
 
 def _moved(target: Target, linkage: Linkage, step: Floats, free: int) -> Linkage:
-    """A linkage after a step of the unknowns."""
     links = np.array(linkage.links)
     links[:free] *= np.exp(step[:free])
     changed: dict[str, Any] = {"links": four(links), "start": linkage.start + step[free]}

@@ -146,7 +146,6 @@ class Limits:
         self._check_pivots()
 
     def _check_lengths(self) -> None:
-        """FieldError for lengths that exclude one another whatever the linkage."""
         low, high = self.link_min or 0.0, self.link_max or np.inf
         if low > high:
             raise FieldError("/limits/link_min", "is above link_max")
@@ -158,7 +157,6 @@ class Limits:
             raise FieldError("/limits/link_ratio_max", "the given lengths exceed it")
 
     def _check_pivots(self) -> None:
-        """FieldError for given pivots that another limit excludes."""
         if self.pivot_a is not None and self.pivot_b is not None:
             apart, ground = abs(self.pivot_b - self.pivot_a), self.links[3]
             if not apart > 0:
@@ -413,8 +411,6 @@ class _Point(NamedTuple):
 
 
 class _Columns:
-    """Collects the constraints of one batch of linkages."""
-
     def __init__(self, placed: Placed) -> None:
         self.placed = placed
         self.count = len(placed.lengths)
@@ -438,13 +434,11 @@ class _Columns:
         self.coupler = _Point(placed.coupler, slope)
 
     def result(self) -> Constrained:
-        """All that was collected."""
         values = np.concatenate([np.empty((self.count, 0)), *self.values], axis=1)
         slopes = np.concatenate([np.empty((self.count, 0, COLUMNS)), *self.slopes], axis=1)
         return Constrained(values, slopes, np.array(self.equal, dtype=bool), self.names)
 
     def add(self, name: str, values: Floats, slopes: Floats, equal: bool = False) -> None:
-        """Constraints of one limit: values (n, k) and derivatives (n, k, 11)."""
         self.names += [name] * values.shape[1]
         self.values.append(values)
         self.slopes.append(slopes)
@@ -530,19 +524,16 @@ class _Columns:
     # -- places -------------------------------------------------------------------------------------------------------
 
     def at(self, name: str, point: _Point, place: complex) -> None:
-        """The point is there."""
         gap = point.place - place
         self.add(name, _two(gap), _two(point.slope), equal=True)
 
     def near(self, name: str, point: _Point, middle: complex, far: float) -> None:
-        """The point is no farther than that from the middle."""
         gap = point.place - middle
         away = np.abs(gap)
         along = np.conj(gap) / np.where(away > 0, away, 1.0)
         self.add(name, (far - away)[:, None], -(along[:, None] * point.slope).real[:, None])
 
     def inside(self, name: str, point: _Point, box: Box) -> None:
-        """The point lies in the box."""
         self.add(name, *_from_sides(point, box))
 
     def outside(self, name: str, point: _Point, box: Box) -> None:

@@ -1,4 +1,10 @@
-"""How the crank of four-bars passes samples: where it must turn back, change branch or circuit, or cannot go at all.
+"""How four-bars pass the samples of a motion: in order or not, on which branch and circuit, driven from which side, how straight.
+
+A linkage that reaches every sample may still fail as a machine: the crank must turn back between two samples (order defect),
+pass a dead position where coupler and rocker lie on a line (branch defect), or the linkage must be taken apart and assembled
+the other way round (circuit defect). The words are those of Chase and Mirth, "Circuits and branches of single-degree-of-freedom
+planar linkages", ASME Journal of Mechanical Design 115 (1993), 223-230. And a path may meet every sample and make a loop between
+two: its excursion says how far it goes there.
 
 A configuration is given by theta1 and the side of C (+1: left of D->B), which is the sign of sin(theta3 - theta2). With X and Y
 of `kinematics` the loop closes where both are at least 0; X is smallest at theta1 = pi, where it is
@@ -38,6 +44,7 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Samples
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
 
 TIE = 1e-9
@@ -46,6 +53,25 @@ DEAD = 1e-7
 """Below this transmission angle, in radians, both sides are the same place to within the rounding of theta1."""
 NEAR_CHANGE_POINT = 1e-6
 """Of the perimeter: where |s + l - p - q| is smaller, circuits all but meet and manufacture decides which of them it is on."""
+# what is said
+NAMED = 3
+"""A reason names as many samples, or pairs of neighbours, and counts the rest."""
+_ROUNDED = 1e-9
+"""Part by which a limit may seem broken that is kept to rounding."""
+# ways between samples
+LEAVES_SAMPLES = 2.5
+"""Above this excursion the curve leaves the samples in between."""
+SHORTEST_CHORD = 0.05
+"""Of the length scale: shorter chords count as this long."""
+PANEL = np.deg2rad(15.0)
+"""Longest panel of the rule for arc lengths, in the coordinate round the circuit."""
+HALVINGS = 14
+"""A panel is halved so often at most; a cusp of the curve needs it."""
+ACCURACY = 1e-8
+"""Estimated error of a panel, of the whole way between two samples, above which it is halved."""
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+# of values at the nodes, the last two coefficients of their Legendre series
+TAIL = (np.polynomial.legendre.legvander(NODES, 7) * WEIGHTS[:, None] * (np.arange(8) + 0.5))[:, 6:]
 
 
 @dataclass(frozen=True)
@@ -226,12 +252,6 @@ def from_the_rocker(lengths: ArrayLike, crank_angle: ArrayLike, side: ArrayLike)
     return lengths[:, [2, 1, 0, 3]], np.pi - theta3, np.where(across >= 0, 1.0, -1.0)
 
 
-NAMED = 3
-"""A reason names as many samples, or pairs of neighbours, and counts the rest."""
-_ROUNDED = 1e-9
-"""Part by which a limit may seem broken that is kept to rounding."""
-
-
 @dataclass(frozen=True)
 class Verdict:
     """How a linkage passes the samples of its motion.
@@ -293,7 +313,6 @@ def verdicts(
 
 
 def _reasons(crank: Passage, k: int, driver: str | None) -> tuple[str, ...]:
-    """A sentence for each defect of linkage ``k``."""
     reasons = []
     if not np.all(crank.closes[k]):
         numbers = [str(place + 1) for place in np.flatnonzero(~crank.closes[k])]
@@ -335,28 +354,23 @@ def _listed(names: list[str]) -> str:
     return f"samples {', '.join(named)} and {last}"
 
 
-class Built(Protocol):
-    """What practical limits look at."""
+class _Built(Protocol):
+    @property
+    def linkage(self) -> Linkage: ...
 
     @property
-    def linkage(self) -> Linkage:
-        """The linkage."""
+    def transmission_angle_min(self) -> float: ...
 
     @property
-    def transmission_angle_min(self) -> float:
-        """Over the used interval."""
-
-    @property
-    def transmission_angle_min_turn(self) -> float | None:
-        """Over the whole turn; None where the crank does not turn fully."""
+    def transmission_angle_min_turn(self) -> float | None: ...
 
 
-def practical_faults(solution: Built, samples: Samples, limits: Limits, excursion: float | None = None) -> list[str]:
+def practical_faults(solution: _Built, samples: Samples, limits: Limits, excursion: float | None = None) -> list[str]:
     """A sentence for each practical limit that a solution breaks; what a request limits itself is judged by its own limit.
 
     Parameters
     ----------
-    solution : Solution, or whatever is built like one
+    solution : Solution or Generator
     samples : Samples
         The motion; without positions lengths are ratios, and only those are judged.
     limits : Limits
@@ -406,23 +420,6 @@ def size_of(linkage: Linkage, samples: Samples) -> float | None:
     middle = complex(samples.position_mean(samples.position))
     reach = (abs(linkage.pivot_a - middle), abs(linkage.pivot_b - middle))
     return float(max(*linkage.links, linkage.coupler_point[0], *reach)) / samples.extent
-
-
-Complexes = NDArray[np.complex128]
-
-LEAVES_SAMPLES = 2.5
-"""Above this excursion the curve leaves the samples in between."""
-SHORTEST_CHORD = 0.05
-"""Of the length scale: shorter chords count as this long."""
-PANEL = np.deg2rad(15.0)
-"""Longest panel of the rule for arc lengths, in the coordinate round the circuit."""
-HALVINGS = 14
-"""A panel is halved so often at most; a cusp of the curve needs it."""
-ACCURACY = 1e-8
-"""Estimated error of a panel, of the whole way between two samples, above which it is halved."""
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
-# of values at the nodes, the last two coefficients of their Legendre series
-TAIL = (np.polynomial.legendre.legvander(NODES, 7) * WEIGHTS[:, None] * (np.arange(8) + 0.5))[:, 6:]
 
 
 @dataclass(frozen=True)

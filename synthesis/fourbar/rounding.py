@@ -451,8 +451,6 @@ def _offer(
 
 
 def _refined(target: Target, links: Floats, branch: int, unknowns: Floats) -> Floats:
-    """Candidates (n, 6) after their descent, no limits."""
-
     def evaluate(some: Floats, which: Floats) -> Evaluation:
         return _evaluation(_rows(target, links[which.astype(int)], branch, some))
 

@@ -180,7 +180,6 @@ class _Made(NamedTuple):
 
     @classmethod
     def of(cls, linkage: Linkage, tolerances: Tolerances, count: int, random: np.random.Generator) -> _Made:
-        """So many linkages by chance."""
         lengths = tolerances.links * random.uniform(-1, 1, (count, _LENGTHS))
         offset: Any
         offset, pivot_a, pivot_b = (

@@ -7,6 +7,7 @@ import pytest
 
 import linkage_atlas as la
 from app.registry import worked_example
+from tests.oracles.limited_classes import transmission_angle
 from tests.oracles.recompute import LINKS, broken_limits
 
 EXAMPLE = worked_example()
@@ -41,6 +42,7 @@ def test_rounded_links_keep_to_the_limits(grid, limits) -> None:
     request = {**EXAMPLE, "limits": {"family": "full_crank", **limits}}
     reply = as_over_http(found.best)
     assert reply["closes"] and broken_limits(request, reply) == []
+    assert reply["transmission_angle_min"] == pytest.approx(transmission_angle(reply, EXAMPLE), abs=1e-4)
     given = set(limits.get("links", ())) | ({"ground"} if {"pivot_a", "pivot_b"} <= limits.keys() else set())
     steps = np.array([reply["links"][name] for name in LINKS if name not in given]) / grid
     assert steps == pytest.approx(np.round(steps), abs=1e-9)
