@@ -6,9 +6,9 @@ Fields are those of the HTTP contract, in its order; ``to_dict`` gives what goes
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar, overload
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, overload
 
 import numpy as np
 
@@ -37,9 +37,6 @@ from synthesis.free.poses import Poses
 from synthesis.ranking import Errors, Status
 from synthesis.work import Work
 
-if TYPE_CHECKING:
-    from linkage_atlas.atlases import Atlas
-
 One = TypeVar("One")
 StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
 StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
@@ -60,6 +57,10 @@ class AtlasType(Record):
     """Number of the dimension type, from 1."""
     lengths: list[int]
     """L1 crank, L2 coupler, L3 rocker, L4 ground."""
+
+
+TypeOf = Callable[[int], AtlasType]
+"""The type of a row of the atlas."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -370,7 +371,7 @@ def finished(
     limits: Limits,
     tolerance: float,
     studies: Studies,
-    atlas: Atlas | None,
+    type_of: TypeOf | None,
     work: Work,
     by_error: bool,
 ) -> list[Solution]:
@@ -384,7 +385,7 @@ def finished(
     for first in range(0, len(found), at_once):
         if solutions and work.expired():
             break
-        for solution in _described(found[first : first + at_once], motion, limits, tolerance, atlas):
+        for solution in _described(found[first : first + at_once], motion, limits, tolerance, type_of):
             solutions.append(_studied(solution, studies, len(found), work))
     # a linkage that does not work as a machine never comes before one that does
     solutions.sort(
@@ -406,7 +407,7 @@ def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]
 
 
 def _described(
-    found: list[search.Solution], motion: Motion, limits: Limits, tolerance: float, atlas: Atlas | None
+    found: list[search.Solution], motion: Motion, limits: Limits, tolerance: float, type_of: TypeOf | None
 ) -> list[Solution]:
     """Some solutions without studies."""
     linkages = [one.linkage for one in found]
@@ -438,7 +439,7 @@ def _described(
                     f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all"
                 )
         faults = practical_faults(one, own.target, limits, ways[k])
-        kind = None if one.row is None or atlas is None else atlas.type_of(one.row)
+        kind = None if one.row is None or type_of is None else type_of(one.row)
         linkage = FourBar.of(one.linkage, own)
         solutions.append(
             Solution(

@@ -211,8 +211,9 @@ def synthesize(
     if diverse:
         found = spread(found, top, DIVERSE_LOSS, goal)
     searched = watch.elapsed
+    type_of = None if atlas is None else atlas.type_of
     solutions = finished(
-        found, wanted, kept, tolerance, studies, atlas, watch.extended(FINISHING), prefers == "error"
+        found, wanted, kept, tolerance, studies, type_of, watch.extended(FINISHING), prefers == "error"
     )
 
     cut_short, refines = course.stopped_by == "budget", isinstance(source, Start)
