@@ -121,7 +121,10 @@ class Preparation:
                 return False
         try:
             if not self.phasors:  # else another thread has made them meanwhile
-                part = self._parts.part(POSITIONS, partial(self._fill_positions, work), work.go_on)
+                part = self._parts.known(POSITIONS)
+                if part is None:
+                    work.go_on()
+                    part = self._parts.part(POSITIONS, partial(self._fill_positions, work), work.go_on)
                 self.phasors = [_phasors_of(part, cells.group.key) for cells in self.cells]
         except OutOfTime:
             return False

@@ -102,7 +102,7 @@ def target(seed: int, positions: bool = False) -> Target:
         20 * np.sin(np.linspace(0, rng.uniform(1, 7), samples)),
     ][seed % 3]
     points = (rng.normal(size=samples) + 1j * rng.normal(size=samples)) if positions else None
-    return Motion.of(shape, points, span, None, None, True).target
+    return Motion(shape, points, span).target
 
 
 def same(found: Any, wanted: Any) -> bool:
@@ -430,7 +430,9 @@ def test_a_preparation_that_is_given_up_leaves_no_file(path, end) -> None:
         with pytest.raises(Cancelled):
             atlas.scan.prepare_positions(Work(cancelled=lambda: True))
     else:
+        atlas.scan.prepared._load = lambda: pytest.fail("there is no time to read the atlas")
         assert not atlas.scan.prepare_positions(Work(0.0))
+        atlas = opened(path)
     assert names(index_of(path)) == ["cells"]
     assert atlas.scan.prepare_positions(Work())
 
