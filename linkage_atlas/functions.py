@@ -99,9 +99,8 @@ def function(
     degrees : bool
         Unit of every angle in and out; False: radians.
     limits : mapping, optional
-        family ("any": closes over the interval, the default; full_crank, crank_rocker, double_crank),
-        transmission_angle_min, transmission_angle_min_turn (where the crank turns fully), link_ratio_max, link_min,
-        link_max, links ({"ground": 100, ...}: lengths that are given; a ground that is not is 1), preset ("practical").
+        Those of `linkage_atlas.Limits` that concern shape and lengths. The family is any ("any": closes over the interval)
+        where none is given; links are {"ground": 100, ...}: lengths that are given; a ground that is not is 1.
     top : int
         At most so many linkages, different from one another.
     tolerance : float

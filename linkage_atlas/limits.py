@@ -34,11 +34,9 @@ Search = Callable[[fourbar.Limits, Work], tuple[list[Solution], Any]]
 class Limits(dict[str, Any]):
     """Within what: limits by name, in the units of the motion, each checked when it is used.
 
-    A mapping of the same names does as well. Lengths and places are in the unit of the positions, angles in that of the motion:
-    transmission_angle_min, transmission_angle_min_turn; pivot_a, pivot_b [x, y], pivot_box, pivot_a_box, pivot_b_box
-    [xmin, ymin, xmax, ymax], keep_out (boxes); link_min, link_max, link_ratio_max, links {"crank": length, ..};
-    coupler_radius_max, envelope (a box); family: full_crank (default), crank_rocker, double_crank or any; preset:
-    "practical", see the limits' page of the documents.
+    A mapping of the same names does as well. Lengths and places are in the unit of the positions, angles in that of the motion;
+    points are [x, y], boxes [xmin, ymin, xmax, ymax], links {"crank": length, ..}; the family is full_crank (default),
+    crank_rocker, double_crank or any; preset: "practical", see the limits' page of the documents.
 
     Examples
     --------
@@ -50,6 +48,11 @@ class Limits(dict[str, Any]):
     def __init__(self, **limits: Any) -> None:
         _check_names(limits, LIMITS)
         super().__init__(limits)
+
+
+Limits.__doc__ = f"{Limits.__doc__}\n    Notes\n    -----\n" + "\n".join(
+    f"    {name} : {form.kind}\n        {form.says}" for name, form in LIMITS.items()
+)
 
 
 def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> fourbar.Limits:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -230,8 +230,7 @@ class Motion:
         """The motion with the crank angles of one linkage, from those of several that `with_angles` gave."""
         if not target.found:
             return self
-        rotation = None if target.rotation is None else target.rotation[place]
-        return Motion.of(replace(target, crank=target.crank[place], rotation=rotation), self.degrees, self.tolerances)
+        return Motion.of(target.one_of(place), self.degrees, self.tolerances)
 
     def keeps(self, linkage: Linkage, crank: Any) -> bool:
         """Whether a linkage that was found is inside the tolerances at every sample."""
