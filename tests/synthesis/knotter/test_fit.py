@@ -129,5 +129,5 @@ def test_a_search_that_is_given_up_or_out_of_time_ends(pattern) -> None:
 
 
 def test_draws_and_descents_end_with_the_budget(pattern) -> None:
-    found, kept = search(pattern, 1000, 6, 0, work=Work(0.0))
+    found, kept = search(pattern, 1000, 6, 0, work=Work(1e-2))
     assert len(found) == 1 and kept <= 64  # of the first draws alone
