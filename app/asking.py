@@ -20,6 +20,7 @@ from app.query import FILES, LengthUnit, Query, RequestModel, Resources, invalid
 from app.registry import examples_of
 from app.tables import Units
 from linkage_atlas import FieldError
+from linkage_atlas.tables import decoded
 
 NO_PRESET = ((["limits", "preset"], "none"),)
 """Field and value that turn the practical limits off."""
@@ -275,16 +276,6 @@ def _with(body: Any, also: Sequence[tuple[list[str], Any]]) -> Any:
             at = at[name]
         at[path[-1]] = value
     return body
-
-
-def decoded(text: bytes) -> str:
-    """A table as spreadsheets save it: UTF-8, or UTF-16 with its mark, or the 8 bits of older ones."""
-    if text[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return text.decode("utf-16", "replace")
-    try:
-        return text.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return text.decode("cp1252", "replace")
 
 
 def _format_of(query: Query, path: Path) -> str:

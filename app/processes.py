@@ -125,8 +125,11 @@ class Processes:
             process.kill()
 
     async def answer(self, request: Request, question: Question, content: bytes) -> Response:
-        bodies.check_counts(content)
-        long = len(content) <= SMALL and question.is_long(bodies.read_request(content, question.model))
+        long = False
+        if len(content) <= SMALL:
+            long = question.is_long(bodies.read_request(content, question.model))
+        else:
+            bodies.check_counts(content)
         for _ in range(_ATTEMPTS):
             head, *reply = await self._asked(request, question.path, content, long)
             if not head.instead:

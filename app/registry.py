@@ -21,11 +21,11 @@ __all__ = ["all_examples", "all_queries", "examples_of", "queries_named", "worke
 def _motion_queries() -> tuple[Query, ...]:
     import linkage_atlas as la
     from app.fourbar.answers import answer_match, answer_synthesize, is_long
-    from app.fourbar.csv_request import match_from_csv, request_from_csv
     from app.fourbar.export import LINKAGE_FILES, SYNTHESIZE_EXPORTS
     from app.fourbar.models import MatchRequest, SynthesizeRequest
     from app.fourbar.tables import matches_table, synthesize_table
     from app.query import Query
+    from linkage_atlas.tables import match_from_csv, request_from_csv
 
     example = worked_example()
     rotation_only = {"rotation": example["rotation"], "crank_span": example["crank_span"]}

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import baselines, report
 from benchmarks.report import Times
-from linkage_atlas.named import read_dials
+from linkage_atlas.functions import read_dials
 from synthesis.fourbar.solution import keeps
 from synthesis.mechanism import Placed
 from synthesis.target import Target

@@ -65,7 +65,7 @@ def answer(request: dict[str, Any], resources: ServiceResources, times: Times) -
 def target_of(request: dict[str, Any]) -> Target:
     """A request as the numerics see it."""
     names = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
-    return Motion.of(**{name: request.get(name) for name in names}).target
+    return Motion(**{name: request.get(name) for name in names}).target
 
 
 class ProcessorWork(Work):
@@ -78,7 +78,7 @@ class ProcessorWork(Work):
 def limits_of(request: dict[str, Any]) -> Limits:
     """The limits of a request as the numerics see them."""
     names = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
-    return read_limits(request["limits"], Motion.of(**{name: request.get(name) for name in names}))
+    return read_limits(request["limits"], Motion(**{name: request.get(name) for name in names}))
 
 
 def counter_clockwise(motion: Target, *limits: Limits) -> Any:

@@ -1,9 +1,9 @@
 """Linkages for a required motion: ``import linkage_atlas as la``.
 
-Ask with `synthesize` (any linkage, refined to machine precision), `function` (whose rocker turns as a function of its crank) or
-`match` (which rows of an atlas, exactly); move, draw and
-save what comes back, a `FourBar`. Plain arrays in and out; angles in degrees unless ``degrees=False``. Every name is loaded
-when it is first used, so that the import itself loads neither numpy nor scipy.
+Ask with `synthesize` (any linkage for a `Motion`, within `Limits`, refined to machine precision), `function` (whose rocker
+turns as a function of its crank) or `match` (which rows of an atlas, exactly); move, draw and save what comes back, a `FourBar`.
+Plain arrays in and out; angles in degrees unless ``degrees=False``. Every name is loaded when it is first used, so that the
+import itself loads neither numpy nor scipy.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
     from linkage_atlas.door import prepare, synthesize
-    from linkage_atlas.functions import function
-    from linkage_atlas.generators import FunctionResult, FunctionSolution
+    from linkage_atlas.functions import FunctionResult, FunctionSolution, function
+    from linkage_atlas.limits import Limits
     from linkage_atlas.linkages import FourBar, Joints
     from linkage_atlas.many_requests import StudyLocked, study
     from linkage_atlas.matching import match
@@ -30,8 +30,8 @@ __version__ = "0.1.0"
 _HOMES = {
     "linkage_atlas.door": ("synthesize", "prepare"),
     "linkage_atlas.matching": ("match",),
-    "linkage_atlas.functions": ("function",),
-    "linkage_atlas.generators": ("FunctionResult", "FunctionSolution"),
+    "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
+    "linkage_atlas.limits": ("Limits",),
     "linkage_atlas.linkages": ("FourBar", "Joints"),
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
@@ -54,6 +54,7 @@ __all__ = [
     "FunctionResult",
     "FunctionSolution",
     "Joints",
+    "Limits",
     "Match",
     "Matches",
     "Motion",

@@ -1,34 +1,45 @@
-"""Which four-bars make a motion: `synthesize`."""
+"""Which four-bars make a motion: `synthesize`.
+
+Data flow: read the question; search for the best linkages by their error; where something else is preferred, search again
+within tighter limits on that measure; finish them as a user reads them; report.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
-from numpy.typing import ArrayLike
+import numpy as np
 
-from linkage_atlas.answers import FINISHING, Report, Result
+from linkage_atlas.answers import FINISHING, Report, Result, cognate_notes, finished, status_of
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
-from linkage_atlas.finish import Wishes, cognate_notes, finished, read_lengths, read_tolerances, status_of
 from linkage_atlas.limits import read_limits, what_excludes
-from linkage_atlas.motions import Motion, check_above_zero, check_top, number
-from linkage_atlas.preferred import TRY_ROUNDS, Prefer, goal_of, improved, read_prefer
-from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, check_against, read_beginning, refined
-from linkage_atlas.studies import check_rows, read_drive, read_manufacture, study_notes
+from linkage_atlas.linkages import FourBar
+from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number
+from linkage_atlas.records import Floats
+from linkage_atlas.studies import STUDIES, check_rows, read_studies, study_notes
 from synthesis.atlas.best import best_rows
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
-from synthesis.fourbar import solution as answers
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.kinematics import wrap
+from synthesis.fourbar.limits import Limits, Reach
+from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.passage import size_of
+from synthesis.fourbar.solution import Solution
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
-from synthesis.ranking import Status, spread
+from synthesis.local.motion import refine_motion
+from synthesis.local.poses import refine_poses
+from synthesis.ranking import APART, Status, distinct, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
 from synthesis.search.seeds import SeedTables
+from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
 from synthesis.work import Work
 
 DIVERSE_LOSS = 2.0
@@ -37,8 +48,36 @@ UNASKED = (
     "the crank angles are given, and then the practical limits are kept only where `limits.preset` asks for them; "
     "the verdict says which of them the best linkage breaks"
 )
+ILL_POSED = (
+    "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
+    "see `determination` of each solution"
+)
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
+Prefer = Literal["error", "size", "transmission", "crank_span"]
+PREFER = get_args(Prefer)
+
+_TRIES = 6
+"""Searches at most."""
+TRY_ROUNDS = 2
+"""Rounds of each where the crank angles are free."""
+_SMALLEST = 0.5
+"""Extents of the motion below which no linkage is looked for."""
+_NEAR_ENOUGH = 1.1
+"""Without tolerances: times the least error that a linkage may be off."""
+_SHARE = 0.35
+"""Part of what is allowed at which a search ends: the largest error of a linkage is some two to three times its mean."""
+FAR = 1e6
+"""Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
+LOCAL = (
+    "refined from the given linkage to the nearest optimum that the descent came to: linkages elsewhere were not looked at, "
+    "and may be better"
+)
+NOWHERE = "no descent from the given linkage led within the limits; that proves nothing about other linkages"
+
+
+StartingLinkage = Any
+"""A `FourBar`, a `Solution` or `FunctionSolution`, or its plain values."""
 
 
 @cache
@@ -60,103 +99,53 @@ def prepare() -> None:
 
 
 def synthesize(
-    rotation: ArrayLike | None = None,
-    position: ArrayLike | None = None,
-    crank_span: float | None = None,
-    *,
-    crank_angle: ArrayLike | None = None,
-    timing: Literal["free"] | None = None,
-    order: Literal["given", "any"] = "given",
-    closed: bool = False,
-    crank_span_max: float | None = None,
-    weights: Mapping[str, ArrayLike] | None = None,
-    tolerances: Mapping[str, ArrayLike] | None = None,
-    prefer: Prefer | None = None,
-    degrees: bool = True,
+    *motion: Any,
     limits: Mapping[str, Any] | None = None,
     top: int = 10,
     effort: Literal["refine", "atlas"] = "refine",
+    prefer: Prefer | None = None,
+    diverse: bool = False,
     tolerance: float = DEFAULT_TOLERANCE,
     budget: float | None = None,
-    length_scale: float | None = None,
-    round_to: float | None = None,
-    lengths_from: ArrayLike | None = None,
-    diverse: bool = False,
-    refine_from: Given | None = None,
-    sensitivity: bool = False,
-    analysis: Mapping[str, Any] | None = None,
-    tolerance_study: Mapping[str, Any] | None = None,
+    refine_from: StartingLinkage | None = None,
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
+    **more: Any,
 ) -> Result:
     """The four-bar linkages that make a motion: actual dimensions and where they are mounted.
 
+    Called as ``synthesize(motion, limits)``, or with the arguments of a `Motion` in its place:
+    ``synthesize(rotation, position, crank_span=70)``.
+
     Parameters
     ----------
-    rotation : array_like, shape (N,), optional
-        Rotation of the body at the samples, continuous: no jumps by whole turns (where the crank angles are free, whole
-        turns do not count). None: missing there.
-    position : array_like, shape (N, 2), or complex, shape (N,), optional
-        A point of the body at the samples, in any unit. At least one of the two is needed; 3 to 1,024 samples (2 with free
-        crank angles). None: missing there.
-    crank_span : float, optional
-        Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
-    crank_angle : array_like, shape (N,), optional
-        Crank angles in place of ``crank_span``; what counts is the increment from the first.
-    timing : {"free"}, optional
-        In place of both: the crank angles are unknown, and each solution has its own.
-    order : {"given", "any"}
-        With free crank angles: whether the crank must pass the samples in the order given, turning one way, either way.
-    closed : bool
-        With free crank angles: whether the way leads from the last sample on to the first.
-    crank_span_max : float, optional
-        With free crank angles: the crank turns by no more than this from the first sample to the last.
-    weights : mapping, optional
-        ``rotation`` and ``position``, (N,) each, at least 0: what each sample counts. Default: all alike.
-    tolerances : mapping, optional
-        ``rotation`` and ``position``, a number or (N,) each: the largest errors allowed. The status is then "reached" when
-        every sample is inside, and solutions that keep them come first.
-    prefer : {"error", "size", "transmission", "crank_span"}, optional
-        What is wanted of linkages inside the tolerances: the least error, the smallest links and reach, the best transmission
-        angle or the shortest swing of the crank. Default: "size" where there are tolerances, otherwise "error". Without
-        tolerances those count whose error is at most a tenth above the least.
-    degrees : bool
-        Unit of every angle in and out; False: radians.
-    limits : mapping, optional
-        transmission_angle_min, transmission_angle_min_turn; pivot_a, pivot_b [x, y], pivot_box, pivot_a_box, pivot_b_box
-        [xmin, ymin, xmax, ymax], keep_out (boxes); link_min, link_max, link_ratio_max, links {"crank": length, ..};
-        coupler_radius_max, envelope (a box); family: full_crank (default), crank_rocker, double_crank or any; preset:
-        "practical", see the limits' page of the documents.
+    *motion : Motion, or array_like
+        What is wanted.
+    limits : Limits or mapping, optional
+        Within what, see `Limits`.
     top : int
         At most so many linkages, different from one another.
     effort : {"refine", "atlas"}
         The search, which refines to machine precision; or the best rows of ``atlas`` as they are.
+    prefer : {"error", "size", "transmission", "crank_span"}, optional
+        What is wanted of linkages inside the tolerances: the least error, the smallest links and reach, the best transmission
+        angle or the shortest swing of the crank. Default: "size" where there are tolerances, otherwise "error". Without
+        tolerances those count whose error is at most a tenth above the least.
+    diverse : bool
+        Spread the solutions over families, branches and places, the objective at most twice the best, in place of the best ones.
     tolerance : float
         The search ends once the objective is below it.
     budget : float, optional
         Seconds; the best found by then is returned.
-    length_scale : float, optional
-        Weighs position errors against rotation errors in radians; default: the largest distance from the mean position.
-    round_to : float, optional
-        Also give each solution with its links on this grid and the rest fitted anew, within the limits.
-    lengths_from : array_like, shape (n,), optional
-        Instead: with each link of one of these lengths, in the best combination.
-    diverse : bool
-        Spread the solutions over families, branches and places, the objective at most twice the best, in place of the best ones.
     refine_from : FourBar, Solution or mapping, optional
         Search nowhere, but refine this linkage (or its plain values, as `Solution.to_dict` gives them) from just there: one
         solution, its nearest optimum within the limits, of which nothing says that it is the best there is.
-    sensitivity : bool
-        Also give the change of the motion per unit of each length.
-    analysis : mapping, optional
-        ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`: also give velocities, accelerations and forces.
-    tolerance_study : mapping, optional
-        ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`: also give what tolerances of
-        manufacture do.
     atlas : Atlas, optional
         For effort "atlas"; default: as for `match`.
     work : callable
         Makes what watches over time and cancellation from a budget in seconds.
+    **more
+        Arguments of `Motion`, where it is not given; and studies of each solution, as of `Solution.studied`, within the budget.
 
     Returns
     -------
@@ -171,6 +160,8 @@ def synthesize(
     --------
     >>> import numpy as np, linkage_atlas as la
     >>> wanted = la.FourBar(19, 72, 144, 165, start_angle=30).joints(np.linspace(0, 70, 16)).rotation
+    >>> la.synthesize(la.Motion(wanted, crank_span=70), la.Limits(link_ratio_max=12), top=1).status
+    'reached'
     >>> la.synthesize(wanted, crank_span=70, top=1).status
     'reached'
     """
@@ -178,113 +169,88 @@ def synthesize(
         raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
     if effort == "atlas" and refine_from is not None:
         raise FieldError("/refine_from", "rows of the atlas are not refined: only effort 'refine' does that")
-    if effort == "atlas" and timing is not None:
+    if effort == "atlas" and more.get("timing") is not None:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
-    if effort == "atlas" and atlas is None:
-        atlas = default_atlas()
     check_top(top)
-    check_above_zero(budget=budget, round_to=round_to)
+    check_above_zero(budget=budget)
     tolerance = number("tolerance", tolerance, 0.0)
-    begin = None if refine_from is None else read_beginning(refine_from, degrees)
     # made once, by whoever asks first: no part of this request's time
-    prepared = begin or (atlas.scan if effort == "atlas" and atlas is not None else seed_tables())
+    source: SeedTables | Scan | Start
+    source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
     watch = work(budget)
-    motion = Motion.of(
-        rotation,
-        position,
-        crank_span,
-        crank_angle,
-        length_scale,
-        degrees,
-        timing=timing,
-        order=order,
-        closed=closed,
-        weights=weights,
-        crank_span_max=crank_span_max,
-    )
-    notes, kept = motion.notes(), read_limits(limits, motion)
-    allowed = read_tolerances(tolerances, motion)
-    wishes = Wishes(
-        kept,
-        round_to,
-        read_lengths(lengths_from),
-        sensitivity,
-        None if analysis is None else read_drive(analysis, motion.samples.position is not None),
-        None if tolerance_study is None else read_manufacture(tolerance_study),
-    )
-    wishes.check_against(motion)
-    if begin is not None:
-        check_against(begin, motion)
+
+    asked = {name: more.pop(name) for name in STUDIES if name in more}
+    if motion and isinstance(motion[0], Motion):
+        (wanted, *rest), limits = motion, motion[1] if len(motion) > 1 else limits
+        if more or len(rest) > 1:
+            raise TypeError(f"beside a Motion and its limits there is no {', '.join(more) or 'third argument'}")
+    else:
+        wanted = Motion(*motion, **more)
+    if effort == "atlas" and wanted.free:
+        raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
+    notes, kept, studies = wanted.notes(), read_limits(limits, wanted), read_studies(asked, wanted)
+    if refine_from is not None:
+        source = read_start(refine_from, wanted.degrees)
+        _check_start(source, wanted)
         notes.append(LOCAL)
-    if wishes.drive is not None:
-        check_rows(top, None if motion.free else motion.target.interval)
-    wanted = read_prefer(prefer, motion, allowed is not None, begin is None and effort == "refine")
-    goal = (
-        tolerance
-        if wanted == "error"
-        else goal_of(None if allowed is None else allowed.objective(motion.samples), tolerance)
-    )
+    if studies.drive is not None:
+        check_rows(top, None if wanted.free else wanted.target.interval)
+    prefers = _preference(prefer, wanted, isinstance(source, SeedTables))
+    goal = tolerance if prefers == "error" else goal_of(_allowed(wanted), tolerance)
+
     searching, many = watch.extended(-FINISHING), _VARIETY * top if diverse else top
-    found, went = _searched(motion, kept, many, goal, searching, prepared)
-    if wanted != "error":
-        found = improved(
-            found,
-            motion,
-            kept,
-            wanted,
-            None if allowed is None else lambda one: allowed.kept(motion, one),
-            goal,
-            many,
-            lambda other, tight, near: _searched(other, tight, many, near, searching, prepared, TRY_ROUNDS)[0],
-            searching,
-        )
+    found, course = _search(source, wanted, kept, many, goal, searching)
+    if prefers != "error":
+
+        def again(other: Motion, tighter: Limits, near: float) -> list[Solution]:
+            return _search(source, other, tighter, many, near, searching, TRY_ROUNDS)[0]
+
+        found = _improved(found, wanted, kept, prefers, goal, many, again, searching)
         if searching.expired():
-            went = went._replace(stopped_by=StoppedBy.BUDGET.value)
+            course = course._replace(stopped_by=StoppedBy.BUDGET.value)
     if diverse:
         found = spread(found, top, DIVERSE_LOSS, goal)
     searched = watch.elapsed
+    type_of = None if atlas is None else atlas.type_of
     solutions = finished(
-        found, motion, tolerance, allowed, wishes, atlas, watch.extended(FINISHING), wanted == "error"
+        found, wanted, kept, tolerance, studies, type_of, watch.extended(FINISHING), prefers == "error"
     )
+
+    cut_short, refines = course.stopped_by == "budget", isinstance(source, Start)
     if solutions and solutions[0].determination.ill_posed:
-        notes.append(
-            "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
-            "see `determination` of each solution"
-        )
-    if not motion.free and "preset" not in (limits or {}) and solutions and not solutions[0].verdict.practical:
+        notes.append(ILL_POSED)
+    if not wanted.free and "preset" not in (limits or {}) and solutions and not solutions[0].verdict.practical:
         notes.append(UNASKED)
-    notes += study_notes(wishes.manufacture, solutions)
-    notes += cognate_notes(solutions) if motion.samples.rotation is None else []
-    cut_short = went.stopped_by == "budget"
-    if not solutions and begin is not None and not cut_short:
+    notes += study_notes(studies.manufacture, solutions)
+    notes += cognate_notes(solutions) if wanted.samples.rotation is None else []
+    if not solutions and refines and not cut_short:
         notes.append(NOWHERE)
     elif not solutions and not kept.only_family and effort == "refine" and not cut_short:
         notes += what_excludes(
-            kept, motion, lambda limits, some: _searched(motion, limits, 3, tolerance, some, prepared), watch
+            kept, wanted, lambda eased, some: _search(source, wanted, eased, 3, tolerance, some), watch
         )
     elif not solutions and cut_short:
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     if len(solutions) < len(found):
         notes.append(f"the time was up: of {len(found)} linkages found the best {len(solutions)} are reported")
     total = watch.elapsed
-    return Result(
-        status_of(solutions, tolerance, allowed, cut_short or begin is not None),
-        solutions,
-        Report(
-            elapsed_ms={
-                name: 1000 * seconds
-                for name, seconds in (went.stages | {"report": total - searched, "total": total}).items()
-            },
-            trace=[(1000 * seconds, objective) for seconds, objective in went.trace],
-            stopped_by=went.stopped_by,
-            length_scale=None if motion.samples.position is None else motion.samples.length_scale,
-            notes=notes,
-            **went.counts,
-        ),
+    seconds = course.stages | {"report": total - searched, "total": total}
+    report = Report(
+        elapsed_ms={name: 1000 * value for name, value in seconds.items()},
+        trace=[(1000 * value, objective) for value, objective in course.trace],
+        stopped_by=course.stopped_by,
+        length_scale=None if wanted.samples.position is None else wanted.samples.length_scale,
+        notes=notes,
+        **course.counts,
     )
+    status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
+    return Result(status, solutions, report)
 
 
-class _Went(NamedTuple):
+# -- the search -------------------------------------------------------------------------------------------------------
+
+
+class Course(NamedTuple):
     """How a search went, whichever it was."""
 
     stages: dict[str, float]
@@ -294,30 +260,269 @@ class _Went(NamedTuple):
     counts: dict[str, Any]
 
 
-def _searched(
+def _search(
+    source: SeedTables | Scan | Start,
     motion: Motion,
     limits: Limits,
     top: int,
     tolerance: float,
     work: Work,
-    prepared: SeedTables | Scan | Beginning,
     rounds: int | None = None,
-) -> tuple[list[answers.Solution], _Went]:
+) -> tuple[list[Solution], Course]:
     """The best linkages: by the search with free crank angles or with given ones, from the atlas, or from a given linkage."""
     counts: dict[str, Any] = {"seeds": None, "windows": None, "exhaustive": None}
-    if not isinstance(prepared, Scan):
-        if isinstance(prepared, Beginning):
-            found, went = refined(motion, limits, prepared, tolerance, work)
-        elif isinstance(motion.samples, Poses):
-            found, went = search_free(motion.samples, limits, top, tolerance, work, screens, prepared.windows, rounds)
+    if isinstance(source, Scan):
+        found, scanned = best_rows(source, motion.target, limits, top, work, tolerance)
+        searched = work.elapsed
+        trace = [(searched, found[0].errors.objective)] if found else []
+        reached = Status.of(found, tolerance) is Status.REACHED
+        stopped_by = "tolerance" if reached else ("converged" if scanned.exhaustive else "budget")
+        counts |= {"windows": scanned.windows, "exhaustive": scanned.exhaustive}
+        return found, Course({"screen": searched}, trace, stopped_by, counts)
+    samples = motion.samples
+    if isinstance(source, Start):
+        with pointing_to_start():
+            if isinstance(samples, Poses):
+                found, report = refine_poses(samples, limits, source.linkage, source.crank, tolerance, work)
+            else:
+                found, report = refine_motion(samples, limits, source.linkage, tolerance, work)
+    elif isinstance(samples, Poses):
+        found, report = search_free(samples, limits, top, tolerance, work, screens, source.windows, rounds)
+    else:
+        found, report = search(source, samples, limits, top, tolerance, work)
+    stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
+    return found, Course(stages, report.trace, report.stopped_by.value, counts | {"seeds": report.seeds})
+
+
+# -- what is preferred ------------------------------------------------------------------------------------------------
+
+
+class _Measure(NamedTuple):
+    """A measure of which less is better."""
+
+    of: Callable[[Solution], float]
+    tightened: Callable[[float], tuple[Motion, Limits]]
+    """The request in which it is at most so large."""
+    least: float
+    """It is never less."""
+    near: float
+    """Two values of which one is this much larger, as a part or where `least` is not positive outright, are as good."""
+
+
+def _preference(prefer: str | None, motion: Motion, searches: bool) -> Prefer:
+    """What is preferred; ``searches`` says whether linkages are searched for, and not taken from a table or a given one."""
+    positions = motion.samples.position is not None
+    if prefer is None:
+        return "size" if motion.tolerances is not None and searches and positions else "error"
+    for name in PREFER:
+        if name != prefer:
+            continue
+        if name != "error" and not searches:
+            raise FieldError("/prefer", "linkages are not searched for here, so that only 'error' has a meaning")
+        if name == "size" and not positions:
+            raise FieldError("/prefer", "'size' needs `position`: without it no length is actual")
+        if name == "crank_span" and not motion.free:
+            raise FieldError("/prefer", "the crank angles are given: all linkages turn alike far")
+        return name
+    raise FieldError("/prefer", f"wanted one of {', '.join(PREFER)}, found {prefer!r}")
+
+
+def _allowed(motion: Motion) -> float | None:
+    return None if motion.tolerances is None else motion.tolerances.objective(motion.samples)
+
+
+def goal_of(allowed: float | None, tolerance: float) -> float:
+    """The objective at which a search for linkages that are near enough may end."""
+    return tolerance if allowed is None else max(tolerance, _SHARE * allowed)
+
+
+def _improved(
+    found: Sequence[Solution],
+    motion: Motion,
+    limits: Limits,
+    prefer: Prefer,
+    goal: float,
+    top: int,
+    search: Callable[[Motion, Limits, float], list[Solution]],
+    work: Work,
+) -> list[Solution]:
+    """Linkages that are near enough, the best by a measure first, and the others after them.
+
+    The best of those found is the first; the same search within a tighter limit on the measure, half way to what is known to be
+    out of reach, then finds better ones or none, and the limit is tighter or looser next time.
+    """
+    if not found:
+        return []
+    least = _NEAR_ENOUGH * max(found[0].errors.objective, goal)
+
+    def near_enough(one: Solution) -> bool:
+        if motion.tolerances is not None:
+            return motion.keeps(one.linkage, one.crank)
+        return one.errors.objective <= least
+
+    goal = goal if motion.tolerances is not None else least
+    measure = _measure(prefer, motion, limits)
+    good = [one for one in found if near_enough(one)]
+    if not good:
+        return list(found[:top])
+    best, out_of_reach = min(map(measure.of, good)), measure.least
+    for _ in range(_TRIES):
+        if work.expired() or _as_good(best, out_of_reach, measure):
+            break
+        middle = np.sqrt(best * out_of_reach) if measure.least > 0 else (best + out_of_reach) / 2
+        try:
+            asked = measure.tightened(float(middle))
+        except FieldError:  # another limit excludes it
+            more = []
         else:
-            found, went = search(prepared, motion.target, limits, top, tolerance, work)
-        stages = {"screen": went.screen_seconds, "refine": work.elapsed - went.screen_seconds}
-        return found, _Went(stages, went.trace, went.stopped_by.value, counts | {"seeds": went.seeds})
-    found, scanned = best_rows(prepared, motion.target, limits, top, work, tolerance)
-    searched = work.elapsed
-    trace = [(searched, found[0].errors.objective)] if found else []
-    reached = Status.of(found, tolerance) is Status.REACHED
-    stopped_by = "tolerance" if reached else ("converged" if scanned.exhaustive else "budget")
-    counts |= {"windows": scanned.windows, "exhaustive": scanned.exhaustive}
-    return found, _Went({"screen": searched}, trace, stopped_by, counts)
+            more = [one for one in search(*asked, goal) if near_enough(one)]
+        if more:
+            good += more
+            best = min(best, *map(measure.of, more))
+        else:
+            out_of_reach = float(middle)
+    ranked = distinct(sorted(good, key=measure.of), top, APART, order=measure.of)
+    return (ranked + [one for one in found if not near_enough(one)])[:top]
+
+
+def _as_good(best: float, other: float, measure: _Measure) -> bool:
+    return best <= other * (1 + measure.near) if measure.least > 0 else best - other <= measure.near
+
+
+def _measure(prefer: Prefer, motion: Motion, limits: Limits) -> _Measure:
+    samples = motion.samples
+
+    def size(one: Solution) -> float:
+        found = size_of(one.linkage, samples)
+        assert found is not None
+        return found
+
+    def smaller(extents: float) -> tuple[Motion, Limits]:
+        assert samples.position is not None
+        far, reach = extents * samples.extent, limits.pivot_reach
+        links = [length for length in (limits.link_max, far) if length is not None]
+        radii = [length for length in (limits.coupler_radius_max, far) if length is not None]
+        places = [
+            min(far, place) if reach and (place := getattr(reach, name)) else far for name in ("pivot_a", "pivot_b")
+        ]
+        middle = complex(samples.position_mean(samples.position))
+        return motion, replace(
+            limits,
+            link_max=min(links),
+            coupler_radius_max=min(radii),
+            pivot_reach=Reach(middle, places[0], places[1]),
+        )
+
+    def straighter(minus: float) -> tuple[Motion, Limits]:
+        return motion, replace(limits, transmission_angle_min=-minus)
+
+    def shorter(span: float) -> tuple[Motion, Limits]:
+        assert isinstance(samples, Poses)
+        return Motion.of(replace(samples, span_max=span), motion.degrees, motion.tolerances), limits
+
+    def swing(one: Solution) -> float:
+        assert one.crank is not None
+        return float(np.ptp(one.crank))
+
+    return {
+        "size": _Measure(size, smaller, _SMALLEST, 0.03),
+        "transmission": _Measure(lambda one: -one.transmission_angle_min, straighter, -np.pi / 2, np.deg2rad(1.0)),
+        "crank_span": _Measure(swing, shorter, MIN_SPAN, 0.03),
+    }[prefer]
+
+
+# -- the linkage that is refined --------------------------------------------------------------------------------------
+
+
+class Start(NamedTuple):
+    """A linkage to refine, in radians."""
+
+    linkage: Linkage
+    crank: Floats | None = None
+    """(N,): its crank angles at the samples, from the first."""
+    offset: float | None = None
+    """Of a function generator: the output less the rocker's angle."""
+
+
+@contextmanager
+def pointing_to_start() -> Iterator[None]:
+    """Errors of the linkage's fields point into ``refine_from``."""
+    try:
+        yield
+    except FieldError as error:
+        link = error.field.lstrip("/") in ("crank", "coupler", "rocker", "ground")
+        place = f"/refine_from{'/links' if link else ''}{error.field}"
+        raise FieldError(place, error.message, **error.details) from error
+
+
+def read_start(given: StartingLinkage, degrees: bool) -> Start:
+    """The linkage to refine: a `FourBar`, a solution, or what either gives as plain values in the request's unit of angle.
+
+    Raises
+    ------
+    FieldError
+        Naming the field within ``refine_from``.
+    """
+    if isinstance(given, FourBar):
+        return _checked(given)
+    if isinstance(given, Mapping):
+        with pointing_to_start():
+            try:
+                linkage = FourBar.from_dict(given, degrees)
+            except (KeyError, TypeError, ValueError) as error:
+                if isinstance(error, FieldError):
+                    raise
+                raise FieldError("", "wanted links (crank, coupler, rocker, ground), branch, start_angle") from None
+        crank, offset = given.get("crank_angle"), given.get("output_offset")
+    else:
+        found: Any = getattr(given, "linkage", None)
+        crank, offset = getattr(given, "crank_angle", None), getattr(given, "output_offset", None)
+        if not isinstance(found, FourBar):
+            raise FieldError("/refine_from", "wanted a FourBar, a solution, or its plain values")
+        linkage = found
+    radian = np.pi / 180 if linkage.degrees else 1.0
+    angles = None if crank is None else column("refine_from/crank_angle", crank) * radian
+    if angles is not None and not np.isfinite(angles).all():
+        raise FieldError("/refine_from/crank_angle", "wanted finite numbers")
+    own = None if offset is None else number("refine_from/output_offset", offset) * radian
+    return _checked(linkage)._replace(crank=angles, offset=own)
+
+
+def _checked(given: FourBar) -> Start:
+    """A linkage whose numbers can be computed with, its angles within a turn."""
+    one = given.plain
+    for name, length in zip(("crank", "coupler", "rocker", "ground"), one.links):
+        if not MIN_LENGTH <= length <= MAX_LENGTH:
+            field = f"/refine_from/links/{name}"
+            raise FieldError(field, f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}, found {length:g}")
+        if length * FAR < max(one.links):
+            raise FieldError(f"/refine_from/links/{name}", f"wanted no link more than {FAR:g} times another")
+    point = one.coupler_point
+    for name, angles in (("start_angle", one.start), ("mount/ground_angle", one.ground_angle)):
+        number(f"refine_from/{name}", angles)
+    if point is not None and not (np.isfinite(point).all() and point[0] >= 0):
+        raise FieldError("/refine_from/mount/coupler_point", "wanted a radius of at least 0 and an angle")
+    return Start(replace(one, start=one.start % TURN, ground_angle=wrap(one.ground_angle)))
+
+
+def _check_start(begin: Start, motion: Motion) -> None:
+    """FieldError for a linkage that this motion cannot be refined from."""
+    one, asked = begin.linkage, motion.asked
+    if motion.free:
+        if not one.mounted:
+            raise FieldError("/refine_from/mount", "needed, with its coupler point: the crank angles are free")
+        if begin.crank is not None and begin.crank.shape != (asked.samples,):
+            found = begin.crank.size
+            raise FieldError("/refine_from/crank_angle", f"wanted {asked.samples} crank angles, found {found}")
+    if asked.position is not None and one.mounted:
+        _check_place(one, asked)
+
+
+def _check_place(one: Linkage, samples: Samples) -> None:
+    """FieldError for a linkage that is too far from the positions, too large or too small beside them."""
+    assert samples.position is not None and one.coupler_point is not None
+    scale = samples.length_scale
+    if abs(one.pivot_a - complex(samples.position_mean(samples.position))) > FAR * scale:
+        raise FieldError("/refine_from/mount/pivot_a", f"lies farther than {FAR:g} times the motion's extent from it")
+    if max(one.coupler_point[0], *one.links) > FAR * scale or min(one.links) * FAR < scale:
+        raise FieldError("/refine_from/links", f"wanted lengths within {FAR:g} times the motion's extent, either way")

@@ -1,28 +1,32 @@
-"""Function generation as a user asks for it: pairs of angles, or a function by name, and limits, checked by name."""
+"""Function generation: which four-bars have a rocker whose angle is a wanted function of the crank's, and what comes back."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING
-from linkage_atlas.door import seed_tables
-from linkage_atlas.generators import Asked, FunctionReport, FunctionResult, described, rounded
+from linkage_atlas.answers import FINISHING, Ranked, StatusName, StoppedBy, Verdict, verdict_of
+from linkage_atlas.door import LOCAL, NOWHERE, Start, StartingLinkage, pointing_to_start, read_start, seed_tables
 from linkage_atlas.limits import read_function_limits
-from linkage_atlas.motions import check_above_zero, check_top, column, number, radians_in
-from linkage_atlas.named import Dials, read_dials
-from linkage_atlas.refining import LOCAL, NOWHERE, Beginning, Given, named, read_beginning
+from linkage_atlas.linkages import FourBar, Links
+from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number, radians_in
+from linkage_atlas.records import KEPT, Floats, Record, Values, names_of
 from synthesis.errors import FieldError
-from synthesis.function.search import generate
+from synthesis.fourbar.determination import determinations, sensitivities
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.passage import practical_faults, verdicts
+from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
+from synthesis.function.search import generate, refit
 from synthesis.function.wanted import Wanted
 from synthesis.local.function import refine_function
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE
-from synthesis.target import make_target
+from synthesis.target import MAX_SAMPLES, MIN_SAMPLES, Target, make_target
 from synthesis.work import Work
 
 _CALLED = {
@@ -56,7 +60,7 @@ def function(
     tolerance: float = DEFAULT_TOLERANCE,
     budget: float | None = None,
     round_to: float | None = None,
-    refine_from: Given | None = None,
+    refine_from: StartingLinkage | None = None,
     sensitivity: bool = False,
     curves: bool = False,
     work: Callable[[float | None], Work] = Work,
@@ -140,7 +144,7 @@ def function(
     check_top(top)
     check_above_zero(budget=budget, round_to=round_to)
     tolerance = number("tolerance", tolerance, 0.0)
-    begin = None if refine_from is None else read_beginning(refine_from, degrees)
+    begin = None if refine_from is None else read_start(refine_from, degrees)
     tables = begin or seed_tables()
     watch = work(budget)
     called = {"x": interval, "output_span": output_span, "samples": samples}
@@ -168,8 +172,8 @@ def function(
         _check_one_way(wanted, "/function" if function is not None else "/output")
         wanted = replace(wanted, one_way=True)
     largest = objective == "max"
-    if isinstance(tables, Beginning):
-        with named():
+    if isinstance(tables, Start):
+        with pointing_to_start():
             found, went = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
     else:
         found, went = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
@@ -297,3 +301,451 @@ def _notes(wanted: Wanted) -> list[str]:
         f"the output jumps from sample {place + 1} to {place + 2}, {slope[place] / max(others.max(), 1e-300):.3g} times as steep "
         "as anywhere else: no rocker follows a jump; if it is a wrap at a whole turn, unwrap it"
     ]
+
+
+# -- what comes back --------------------------------------------------------------------------------------------------
+
+_EXCHANGED = [0, 2, 1, 3]
+_SHOWN = 361
+"""Places of an error curve."""
+
+
+@dataclass(frozen=True)
+class FunctionErrors(Record):
+    """Errors of the output."""
+
+    rms: float
+    """At the samples, weighted."""
+    max: float
+    """Over the whole interval for objective `max`, over the samples for `rms`."""
+    alternations: int | None
+    """Objective `max`: extremes of the error, of alternating sign, that are as large as the largest."""
+    rms_y: float | None
+    """`rms` in units of y; null without `function`."""
+    max_y: float | None
+    objective: float
+    """What was made least, in radians."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundedFunction(Record):
+    """A generator whose links lie on a grid, the zeros fitted anew; null where it does not close."""
+
+    closes: bool
+    links: Links | None
+    start_angle: float | None
+    output_offset: float | None
+    errors: FunctionErrors | None
+    transmission_angle_min: float | None
+    """Over the used interval; limits are not applied again."""
+    linkage: FourBar | None = field(default=None, metadata=KEPT)
+
+
+class ErrorCurve(NamedTuple):
+    """The error over the interval."""
+
+    input: Floats
+    error: Floats
+    """Wanted less made."""
+
+
+@dataclass(frozen=True)
+class FunctionDetermination(Record):
+    """How well the function fixes each length."""
+
+    ill_posed: bool
+    """A length is not even fixed to a thousandth by the function at this resolution, whatever limits hold it."""
+    resolution: float
+    """Error that is considered: the objective, at least the tolerance."""
+    length_uncertainty: Values
+    """Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FunctionSolution(Record):
+    """A linkage that makes a function, and how well."""
+
+    rank: int
+    """From 1, by `errors.objective`."""
+    links: Links
+    branch: Literal[-1, 1]
+    start_angle: float
+    """Crank angle at the first sample, from the ground line A->B."""
+    output_offset: float
+    """output = rocker angle (in -180..180 degrees at the first sample, continuous) + this."""
+    errors: FunctionErrors
+    verdict: Verdict
+    family: str
+    transmission_angle_min: float
+    """Over the used interval, exactly."""
+    transmission_angle_min_turn: float | None
+    """Over the whole turn; null if the crank cannot turn."""
+    condition: float
+    """Condition number of the output's derivatives by all unknowns."""
+    determination: FunctionDetermination
+    sensitivity: Floats | None
+    """Rms change of the output per unit of crank, coupler, rocker, ground."""
+    rounded: RoundedFunction | None
+    error_curve: ErrorCurve | None
+    linkage: FourBar = field(metadata=KEPT)
+    """It moves, draws and saves itself."""
+
+
+@dataclass(frozen=True)
+class FunctionReport(Record):
+    """How an answer came about."""
+
+    elapsed_ms: dict[str, float]
+    """Milliseconds of each stage and in total."""
+    trace: list[tuple[float, float]]
+    """[milliseconds, best objective] after each stage."""
+    stopped_by: StoppedBy
+    seeds: int
+    """Starting points refined."""
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class FunctionResult(Record, Ranked[FunctionSolution]):
+    """The answer to `linkage_atlas.function`: linkages, best first, and a report; indexed and iterated as ``solutions``.
+
+    ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits),
+    or "unknown" (none was found before the time was up). ``input`` and ``output`` are the samples that were asked for,
+    ``x`` and ``y`` their numbers where a function was named.
+    """
+
+    status: StatusName
+    solutions: list[FunctionSolution]
+    input: Floats
+    """Crank angle at the samples, from the first."""
+    output: Floats
+    """Wanted rocker angle there."""
+    x: Floats | None
+    """The samples' x and y, where a function was named."""
+    y: Floats | None
+    report: FunctionReport
+    wanted: Wanted = field(repr=False, metadata=KEPT)
+    degrees: bool = field(default=True, metadata=KEPT)
+
+    @property
+    def _answers(self) -> list[FunctionSolution]:
+        return self.solutions
+
+    @property
+    def best(self) -> FunctionSolution:
+        """The best solution; IndexError where there is none."""
+        return self.solutions[0]
+
+    @property
+    def linkage(self) -> FourBar:
+        """The linkage of the best solution."""
+        return self.best.linkage
+
+    def render(self, kind: str, rank: int = 1, length_unit: str = "mm") -> str:
+        """A solution as the text of a file: csv (the function at the samples), svg, dxf or mjcf."""
+        if len(self.solutions) < rank:
+            raise FieldError(
+                "/limits" if not self.solutions else "/rank",
+                f"there are {len(self.solutions)} linkages in this reply",
+            )
+        return render_function(self.wanted, self.solutions[rank - 1], kind, length_unit, self.degrees)
+
+    def __repr__(self) -> str:
+        unit = "deg" if self.degrees else "rad"
+        rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
+        return "\n".join([f"{self.status}: {len(self.solutions)} linkages", *rows])
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What solutions are described by."""
+
+    wanted: Wanted
+    dials: Dials | None
+    degrees: bool
+    largest: bool
+    tolerance: float
+
+    @property
+    def radian(self) -> float:
+        """Radians in one unit of angle."""
+        return radians_in(self.degrees)
+
+    @property
+    def motion(self) -> Motion:
+        """The interval, for drawings."""
+        return Motion.of(Target(None, None, crank=self.wanted.crank), self.degrees)
+
+    def errors(self, one: Generator) -> FunctionErrors:
+        """A generator's errors in the user's units."""
+        errors, radian = one.errors, self.radian
+        unit = None if self.dials is None else self.dials.y_of_radian
+        return FunctionErrors(
+            errors.rms / radian,
+            errors.max / radian,
+            errors.alternations,
+            None if unit is None else errors.rms * unit,
+            None if unit is None else errors.max * unit,
+            errors.objective,
+        )
+
+
+def described(
+    asked: Asked, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
+) -> list[FunctionSolution]:
+    """Generators as a user reads them, best first."""
+    if not found:
+        return []
+    wanted, radian = asked.wanted, asked.radian
+    linkages = [one.linkage for one in found]
+    # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
+    others = [exchanged(one) for one in linkages]
+    fixed = determinations(wanted.target, others, [max(one.errors.objective, asked.tolerance) for one in found])
+    changes: list[Any] = sensitivities(wanted.target, others) if sensitivity else [None] * len(found)
+    start = np.array([one.start for one in linkages])[:, None]
+    side = np.broadcast_to(np.array([one.branch for one in linkages])[:, None], (len(found), wanted.crank.size))
+    passed = verdicts(linkages, start + wanted.crank, side, timed=True)
+    back = turns_back(wanted, linkages)
+    drawn = _error_curves(asked, found) if curves else [None] * len(found)
+    solutions = []
+    for k, one in enumerate(found):
+        faults = practical_faults(one, wanted.target, limits)
+        reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
+        determined, turn = fixed[k], one.transmission_angle_min_turn
+        linkage = FourBar.of(one.linkage, asked.motion)
+        solutions.append(
+            FunctionSolution(
+                rank=k + 1,
+                links=linkage.dimensions.links,
+                branch=linkage.dimensions.branch,
+                start_angle=linkage.start_angle,
+                linkage=linkage,
+                output_offset=one.offset / radian,
+                errors=asked.errors(one),
+                family=one.family.value,
+                transmission_angle_min=one.transmission_angle_min / radian,
+                transmission_angle_min_turn=None if turn is None else turn / radian,
+                verdict=verdict_of(passed[k], None, reasons, practical=not faults),
+                condition=determined.condition,
+                determination=FunctionDetermination(
+                    determined.ill_posed, determined.resolution, determined.length_uncertainty[_EXCHANGED]
+                ),
+                sensitivity=None if changes[k] is None else changes[k].rotation[_EXCHANGED] / radian,
+                rounded=None,
+                error_curve=drawn[k],
+            )
+        )
+    return solutions
+
+
+def _error_curves(asked: Asked, found: list[Generator]) -> list[ErrorCurve | None]:
+    """Input and error of each generator over the interval."""
+    wanted, radian = asked.wanted, asked.radian
+    shown = np.linspace(0.0, wanted.crank[-1], _SHOWN)
+    gaps = wanted.curve(shown) - rocker_angles([one.linkage for one in found], shown)
+    gaps -= np.array([one.offset for one in found])[:, None]
+    return [ErrorCurve(shown / radian, gap / radian) for gap in gaps]
+
+
+def rounded(asked: Asked, one: Generator, grid: float, work: Work) -> RoundedFunction:
+    """A generator with its links on a grid."""
+    links = np.maximum(np.round(np.array(one.linkage.links) / grid), 1.0) * grid
+    again = refit(asked.wanted, one, links, asked.largest, asked.tolerance, work)
+    values: dict[str, Any] = dict.fromkeys(names_of(RoundedFunction)) | {"closes": False}
+    if again is None:
+        return RoundedFunction(**values)
+    linkage = FourBar.of(again.linkage, asked.motion)
+    values |= {
+        "closes": True,
+        "links": linkage.dimensions.links,
+        "start_angle": linkage.start_angle,
+        "output_offset": again.offset / asked.radian,
+        "errors": asked.errors(again),
+        "transmission_angle_min": again.transmission_angle_min / asked.radian,
+    }
+    return RoundedFunction(**values, linkage=linkage)
+
+
+def render_function(wanted: Wanted, solution: Any, kind: str, length_unit: str, degrees: bool) -> str:
+    """A linkage that makes a function, with `linkage` and `output_offset`, as the text of a file."""
+    linkage: FourBar = solution.linkage
+    if kind == "csv":
+        return to_csv(wanted, linkage.plain, solution.output_offset * radians_in(degrees), radians_in(degrees))
+    return linkage.render(kind, Motion.of(Target(None, None, crank=wanted.crank), degrees), length_unit)
+
+
+# -- a function by name, or of Python, on two dials -------------------------------------------------------------------
+
+SAMPLES = 101
+LARGEST = 1e100
+_RANGE = 8193
+_OF_ANGLES: dict[str, Callable[[Floats], Floats]] = {"sin": np.sin, "cos": np.cos, "tan": np.tan}
+_PLAIN: dict[str, Callable[[Floats], Floats]] = {
+    "log10": np.log10,
+    "ln": np.log,
+    "exp": np.exp,
+    "reciprocal": lambda x: 1 / x,
+}
+NAMES = (*_PLAIN, *_OF_ANGLES, "power")
+"""Functions that have a name."""
+FIELDS = ("name", "table", "x", "exponent", "output_span", "samples")
+
+
+@dataclass(frozen=True)
+class Dials:
+    """A function on its two dials, in radians.
+
+    Attributes
+    ----------
+    x, y : ndarray, shape (N,)
+        The samples.
+    input, output : ndarray, shape (N,)
+        Crank angle from the first sample, and wanted rocker angle from there.
+    y_of_radian : float
+        Size of y that one radian of the output dial is.
+    exact : callable or None
+        The wanted rocker angle at any crank angle; None for a table.
+    """
+
+    x: Floats
+    y: Floats
+    input: Floats
+    output: Floats
+    y_of_radian: float
+    exact: Callable[[Floats], Floats] | None
+
+
+def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: bool) -> Dials:
+    """The checked dials of a function by name or table; ``crank_span`` in radians. See `linkage_atlas.function`.
+
+    In place of a name ``of`` may be a callable.
+    """
+    given = {name: value for name, value in function.items() if value is not None}
+    for name in given:
+        if name not in (*FIELDS, "of"):
+            raise FieldError.no_such("/function", name, FIELDS)
+    if crank_span is None:
+        raise FieldError("/crank_span", "needed for a `function`")
+    if "output_span" not in given:
+        raise FieldError("/function/output_span", "needed: how far the rocker turns")
+    span = number("function/output_span", given["output_span"]) * radians_in(degrees)
+    if not 0 < abs(span) <= 20 * np.pi:
+        raise FieldError("/function/output_span", "wanted an angle other than 0, of at most ten turns")
+    if ("name" in given) + ("table" in given) + ("of" in given) != 1:
+        raise FieldError("/function/name", "give either `name` or `table`")
+    if "table" in given:
+        for name in ("x", "exponent", "samples"):
+            if name in given:
+                raise FieldError(f"/function/{name}", "belongs to a function by name, not to a table")
+        x, y = _table(given["table"])
+        of = None
+    else:
+        x, y, of = _sampled(given, degrees)
+    # of a named function the dial is as long as the function is high, however it is sampled
+    every = y if of is None else of(np.linspace(x[0], x[-1], _RANGE))
+    low, high = float(every.min()), float(every.max())
+    if not high > low:
+        raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
+    # where it ends as high as it began, the rocker turns the way that y grows
+    way = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
+    scale, first, run = way * span / (high - low), float(y[0]), float(x[-1] - x[0])
+    crank = (x - x[0]) / run * crank_span
+    exact = None
+    if of is not None:
+        curve, begin = of, float(x[0])
+
+        def exact(crank: Floats) -> Floats:
+            return scale * (curve(begin + run * np.clip(crank / crank_span, 0.0, 1.0)) - first)
+
+    return Dials(x, y, crank, scale * (y - first), (high - low) / abs(span), exact)
+
+
+def _power(exponent: float, x: Floats) -> Floats:
+    return np.asarray(np.power(x, exponent))
+
+
+def _of_angle(of: Callable[[Floats], Floats], radian: float, x: Floats) -> Floats:
+    return of(x * radian)
+
+
+def _table(table: Any) -> tuple[Floats, Floats]:
+    rows = column("function/table", table)
+    if rows.ndim != 2 or rows.shape[1] != 2 or not MIN_SAMPLES <= len(rows) <= MAX_SAMPLES:
+        raise FieldError("/function/table", f"wanted {MIN_SAMPLES} to {MAX_SAMPLES} pairs [x, y]")
+    if np.any(bad := ~np.isfinite(rows).all(axis=1)):
+        raise FieldError(f"/function/table/{int(np.argmax(bad))}", "wanted finite numbers")
+    x, y = rows.T
+    steps = np.diff(x) * np.sign(x[-1] - x[0])
+    if np.any(back := steps <= 1e-9 * abs(x[-1] - x[0])):
+        place = int(np.argmax(back)) + 1
+        raise FieldError(f"/function/table/{place}", "this x does not go on from the one before")
+    return x.copy(), y.copy()
+
+
+def _sampled(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
+    if given.get("name", NAMES[0]) not in NAMES:
+        raise FieldError("/function/name", f"wanted one of {', '.join(NAMES)}, found {given['name']!r}")
+    if "x" not in given:
+        raise FieldError("/function/x", "needed: [first, last]")
+    ends = column("function/x", given["x"])
+    if ends.shape != (2,) or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
+        raise FieldError("/function/x", "wanted two different finite numbers [first, last]")
+    samples = given.get("samples", SAMPLES)
+    if not isinstance(samples, (int, np.integer)) or not MIN_SAMPLES <= samples <= MAX_SAMPLES:
+        raise FieldError("/function/samples", f"wanted a whole number from {MIN_SAMPLES} to {MAX_SAMPLES}")
+    of = partial(_called, given["of"]) if "of" in given else _named(given, ends, degrees)
+    x = np.linspace(ends[0], ends[1], samples)
+    with np.errstate(all="ignore"):
+        y = of(x)
+    if not np.all(np.isfinite(y)) or np.abs(y).max() > LARGEST:
+        raise FieldError("/function/x", "the function is too large here")
+    return x, y, of
+
+
+def _called(of: Callable[[Any], Any], x: Floats) -> Floats:
+    """A callable at many places, whether it takes arrays or only numbers; FieldError where it gives no finite ones."""
+    with np.errstate(all="ignore"):
+        try:
+            y = np.asarray(of(x))
+        except Exception:  # told of the number at which it fails, if it does there too
+            y = np.empty(0)
+        if y.shape != x.shape or y.dtype.kind not in "iuf":
+            y = np.array([_value(of, one) for one in x.ravel().tolist()]).reshape(x.shape)
+    if np.any(bad := ~(np.abs(y) <= LARGEST)):
+        found, at = y[bad].flat[0], x[bad].flat[0]
+        raise FieldError("/output", f"wanted finite numbers of at most {LARGEST:g}, found {found:g} at x = {at:g}")
+    return y.astype(float)
+
+
+def _value(of: Callable[[Any], Any], x: float) -> float:
+    try:
+        return float(of(x))
+    except Exception as error:
+        raise FieldError("/output", f"the function fails at x = {x:g}: {error}") from error
+
+
+def _named(given: Mapping[str, Any], ends: Floats, degrees: bool) -> Callable[[Floats], Floats]:
+    name = given["name"]
+    if (name == "power") != ("exponent" in given):
+        raise FieldError("/function/exponent", "belongs to the function 'power', which needs it")
+    of: Callable[[Floats], Floats]
+    if name == "power":
+        exponent = number("function/exponent", given["exponent"])
+
+        of = partial(_power, exponent)
+    elif name in _OF_ANGLES:
+        angle, radian = _OF_ANGLES[name], radians_in(degrees)
+        if name == "tan" and np.floor(ends[0] * radian / np.pi - 0.5) != np.floor(ends[1] * radian / np.pi - 0.5):
+            raise FieldError("/function/x", "tan has a pole between these ends")
+
+        of = partial(_of_angle, angle, radian)
+    else:
+        of = _PLAIN[name]
+    low, high = sorted(ends)
+    if name in ("log10", "ln") and low <= 0:
+        raise FieldError("/function/x", f"{name} needs x above 0")
+    if low <= 0 <= high and (name == "reciprocal" or (name == "power" and exponent < 0)):
+        raise FieldError("/function/x", "the function has a pole at 0, between these ends")
+    if low < 0 and name == "power" and exponent != np.round(exponent):
+        raise FieldError("/function/x", "a power that is no whole number needs x of at least 0")
+    return of

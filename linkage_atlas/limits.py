@@ -11,7 +11,8 @@ import numpy as np
 
 from linkage_atlas.motions import Motion, column, number, radians_in
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import FORMS, LINKS, Form, Limits, practical_limits
+from synthesis.fourbar import limits as fourbar
+from synthesis.fourbar.limits import FORMS, LINKS, Form, practical_limits
 from synthesis.fourbar.solution import Solution
 from synthesis.target import Samples
 from synthesis.work import Work
@@ -27,17 +28,38 @@ _STEPS = 6
 _SECONDS = 4.0
 """Longest time that is spent on the reason."""
 
-Search = Callable[[Limits, Work], tuple[list[Solution], Any]]
+Search = Callable[[fourbar.Limits, Work], tuple[list[Solution], Any]]
 
 
-def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> Limits:
+class Limits(dict[str, Any]):
+    """Within what: limits by name, in the units of the motion, each checked when it is used.
+
+    A mapping of the same names does as well. Lengths and places are in the unit of the positions, angles in that of the motion:
+    transmission_angle_min, transmission_angle_min_turn; pivot_a, pivot_b [x, y], pivot_box, pivot_a_box, pivot_b_box
+    [xmin, ymin, xmax, ymax], keep_out (boxes); link_min, link_max, link_ratio_max, links {"crank": length, ..};
+    coupler_radius_max, envelope (a box); family: full_crank (default), crank_rocker, double_crank or any; preset:
+    "practical", see the limits' page of the documents.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> la.Limits(transmission_angle_min=40, pivot_box=[-50, -50, 250, 250])
+    {'transmission_angle_min': 40, 'pivot_box': [-50, -50, 250, 250]}
+    """
+
+    def __init__(self, **limits: Any) -> None:
+        _check_names(limits, LIMITS)
+        super().__init__(limits)
+
+
+def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> fourbar.Limits:
     """The limits of a request, checked against its motion."""
     checked = _read(limits, motion.samples, motion.radian, LIMITS, PRESETS[0] if motion.free else PRESETS[1], {})
     checked.check_against(motion.samples)
     return checked
 
 
-def read_function_limits(limits: Mapping[str, Any] | None, samples: Samples, degrees: bool) -> Limits:
+def read_function_limits(limits: Mapping[str, Any] | None, samples: Samples, degrees: bool) -> fourbar.Limits:
     """The limits of a request for function generators, which are of any family where it names none."""
     checked = _read(limits, samples, radians_in(degrees), FUNCTION_LIMITS, PRESETS[1], {"family": "any"})
     if any(checked.links) and checked.links[3] is None:
@@ -52,16 +74,20 @@ def _read(
     forms: Mapping[str, Form],
     preset: str,
     default: dict[str, Any],
-) -> Limits:
+) -> fourbar.Limits:
     given = default | {name: value for name, value in (limits or {}).items() if value is not None}
-    for name in given:
-        if name not in (*forms, "preset"):
-            raise FieldError.no_such("/limits", name, (*forms, "preset"), "limit")
+    _check_names(given, forms)
     preset = given.pop("preset", preset)
     if preset not in PRESETS:
         raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {preset!r}")
     given = {name: _value(f"limits/{name}", FORMS[name].kind, value, radian) for name, value in given.items()}
-    return Limits(**(practical_limits(samples, given) if preset == "practical" else given))
+    return fourbar.Limits(**(practical_limits(samples, given) if preset == "practical" else given))
+
+
+def _check_names(given: Mapping[str, Any], forms: Mapping[str, Form]) -> None:
+    for name in given:
+        if name not in (*forms, "preset"):
+            raise FieldError.no_such("/limits", name, (*forms, "preset"), "limit")
 
 
 def _value(field: str, kind: str, value: Any, radian: float) -> Any:
@@ -103,7 +129,7 @@ def _lengths(field: str, given: Any) -> tuple[float | None, ...]:
 # -- what excludes every linkage --------------------------------------------------------------------------------------
 
 
-def what_excludes(limits: Limits, motion: Motion, search: Search, work: Work) -> list[str]:
+def what_excludes(limits: fourbar.Limits, motion: Motion, search: Search, work: Work) -> list[str]:
     """Sentences on the limits, one or two, without which there are linkages; none where that was not found out in time.
 
     Parameters
@@ -134,17 +160,17 @@ def what_excludes(limits: Limits, motion: Motion, search: Search, work: Work) ->
     return notes
 
 
-def _without(limits: Limits, name: str) -> Limits:
+def _without(limits: fourbar.Limits, name: str) -> fourbar.Limits:
     """The limits without one of them; a family gives way to any."""
-    return _changed(limits, name, "any" if name == "family" else getattr(Limits(), name))
+    return _changed(limits, name, "any" if name == "family" else getattr(fourbar.Limits(), name))
 
 
-def _changed(limits: Limits, name: str, value: Any) -> Limits:
+def _changed(limits: fourbar.Limits, name: str, value: Any) -> fourbar.Limits:
     changes: dict[str, Any] = {name: value}
     return replace(limits, **changes)
 
 
-def _sentence(limits: Limits, name: str, motion: Motion, search: Search, watch: Work) -> str:
+def _sentence(limits: fourbar.Limits, name: str, motion: Motion, search: Search, watch: Work) -> str:
     extent = 1.0 if motion.samples.position is None else motion.samples.extent
     low, high, best = 0.0, 1.0, None
     for _ in range(_STEPS):
@@ -162,7 +188,7 @@ def _sentence(limits: Limits, name: str, motion: Motion, search: Search, watch: 
     return f"{shown} excludes every linkage that was looked for; at {_shown(best, name, motion)} there is one"
 
 
-def _eased(limits: Limits, name: str, part: float, extent: float) -> Limits | None:
+def _eased(limits: fourbar.Limits, name: str, part: float, extent: float) -> fourbar.Limits | None:
     """The limits with one that has given way by a part of all that it can; None where it cannot in degrees."""
     value, form = getattr(limits, name), FORMS[name]
     match form.kind:
@@ -176,7 +202,7 @@ def _eased(limits: Limits, name: str, part: float, extent: float) -> Limits | No
     return None
 
 
-def _shown(limits: Limits, name: str, motion: Motion) -> str:
+def _shown(limits: fourbar.Limits, name: str, motion: Motion) -> str:
     value = getattr(limits, name)
     if FORMS[name].kind == "angle":
         return f"{value / motion.radian:.3g} {'degrees' if motion.degrees else 'radians'}"

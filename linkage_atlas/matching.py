@@ -76,7 +76,7 @@ def match(
         atlas = default_atlas()
     scan = atlas.scan if curve == "coupler" else atlas.rocker_scan
     watch = work(budget)
-    motion = Motion.of(rotation, None, crank_span, crank_angle, None, degrees)
+    motion = Motion(rotation, crank_span=crank_span, crank_angle=crank_angle, degrees=degrees)
     target, radian = motion.target, motion.radian
     wanted = target.rotation
     assert wanted is not None

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.records import Floats
+from linkage_atlas.tables import decoded, request_from_csv
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.linkage import Linkage
@@ -51,43 +54,105 @@ def radians_in(degrees: bool) -> float:
 
 
 @dataclass(frozen=True)
-class Motion:
-    """A checked motion in its user's unit of angle.
+class Tolerances:
+    """Largest errors allowed at the samples, (N,) each: radians, and the user's unit of length; None: not limited."""
 
-    Attributes
+    rotation: Floats | None
+    position: Floats | None
+
+    def objective(self, samples: Samples) -> float:
+        """The objective of a motion that is off by as much as is allowed at every sample."""
+        square = 0.0
+        if self.rotation is not None:
+            square += float(np.mean(self.rotation**2))
+        if self.position is not None:
+            square += float(np.mean((self.position / samples.length_scale) ** 2))
+        return float(np.sqrt(square))
+
+    def shares(self, target: Target, linkage: Linkage) -> Floats:
+        """Each sample's largest error over what is allowed, (N,); a missing part counts as kept."""
+        joints = linkage.joints(target.crank)
+        share = np.zeros(target.samples)
+        if self.rotation is not None and target.rotation is not None:
+            off = target.rotation - joints.rotation
+            if target.found:  # whole turns do not count
+                off -= TURN * np.round(off / TURN)
+            gap = target.rotation_mean.given(np.abs(off))
+            share = np.maximum(share, gap / self.rotation)
+        if self.position is not None and target.position is not None:
+            assert joints.body_point is not None
+            gap = target.position_mean.given(np.abs(target.position - joints.body_point))
+            share = np.maximum(share, gap / self.position)
+        return share
+
+
+class Motion:
+    """What a body is to do: its rotation, its positions or both, at samples of the crank's turn.
+
+    Parameters
     ----------
-    samples : Target or Poses
-        The same in radians: with its crank angles, or with free ones.
+    rotation : array_like, shape (N,), optional
+        Rotation of the body at the samples, continuous: no jumps by whole turns (where the crank angles are free, whole
+        turns do not count). None: missing there.
+    position : array_like, shape (N, 2), or complex, shape (N,), optional
+        A point of the body at the samples, in any unit. At least one of the two is needed; 3 to 1,024 samples (2 with free
+        crank angles). None: missing there.
+    crank_span : float, optional
+        Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
+    crank_angle : array_like, shape (N,), optional
+        Crank angles in place of ``crank_span``; what counts is the increment from the first.
+    timing : {"free"}, optional
+        In place of both: the crank angles are unknown, and each solution has its own.
+    order : {"given", "any"}
+        With free crank angles: whether the crank must pass the samples in the order given, turning one way, either way.
+    closed : bool
+        With free crank angles: whether the way leads from the last sample on to the first.
+    crank_span_max : float, optional
+        With free crank angles: the crank turns by no more than this from the first sample to the last.
+    weights : mapping, optional
+        ``rotation`` and ``position``, (N,) each, at least 0: what each sample counts. Default: all alike.
+    tolerances : mapping, optional
+        ``rotation`` and ``position``, a number or (N,) each: the largest errors allowed. The status is then "reached" when
+        every sample is inside, and solutions that keep them come first.
+    length_scale : float, optional
+        Weighs position errors against rotation errors in radians; default: the largest distance from the mean position.
     degrees : bool
+        Unit of every angle in and out; False: radians.
+
+    Raises
+    ------
+    FieldError
+        Naming the argument and the sample.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> la.Motion([0, 12, 27, 45], crank_span=60).free
+    False
     """
 
     samples: Target | Poses
-    degrees: bool = True
+    """The same in radians: with its crank angles, or with free ones."""
+    degrees: bool
+    tolerances: Tolerances | None = None
 
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         rotation: ArrayLike | None = None,
         position: ArrayLike | None = None,
         crank_span: float | None = None,
-        crank_angle: ArrayLike | None = None,
-        length_scale: float | None = None,
-        degrees: bool = True,
         *,
+        crank_angle: ArrayLike | None = None,
         timing: str | None = None,
         order: str = "given",
         closed: bool = False,
-        weights: Mapping[str, ArrayLike] | None = None,
         crank_span_max: float | None = None,
-    ) -> Motion:
-        """The motion of a request; see `linkage_atlas.synthesize` for what the arguments mean.
-
-        Raises
-        ------
-        FieldError
-            Naming the argument and the sample.
-        """
-        radian = radians_in(degrees)
+        weights: Mapping[str, ArrayLike] | None = None,
+        tolerances: Mapping[str, ArrayLike] | None = None,
+        length_scale: float | None = None,
+        degrees: bool = True,
+    ) -> None:
+        self.degrees, radian = degrees, radians_in(degrees)
         weights = dict(weights or {})
         if unknown := weights.keys() - {"rotation", "position"}:
             raise FieldError(f"/weights/{min(unknown)}", "there are weights of rotation and position only")
@@ -107,16 +172,35 @@ class Motion:
                 _check_timed(order, closed, crank_span_max)
                 if span is None and angles is None and not (turns is None and points is None):
                     raise FieldError("/crank_span", HOW_TURNED + OR_FREE)
-                return cls(make_target(**part, crank_span=span, crank_angle=angles), degrees)
-            if timing != "free":
-                raise FieldError("/timing", f"wanted 'free' or nothing, found {timing!r}")
-            if span is not None or angles is not None:
-                given = "crank_span" if angles is None else "crank_angle"
-                raise FieldError(f"/{given}", "the crank angles are free: give either this or `timing`")
-            if order not in ("given", "any"):
-                raise FieldError("/order", f"wanted 'given' or 'any', found {order!r}")
-            most = None if crank_span_max is None else number("crank_span_max", crank_span_max) * radian
-            return cls(make_poses(**part, ordered=order == "given", closed=closed, span_max=most), degrees)
+                self.samples = make_target(**part, crank_span=span, crank_angle=angles)
+            else:
+                _check_free(timing, order, span is not None, angles is not None)
+                most = None if crank_span_max is None else number("crank_span_max", crank_span_max) * radian
+                self.samples = make_poses(**part, ordered=order == "given", closed=closed, span_max=most)
+        self.tolerances = _tolerances(tolerances, self.asked, radian)
+
+    @classmethod
+    def of(cls, samples: Target | Poses, degrees: bool, tolerances: Tolerances | None = None) -> Motion:
+        """A motion whose samples are checked, in radians."""
+        motion = object.__new__(cls)
+        motion.samples, motion.degrees, motion.tolerances = samples, degrees, tolerances
+        return motion
+
+    @classmethod
+    def read(cls, path: str | Path, unwrap: bool = False, **arguments: Any) -> Motion:
+        """The motion of a table of samples: CSV, or pasted from a spreadsheet.
+
+        Parameters
+        ----------
+        path : str or Path
+        unwrap : bool
+            Take each angle within half a turn of the one before: 350, 10, 30 as 350, 370, 390.
+        **arguments
+            Further arguments of `Motion`, which go before those of the table. Without crank angles in either they are free.
+        """
+        fields = request_from_csv(decoded(Path(path).read_bytes()), arguments, unwrap)
+        unit = fields.pop("angle_unit", "deg")
+        return cls(**({"degrees": unit == "deg"} | fields))
 
     @property
     def free(self) -> bool:
@@ -147,7 +231,13 @@ class Motion:
         if not target.found:
             return self
         rotation = None if target.rotation is None else target.rotation[place]
-        return Motion(replace(target, crank=target.crank[place], rotation=rotation), self.degrees)
+        return Motion.of(replace(target, crank=target.crank[place], rotation=rotation), self.degrees, self.tolerances)
+
+    def keeps(self, linkage: Linkage, crank: Any) -> bool:
+        """Whether a linkage that was found is inside the tolerances at every sample."""
+        assert self.tolerances is not None
+        target = self.one_of(self.with_angles([linkage], [crank]), 0).target
+        return bool(np.all(self.tolerances.shares(target, linkage) <= 1))
 
     def of_solution(self, linkage: Linkage, crank: Any) -> Motion:
         """The motion with the crank angles that one solution found."""
@@ -237,6 +327,35 @@ def _present(name: str, values: Any, weights: Mapping[str, ArrayLike]) -> tuple[
         given = np.where(missing, 0.0, 1.0 if given is None else given)
     place = np.arange(values.size)
     return np.interp(place, place[~missing], values[~missing]), given
+
+
+def _tolerances(tolerances: Mapping[str, ArrayLike] | None, samples: Samples, radian: float) -> Tolerances | None:
+    given = {name: value for name, value in (tolerances or {}).items() if value is not None}
+    found = {}
+    for name, value in given.items():
+        if name not in ("rotation", "position"):
+            raise FieldError(f"/tolerances/{name}", "there are tolerances of rotation and position only")
+        if getattr(samples, name) is None:
+            raise FieldError(f"/tolerances/{name}", f"limits errors of `{name}`, but there is none")
+        numbers = column(f"tolerances/{name}", value)
+        if numbers.ndim and numbers.shape != (samples.samples,):
+            raise FieldError(f"/tolerances/{name}", f"wanted one or {samples.samples} numbers, found {numbers.size}")
+        if np.any(bad := ~(np.isfinite(numbers) & (numbers > 0))):
+            place = f"/{int(np.argmax(bad))}" if numbers.ndim else ""
+            raise FieldError(f"/tolerances/{name}{place}", "wanted a number above 0")
+        found[name] = np.broadcast_to(numbers, samples.samples) * (radian if name == "rotation" else 1.0)
+    return Tolerances(found.get("rotation"), found.get("position")) if found else None
+
+
+def _check_free(timing: str, order: str, span: bool, angles: bool) -> None:
+    """FieldError for what free crank angles cannot have."""
+    if timing != "free":
+        raise FieldError("/timing", f"wanted 'free' or nothing, found {timing!r}")
+    if span or angles:
+        given = "crank_angle" if angles else "crank_span"
+        raise FieldError(f"/{given}", "the crank angles are free: give either this or `timing`")
+    if order not in ("given", "any"):
+        raise FieldError("/order", f"wanted 'given' or 'any', found {order!r}")
 
 
 def _check_timed(order: str, closed: bool, crank_span_max: float | None) -> None:

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, TypedDict
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from linkage_atlas.motions import number
+from linkage_atlas.motions import MOST_STOCK, Motion, check_above_zero, column, number
 from linkage_atlas.records import Floats, Record, Values, Vectors, plain
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import Load, curve_over, forces, rates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Tolerances, simulate
-from synthesis.target import TURN, Interval
+from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval
 from synthesis.work import Work
 
 LARGEST = 1e12
@@ -311,6 +312,63 @@ def _made(spread: Spread, samples: int, unit: float) -> Made:
     p5, p50, p95 = (spread.simulated[:samples] / unit).T
     linear = Quantiles(*(spread.linear[:samples] / unit).T)
     return Made(p5, p50, p95, linear, Worst(*(spread.worst / unit).tolist()))
+
+
+# -- what is asked of each solution -----------------------------------------------------------------------------------
+
+STUDIES = ("round_to", "lengths_from", "sensitivity", "analysis", "tolerance_study")
+"""What may be asked of each solution beyond the linkage itself, by the names of the HTTP contract."""
+
+
+class Studies(NamedTuple):
+    """What is asked of each solution; None or False: not asked for."""
+
+    round_to: float | None = None
+    """A grid for the links."""
+    lengths_from: tuple[float, ...] | None = None
+    """Stock lengths for the links."""
+    sensitivity: bool = False
+    drive: Drive | None = None
+    """Of an analysis."""
+    manufacture: Manufacture | None = None
+    """Of a tolerance study."""
+
+    @property
+    def long(self) -> bool:
+        """Whether each solution takes long enough to look at the time after it."""
+        return not (self.round_to is None and self.lengths_from is None and self.manufacture is None)
+
+
+def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
+    """The checked studies of a request, some of `STUDIES`, for solutions of a motion."""
+    values = dict.fromkeys(STUDIES) | dict(given)
+    positions = motion.samples.position is not None
+    check_above_zero(round_to=values["round_to"])
+    asked = Studies(
+        values["round_to"],
+        _lengths(values["lengths_from"]),
+        bool(values["sensitivity"]),
+        None if values["analysis"] is None else read_drive(values["analysis"], positions),
+        None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
+    )
+    if asked.round_to is not None and asked.lengths_from is not None:
+        raise FieldError("/lengths_from", "give either this or `round_to`")
+    for name in ("round_to", "lengths_from", "tolerance_study"):
+        if values[name] is not None and not positions:
+            raise FieldError(f"/{name}", "needs `position`: without it no length is actual")
+    return asked
+
+
+def _lengths(lengths: ArrayLike | None) -> tuple[float, ...] | None:
+    if lengths is None:
+        return None
+    stock = column("lengths_from", lengths)
+    if stock.ndim != 1 or not 1 <= stock.size <= MOST_STOCK:
+        raise FieldError("/lengths_from", f"wanted 1 to {MOST_STOCK:,} lengths")
+    for place, length in enumerate(stock):
+        if not MIN_LENGTH <= number(f"lengths_from/{place}", length) <= MAX_LENGTH:
+            raise FieldError(f"/lengths_from/{place}", f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}")
+    return tuple(stock.tolist())
 
 
 # -- arguments --------------------------------------------------------------------------------------------------------

@@ -55,18 +55,11 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
         resources.need_positions()
     return la.synthesize(
         **motion_of(request),
-        tolerances=None if request.tolerances is None else request.tolerances.model_dump(exclude_none=True),
-        prefer=request.prefer,
         limits=request.limits.model_dump(exclude_none=True),
-        diverse=request.diverse,
-        refine_from=None if request.refine_from is None else request.refine_from.model_dump(),
-        top=request.top,
-        effort=request.effort,
-        tolerance=request.tolerance,
+        **{name: getattr(request, name) for name in ("top", "effort", "prefer", "diverse", "tolerance")},
         budget=budget_of(request.budget_ms, resources),
-        round_to=request.round_to,
-        lengths_from=request.lengths_from,
-        sensitivity=request.sensitivity,
+        refine_from=None if request.refine_from is None else request.refine_from.model_dump(),
+        **{name: getattr(request, name) for name in ("round_to", "lengths_from", "sensitivity")},
         analysis=analysis_of(request),
         tolerance_study=None if request.tolerance_study is None else request.tolerance_study.model_dump(),
         atlas=resources.atlas if request.effort == "atlas" else None,
@@ -80,8 +73,9 @@ def analysis_of(request: SynthesizeRequest) -> dict[str, Any] | None:
 
 
 def motion_of(request: SynthesizeRequest) -> dict[str, Any]:
-    """What a request says of the motion: arguments of the front door and of its `Motion`."""
+    """What a request says of the motion: arguments of `linkage_atlas.Motion`."""
     names = ("rotation", "position", "crank_span", "crank_angle", "length_scale", "degrees")
     names += ("timing", "order", "closed", "crank_span_max")
-    weights = None if request.weights is None else request.weights.model_dump(exclude_none=True)
-    return {name: getattr(request, name) for name in names} | {"weights": weights}
+    parts = {name: getattr(request, name) for name in ("weights", "tolerances")}
+    given = {name: None if part is None else part.model_dump(exclude_none=True) for name, part in parts.items()}
+    return {name: getattr(request, name) for name in names} | given

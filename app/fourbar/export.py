@@ -86,7 +86,7 @@ _PREFIXES = {"crank_angle": "/solution", "analysis": "/request"}
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     request = body.request
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
-        motion = la.Motion.of(**motion_of(request))
+        motion = la.Motion(**motion_of(request))
         found = None if body.solution else _ranked(request, body.rank, resources)
     if body.format == "json":
         return as_json(request, found.to_dict() if found else body.solution.model_dump(mode="json"))

@@ -10,7 +10,6 @@ from pydantic import Field
 import linkage_atlas as la
 from app.fourbar import QUESTIONS
 from app.fourbar.answers import SHORT_MS, budget_of
-from app.fourbar.csv_request import function_from_csv
 from app.fourbar.export import as_json, exports_of, pointing
 from app.fourbar.given import GivenGenerator
 from app.fourbar.models import (
@@ -33,6 +32,7 @@ from app.query import (
 )
 from linkage_atlas.limits import FUNCTION_LIMITS
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES
+from linkage_atlas.tables import function_from_csv
 
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
@@ -143,8 +143,7 @@ class FunctionExportRequest(RequestModel):
 
 
 def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
-    from linkage_atlas.functions import read_wanted
-    from linkage_atlas.generators import render_function
+    from linkage_atlas.functions import read_wanted, render_function
 
     request, solution = body.request, body.solution
     if body.format == "json":

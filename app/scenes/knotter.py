@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from contextlib import suppress
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -25,11 +26,11 @@ from app.query import (
 )
 from app.replies import reply_model
 from app.tables import DEGREES, Units, table
-from linkage_atlas import FieldError
+from linkage_atlas import FieldError, OutOfTime
 from synthesis.knotter import d_knotter
 from synthesis.knotter.conditions import Found, crossing_curve, point_paths, step_before
 from synthesis.knotter.d_knotter import Needle
-from synthesis.knotter.fit import LONGER, Direction, Pattern, Wanted, directions, rank, search, single_ranges
+from synthesis.knotter.fit import Direction, Pattern, Wanted, directions, rank, search, single_ranges
 from synthesis.knotter.mechanism import ANGLES, Linear, Table, as_array, dimensions
 from synthesis.knotter.segment_triangle import Crossing
 from synthesis.knotter.study import Spread, solve, spread, study
@@ -778,10 +779,14 @@ class PatternFitRequest(MachineRequest):
     )
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = 0
     budget_ms: PositiveNumber = Field(
-        20_000, le=600_000, description="After so long the best set so far is the answer."
+        20_000,
+        le=600_000,
+        description="After so long the best set so far is the answer, without `alone` and `directions` where no time is left.",
     )
 
 
+BOUNDS_SHARE = 0.3
+"""Part of the budget that the search leaves to the bounds of what it found."""
 DirectionReply = reply_model(Direction)
 
 
@@ -825,7 +830,8 @@ class PatternFitReply(Provenance):
 
 def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitReply:
     """Dimensions that reproduce a pattern, and how non-unique they are."""
-    work, angles = resources.work(request.budget_ms / 1000), Angles(request.angle_unit, DECIMALS)
+    whole, angles = resources.work(request.budget_ms / 1000), Angles(request.angle_unit, DECIMALS)
+    work = whole.extended(-BOUNDS_SHARE)
     mechanism, conditions = machine_of(request, angles)
     unit_in = 1.0 if request.angle_unit == "deg" else math.radians(1.0)
     unknowns = request.unknowns
@@ -878,17 +884,18 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
     found, kept = search(
         pattern, request.draws if request.descents else 0, request.descents, request.seed, start, work
     )
-    best, after = found[0], work.extended(LONGER)
+    best = found[0]
     reproduced = best.worst > 0
     bounds: dict[str, Any] = dict.fromkeys(("alone", "directions", "rank", "free"))
-    if reproduced:
-        alone, ways = single_ranges(pattern, best.share, after), directions(pattern, best, after)
-        bounds = {
-            "alone": {name: [low / u, high / u] for name, (low, high), u in zip(names, alone, units)},
-            "directions": [replace(way, vector=dict(zip(names, way.vector.tolist()))) for way in ways],
-            "rank": rank(ways),
-            "free": len(names) - rank(ways),
-        }
+    with suppress(OutOfTime):  # then they are left out
+        if reproduced:
+            alone, ways = single_ranges(pattern, best.share, whole), directions(pattern, best, whole)
+            bounds = {
+                "alone": {name: [low / u, high / u] for name, (low, high), u in zip(names, alone, units)},
+                "directions": [replace(way, vector=dict(zip(names, way.vector.tolist()))) for way in ways],
+                "rank": rank(ways),
+                "free": len(names) - rank(ways),
+            }
 
     def values(share: Any) -> dict[str, float]:
         return dict(zip(names, (pattern.values(share) / units).tolist()))

@@ -223,11 +223,13 @@ class Limits:
 
     def over(self, ground: float) -> Limits:
         """The limits of shape and lengths, lengths over that of a ground, which is then 1."""
-        lengths: dict[str, Any] = {
-            name: value and value / ground for name, value in vars(self).items() if name in ("link_min", "link_max")
-        }
         links = [None if length is None else length / ground for length in self.links[:3]]
-        return replace(self.of_shape, **lengths, links=(*links, None))
+        kept: dict[str, Any] = {
+            name: value / ground if FORMS[name].kind == "length" else value
+            for name in self.given
+            if FORMS[name].concerns != "place" and (value := getattr(self, name)) is not None
+        }
+        return Limits(**kept | {"links": (*links, None)})
 
     @property
     def given(self) -> list[str]:

@@ -30,7 +30,7 @@ _RATES, _LEAST_RATE, _DIFFERENCE = 9, 1e-3, 1e-6
 class Problem:
     """A wanted function and limits made ready for many evaluations, for linkages with coupler and rocker exchanged.
 
-    The limits of shape are conditions on the unknowns; those of lengths, and lengths that are given, are edges of a box.
+    Least and largest lengths, and lengths that are given, are edges of a box; all other limits are conditions on the unknowns.
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ class Problem:
         self.wanted = wanted
         self.chart = AnyChart()
         least = max(limits.transmission_angle_min, _CLOSES)
-        self.constraints = Constraints(replace(limits.of_shape, transmission_angle_min=least), smooth=True)
+        in_box = replace(limits, transmission_angle_min=least, link_min=None, link_max=None, links=(None,) * 4)
+        self.constraints = Constraints(in_box, smooth=True)
         self.given = given = np.log([np.nan if one is None else one for one in limits.links[:3]])
         """ln of the ratios that are given, NaN of the others, (3,)."""
         held = np.concatenate([~np.isnan(given), [wanted.start is not None, wanted.offset is not None]])
@@ -58,7 +59,7 @@ class Problem:
         self.box = np.concatenate([low, -wide]), np.concatenate([high, wide])
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """The limits of shape at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 4)."""
+        """The conditions at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 4)."""
         lengths = np.concatenate([np.exp(unknowns[:, :3]), np.ones((len(unknowns), 1))], axis=1)
         used = self.wanted.interval.after(unknowns[:, 3])
         found = self.constraints(Placed(lengths, np.ones(len(lengths)), used))

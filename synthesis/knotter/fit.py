@@ -16,7 +16,7 @@ import numpy as np
 from synthesis.knotter.conditions import Condition
 from synthesis.knotter.mechanism import Mechanism, varied
 from synthesis.one_variable import Flags, Floats, bisect
-from synthesis.work import Work
+from synthesis.work import OutOfTime, Work
 
 ITERATIONS, FIRST_REACH, LAST_REACH = 30, 0.15, 1e-3
 """Linear programs of one descent; how far the first may go and when the last has come too close, in shares of the ranges."""
@@ -25,7 +25,11 @@ STEP = 4e-3
 PLACES, HALVINGS = 24, 18
 """Places looked at along a direction for the first broken verdict, and halvings of the gap before it."""
 LONGER = 1e3
-"""Share by which the budget grows for what is bounded by itself: it ends the improvement and not the evaluation that runs."""
+"""Times the budget that the first set takes at most: there is no answer before."""
+DRAWING = 0.5
+"""Part of the budget that draws leave to the descents."""
+TOGETHER = 64
+"""Draws that are judged between two looks at the time."""
 RANK = 1e-6
 """Singular values below this share of the largest count as zero."""
 
@@ -135,7 +139,7 @@ def search(
         Its end ends the improvement; the best so far is the answer.
     """
     work = work or Work()
-    running = work.extended(LONGER)
+    first, drawing = work.extended(LONGER), work.extended(-DRAWING)
     random = np.random.default_rng(seed)
     unknowns = len(pattern.names)
     # one draw in each of `draws` equal parts of every range
@@ -145,10 +149,19 @@ def search(
     kept = 0
     starts = [] if start is None else [start]
     if draws and descents:
-        worst = pattern.margins(shares, running).min(axis=1)
+        worst = np.full(draws, -np.inf)
+        for some in np.split(np.arange(draws), range(TOGETHER, draws, TOGETHER)):
+            if some[0] and drawing.expired():
+                break
+            worst[some] = pattern.margins(shares[some], first).min(axis=1)
         kept = int(np.count_nonzero(worst > 0))
-        starts += list(shares[np.argsort(-worst, kind="stable")[:descents]])
-    found = [_improved(pattern, share, work) if descents else pattern.found(share, running) for share in starts]
+        best = np.argsort(-worst, kind="stable")[:descents]
+        starts += list(shares[best[np.isfinite(worst[best])]])
+    found: list[Found] = []
+    for share in starts:
+        if found and work.expired():
+            break
+        found.append(_improved(pattern, share, work) if descents else pattern.found(share, first))
     return sorted(found, key=lambda one: (one.worst <= 0, -one.around)), kept
 
 
@@ -156,8 +169,7 @@ def _improved(pattern: Pattern, share: Floats, work: Work) -> Found:
     """The smallest margin around a set made larger by linear programs within a reach that shrinks where they promise too much."""
     from scipy.optimize import linprog
 
-    running = work.extended(LONGER)
-    best = pattern.found(share, running)
+    best = pattern.found(share, work.extended(LONGER))
     reach, count = FIRST_REACH, len(share)
     for _ in range(ITERATIONS):
         if reach < LAST_REACH or work.expired():
@@ -169,7 +181,10 @@ def _improved(pattern: Pattern, share: Floats, work: Work) -> Found:
         solved = linprog(np.append(np.zeros(count), -1.0), A_ub=rows, b_ub=best.margins, bounds=bounds)
         if not solved.success:
             break
-        trial = pattern.found(np.clip(best.share + solved.x[:count], 0.0, 1.0), running)
+        try:
+            trial = pattern.found(np.clip(best.share + solved.x[:count], 0.0, 1.0), work)
+        except OutOfTime:
+            break
         gain, promised = trial.around - best.around, -solved.fun - best.worst
         if gain > 0.1 * promised > 0:
             best = trial

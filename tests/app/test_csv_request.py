@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app import cli
-from app.asking import decoded
-from app.fourbar.csv_request import function_from_csv, match_from_csv, request_from_csv
 from linkage_atlas import FieldError
+from linkage_atlas.tables import decoded, function_from_csv, match_from_csv, request_from_csv
 
 PLACES = {"position": [[1.5, 2.0], [3.0, 4.0]], "timing": "free"}
 POSES = {**PLACES, "rotation": [5.0, -6.25]}

@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 import linkage_atlas as la
 from app import cli
 from app.registry import worked_example
-from linkage_atlas.refining import LOCAL, NOWHERE
+from linkage_atlas.door import LOCAL, NOWHERE
 
 EXAMPLE = worked_example()
 FREE = {name: value for name, value in EXAMPLE.items() if name != "crank_span"} | {

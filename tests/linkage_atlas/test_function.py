@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import linkage_atlas as la
-from linkage_atlas.named import NAMES, read_dials
+from linkage_atlas.functions import NAMES, read_dials
 from synthesis.fourbar.kinematics import close_loop
 
 SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90}

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from linkage_atlas.door import UNASKED
-from linkage_atlas.preferred import goal_of
+from linkage_atlas.door import UNASKED, goal_of
 
 LINE = np.column_stack([np.linspace(0, 70, 24), np.zeros(24)])
 CASEMENT = {

@@ -102,7 +102,7 @@ def target(seed: int, positions: bool = False) -> Target:
         20 * np.sin(np.linspace(0, rng.uniform(1, 7), samples)),
     ][seed % 3]
     points = (rng.normal(size=samples) + 1j * rng.normal(size=samples)) if positions else None
-    return Motion.of(shape, points, span, None, None, True).target
+    return Motion(shape, points, span).target
 
 
 def same(found: Any, wanted: Any) -> bool:

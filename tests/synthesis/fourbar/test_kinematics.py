@@ -124,12 +124,6 @@ def test_scale_changes_no_bit(exponent) -> None:
     assert transmission_angle_over(scaled, Interval(0.3, 2.0)) == transmission_angle_over(lengths, Interval(0.3, 2.0))
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1e200])
-def test_angles_agree_at_extreme_scales(scale) -> None:
-    for theta1 in (0.0, 0.5, 3.0, -2.0):
-        assert assert_as_naive(scale * np.array([19.0, 72, 144, 165]), theta1, -1)
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 0.0, -1.0])
 @pytest.mark.parametrize("place", range(5))
 def test_what_does_not_close_is_nan_and_masked(bad, place) -> None:
@@ -242,10 +236,7 @@ def test_gradient_agrees_with_differentiation_in_50_digits() -> None:
                 assert float(mpmath.diff(at, float(point[k]))) == pytest.approx(found[k], rel=1e-11, abs=1e-12)
         compared += 1
     assert compared >= 5
-
-
-def test_gradient_at_a_dead_position_is_nan() -> None:
-    assert np.isnan(close_loop([1.0, 1.0, 3.0, 3.0], [0.0]).coupler_angle_gradient(1)).all()
+    assert np.isnan(close_loop([1.0, 1.0, 3.0, 3.0], [0.0]).coupler_angle_gradient(1)).all(), "a dead position"
 
 
 def dense_samples(first: float, last: float) -> np.ndarray:

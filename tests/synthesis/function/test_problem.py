@@ -6,10 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import keeps
 from synthesis.function.problem import Problem
@@ -61,16 +58,6 @@ def test_conditions_hold_where_the_kinematics_say_so(family: str, span: float) -
         assert np.all(kept <= kept_by(replace(limits, transmission_angle_min_turn=0.0), x, span))
     assert 0 < kept.sum() < len(x)
     np.testing.assert_array_equal(np.all(value >= -1e-12, axis=1), kept)
-
-
-@given(st.integers(0, 10_000))
-def test_limits_are_kept_at_dense_samples(seed: int) -> None:
-    x = candidates(seed, 20)
-    lengths = np.concatenate([np.exp(x[:, :3]), np.ones((20, 1))], axis=1)
-    closure = close_loop(lengths, x[:, 3:4] + np.linspace(0, 2.5, 2001))
-    dense = np.min(np.where(closure.closed, closure.transmission_angle, 0.0), axis=1)
-    clear = np.abs(dense - 0.4) > 1e-4
-    np.testing.assert_array_equal(kept_by(Limits("any", 0.4), x, 2.5)[clear], dense[clear] > 0.4)
 
 
 def test_given_lengths_are_ratios_of_the_ground() -> None:

@@ -126,3 +126,8 @@ def test_a_search_that_is_given_up_or_out_of_time_ends(pattern) -> None:
     found, _ = search(pattern, 16, 2, 0, work=Work(50.0, clock=lambda: float(next(now))))
     assert len(found) == 2  # the best so far
     assert extents(pattern, found[0].share, np.eye(8), Work()).min() >= 0
+
+
+def test_draws_and_descents_end_with_the_budget(pattern) -> None:
+    found, kept = search(pattern, 1000, 6, 0, work=Work(1e-2))
+    assert len(found) == 1 and kept <= 64  # of the first draws alone

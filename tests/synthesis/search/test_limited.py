@@ -36,7 +36,7 @@ def windows() -> Windows:
 
 def target_of(request: dict[str, Any]) -> Target:
     parts = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
-    return la.Motion.of(*(request.get(name) for name in parts)).target
+    return la.Motion(**{name: request.get(name) for name in parts}).target
 
 
 def posed_problem(seed: int, chart: Any, weighted: bool = False) -> tuple[PosedProblem, np.ndarray, np.ndarray]:
@@ -230,7 +230,7 @@ def test_each_limit_is_kept(name, timing) -> None:
 def test_a_field_beside_the_preset_replaces_its_value() -> None:
     request = make_case("unreachable", 2, 10).request
     position = np.array(request["position"])
-    motion = la.Motion.of(request["rotation"], position, request["crank_span"])
+    motion = la.Motion(request["rotation"], position, request["crank_span"])
     read = read_limits
     assert read({"preset": "practical"}, motion).transmission_angle_min == pytest.approx(np.radians(35))
     mine = read({"preset": "practical", "transmission_angle_min": 50, "pivot_a": [0, 0], "link_max": 7}, motion)

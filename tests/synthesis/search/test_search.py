@@ -52,7 +52,7 @@ def ask(request: dict[str, Any], resources: ServiceResources) -> dict[str, Any]:
 def target_of(request: dict[str, Any]) -> Target:
     """A request as the numerics see it."""
     parts = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
-    return la.Motion.of(*(request.get(name) for name in parts)).target
+    return la.Motion(**{name: request.get(name) for name in parts}).target
 
 
 def without_times(reply: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""Samples as a table, CSV or pasted from a spreadsheet, made into the body of a request."""
+"""Samples as a table, CSV or pasted from a spreadsheet, made into the fields of a request."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from linkage_atlas import FieldError
+from synthesis.errors import FieldError
 
 CRANK = ("crank", "crank_angle", "theta1")
 TIME = ("t", "time")
@@ -68,6 +68,16 @@ class _Row(NamedTuple):
     line: int
     """Of the file, from 1."""
     cells: list[str]
+
+
+def decoded(text: bytes) -> str:
+    """A table as spreadsheets save it: UTF-8, or UTF-16 with its mark, or the 8 bits of older ones."""
+    if text[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return text.decode("utf-16", "replace")
+    try:
+        return text.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return text.decode("cp1252", "replace")
 
 
 def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False) -> dict[str, Any]:
