@@ -208,8 +208,10 @@ def halve(group: SeriesGroup, leaf: int) -> tuple[Ints, Ints]:
 
     Coefficients count as whole numbers of `_STEP`, so that sums are exact.
     """
-    coefficients = group.periodic[:, : 2 * min(_HALVED_HARMONICS, group.harmonics)]
-    steps = np.rint(coefficients / _STEP).clip(-_LARGEST_STEP, _LARGEST_STEP).astype(np.int32)
+    scaled = group.periodic[:, : 2 * min(_HALVED_HARMONICS, group.harmonics)] / _STEP
+    np.rint(scaled, out=scaled)
+    steps = np.clip(scaled, -_LARGEST_STEP, _LARGEST_STEP, out=scaled).astype(np.int32)
+    del scaled
     order, sizes = np.arange(len(steps)), np.array([len(steps)])
     while sizes.max() > leaf:
         first, half = np.cumsum(sizes) - sizes, sizes // 2

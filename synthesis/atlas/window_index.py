@@ -495,7 +495,8 @@ class _SortedRuns:
             with self._files.pop(0) as file:
                 file.seek(0)
                 records = np.frombuffer(file.read(), self._record)
-            yield records[np.argsort(records["key"], kind="stable")]
+            records = records[np.argsort(records["key"], kind="stable")]
+            yield records
 
 
 # -- boxes -------------------------------------------------------------------------------------------------------------
@@ -536,6 +537,7 @@ def _leaves(part: _SortedRuns, terms: int, go_on: Callable[[], None]) -> Iterato
     for records in part.in_order():
         taken += records.size
         left = np.concatenate([left, records])
+        del records  # a run is held as few times as can be
         if taken == part.count:
             filling = np.repeat(left[-1:], -left.size % LEAF)
             filling["entry"] = NO_ENTRY

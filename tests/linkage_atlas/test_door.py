@@ -430,3 +430,31 @@ def test_the_examples_of_the_docstrings_are_true() -> None:
     results = [doctest.testmod(importlib.import_module(name)) for name in ["linkage_atlas", *names]]
     assert sum(result.failed for result in results) == 0
     assert sum(result.attempted for result in results) >= 5
+
+
+def test_a_motion_with_limits_is_asked_as_arrays_are() -> None:
+    arrays = la.synthesize(**EXAMPLE, limits={"link_max": 200}, top=1, tolerances={"rotation": 0.1})
+    motion = la.Motion(**EXAMPLE, tolerances={"rotation": 0.1})
+    own = la.synthesize(motion, la.Limits(link_max=200), top=1)
+    assert own.to_dict()["solutions"] == arrays.to_dict()["solutions"]
+    with pytest.raises(la.FieldError, match="link_max"):
+        la.Limits(link_mx=200)
+    with pytest.raises(TypeError, match="crank_span"):
+        la.synthesize(motion, crank_span=70)
+
+
+def test_a_table_is_a_motion(tmp_path) -> None:
+    table = tmp_path / "poses.csv"
+    table.write_text("x,y,angle\n0,0,350\n6,2,10\n12,2,30\n")
+    motion = la.Motion.read(table, unwrap=True)
+    assert motion.free and np.rad2deg(motion.samples.rotation).tolist() == pytest.approx([350, 370, 390])
+    assert not la.Motion.read(table, crank_span=80).free
+
+
+def test_a_solution_is_studied_as_within_the_request() -> None:
+    asked = la.synthesize(**EXAMPLE, top=1, round_to=1.0, sensitivity=True).best
+    later = la.synthesize(**EXAMPLE, top=1).best
+    assert later.rounded is None
+    assert later.studied(round_to=1.0, sensitivity=True).to_dict() == asked.to_dict()
+    with pytest.raises(la.FieldError, match="no study"):
+        later.studied(rounded=1.0)
