@@ -38,9 +38,7 @@ from synthesis.free.poses import make_poses
 from synthesis.least_squares import Minima, minimise
 from synthesis.mechanism import Chart
 from synthesis.pose import fit_positions, objective
-from synthesis.search.constrained import Plan, descend, restored
-from synthesis.search.placed import Poses, problem_of
-from synthesis.search.projected import ProjectedProblem
+from synthesis.search.problems import Plan, Poses, ProjectedProblem, descend, problem_of, restored
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MIN_SPAN, TURN, Target, make_target

@@ -32,8 +32,8 @@ from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
-from synthesis.free.answers import in_turn
 from synthesis.free.poses import Poses
+from synthesis.free.search import in_turn
 from synthesis.ranking import Errors, Status
 from synthesis.work import Work
 

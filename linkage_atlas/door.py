@@ -34,8 +34,7 @@ from synthesis.fourbar.solution import Solution
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
-from synthesis.local.motion import refine_motion
-from synthesis.local.poses import refine_poses
+from synthesis.from_linkage import refine_motion, refine_poses
 from synthesis.ranking import APART, Status, distinct, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
 from synthesis.search.seeds import SeedTables

@@ -20,10 +20,10 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.determination import determinations, sensitivities
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.passage import practical_faults, verdicts
+from synthesis.from_linkage import refine_function
 from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
 from synthesis.function.search import generate, refit
 from synthesis.function.wanted import Wanted
-from synthesis.local.function import refine_function
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.target import MAX_SAMPLES, MIN_SAMPLES, Target, make_target

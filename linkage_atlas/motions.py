@@ -15,7 +15,7 @@ from linkage_atlas.tables import decoded, request_from_csv
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.linkage import Linkage
-from synthesis.free.pairs import in_any_order
+from synthesis.free.dyads import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
 from synthesis.target import (
     HOW_TURNED,

@@ -1,4 +1,10 @@
-"""Dyads that guide a body through poses: a point of the body that stays on a circle.
+"""Poses with rotation and position: dyads that guide the body through them, and pairs of dyads as four-bars.
+
+Data flow of a request::
+
+    poses -> dyads (five and more: one SVD and a quartic; fewer: samples of the infinitely many)
+      -> pairs of dyads as four-bars with crank angles -> those of the family, on one branch and in the order asked for
+      -> joint refinement -> reached? otherwise dyads from starts all over the body, their pairs, refined in rounds
 
 A dyad is a point m of the body (in its frame), a fixed centre c and a radius r with |P + R m - c| = r at every pose,
 R = e^{i gamma}. Written out, with a = conj(P) R and k = conj(m) c, that is linear in eight coefficients::
@@ -9,17 +15,32 @@ R = e^{i gamma}. Written out, with a = conj(P) R and k = conj(m) c, that is line
 (Bottema and Roth, Theoretical Kinematics, 1979; Ravani and Roth, J. Mech. Trans. Automation 105 (1983) 460-467; Ge, Purwar,
 Zhao, Deshpande, J. Comput. Inf. Sci. Eng. 17 (2017) 031011). The three least right singular vectors of the poses' rows span
 what fits them; the two real quadrics leave at most four dyads in that span: exactly those of Burmester for five poses.
+
+Two poses leave the point of the body and one number of its centre free, three leave the point free, four leave one number:
+the points whose four places lie on a circle are a cubic curve (Burmester's).
+
+With the crank angles of some samples known, each other sample is put where the body comes nearest to it, all in the order of the
+request: dynamic programming over a grid of crank angles once round the turn (the best cost of a sample at an angle is its own
+plus the least of its predecessor's at or before that angle).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.fourbar.charts import AnyChart, GrashofChart
+from synthesis.fourbar.limits import in_family
+from synthesis.free.joint import JointProblem, Pool, Timed, refine
 from synthesis.free.poses import Poses
 from synthesis.least_squares import Evaluation, minimise
+from synthesis.target import TURN
+from synthesis.work import Work
+
+# -- dyads ---------------------------------------------------------------------------------------------------------
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -198,3 +219,489 @@ def distinct_dyads(dyads: Dyads, error: Floats, most: int, apart: float = 0.03) 
         if size[place] < FARTHEST and not near.any():
             kept.append(int(place))
     return dyads.take(kept), error[kept]
+
+
+# -- two, three and four poses -------------------------------------------------------------------------------------
+
+
+def sampled_dyads(body: Body, count: int, random: np.random.Generator) -> Dyads:
+    """Dyads (about ``count``) that fit up to four poses exactly; radius from the first pose."""
+    poses = body.position.size
+    if poses == 4:
+        points = _burmester_points(body, count, random)
+    else:
+        points = np.concatenate([_cloud(count - count // 2, random), _near_poles(body, count // 2, random)])
+    points = points[np.abs(points) < FARTHEST]  # a pole is at infinity where two poses have the same rotation
+    places = body.places(points)
+    centre = _between(places, random) if poses == 2 else _circumcentre(places[:, 0], places[:, 1], places[:, 2])
+    proper = np.isfinite(centre) & (np.abs(centre) < FARTHEST)
+    return body.with_radius(points[proper], centre[proper])
+
+
+def _cloud(count: int, random: np.random.Generator) -> Complexes:
+    """Points of the body about its origin, as often within a length scale as beyond it."""
+    radius = 2.0 * random.uniform(0, 1, count) / random.uniform(0.3, 1, count)
+    return radius * np.exp(2j * np.pi * random.uniform(0, 1, count))
+
+
+def _near_poles(body: Body, count: int, random: np.random.Generator) -> Complexes:
+    """Points of the body near those that two poses share: there cranks are short beside the motion."""
+    first, second = np.triu_indices(body.position.size, 1)
+    pick = random.integers(0, first.size, count)
+    first, second = first[pick], second[pick]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pole = (body.position[second] - body.position[first]) / (body.turned[first] - body.turned[second])
+    pole = np.where(np.isfinite(pole), pole, np.inf)
+    return pole + 10.0 ** random.uniform(-3, 0, count) * np.exp(2j * np.pi * random.uniform(0, 1, count))
+
+
+def _between(places: Complexes, random: np.random.Generator) -> Complexes:
+    """Centres at equal distance from two places, at random along their perpendicular bisector."""
+    chord = places[:, 1] - places[:, 0]
+    return (places[:, 0] + places[:, 1]) / 2 + 1j * chord * np.tan(random.uniform(-1.4, 1.4, len(places)))
+
+
+def _circumcentre(p: Complexes, q: Complexes, r: Complexes) -> Complexes:
+    """Centres of the circles through three points; not finite where they lie on a line."""
+    a, b = q - p, r - p
+    with np.errstate(divide="ignore", invalid="ignore"):
+        below = 2 * (np.conj(a) * b).imag
+        return p + 1j * (a * np.abs(b) ** 2 - b * np.abs(a) ** 2) / below
+
+
+def _burmester_points(body: Body, count: int, random: np.random.Generator) -> Complexes:
+    """Points whose four places lie on a circle: where lines through the body meet Burmester's cubic curve.
+
+    Its equation is Im[(X1 - X3)(X2 - X4) conj((X1 - X4)(X2 - X3))] = 0.
+    """
+    lines = max(1, count // 2)
+    base, along = _cloud(lines, random), np.exp(1j * np.pi * random.uniform(0, 1, lines))
+    nodes = np.array([-1.5, -0.5, 0.5, 1.5])
+    x = body.places((base[:, None] + along[:, None] * nodes).ravel())
+    x1, x2, x3, x4 = x.T
+    values = ((x1 - x3) * (x2 - x4) * np.conj((x1 - x4) * (x2 - x3))).imag.reshape(lines, 4)
+    cubic = values @ np.linalg.inv(np.vander(nodes)).T
+    lead = np.where(np.abs(cubic[:, :1]) > 0, cubic[:, :1], 1e-300)
+    companion = np.zeros((lines, 3, 3))
+    companion[:, 0] = -cubic[:, 1:] / lead
+    companion[:, 1, 0] = companion[:, 2, 1] = 1.0
+    usable = np.all(np.isfinite(companion), axis=(1, 2))
+    roots = np.linalg.eigvals(companion[usable])
+    for _ in range(2):
+        slope = (3 * cubic[usable, :1] * roots + 2 * cubic[usable, 1:2]) * roots + cubic[usable, 2:3]
+        value = ((cubic[usable, :1] * roots + cubic[usable, 1:2]) * roots + cubic[usable, 2:3]) * roots + cubic[
+            usable, 3:
+        ]
+        roots = roots - value / np.where(np.abs(slope) > 0, slope, 1.0)
+    real = np.abs(roots.imag) < 1e-9 * np.maximum(1.0, np.abs(roots))
+    points = base[usable, None] + along[usable, None] * roots.real
+    return points[real]
+
+
+# -- pairs of dyads ------------------------------------------------------------------------------------------------
+
+Flags = NDArray[np.bool_]
+
+_EVEN = 0.3
+"""Part of the way from angles that were put in order to evenly spaced ones."""
+_SHORTEST = 1e-9
+"""A link below this part of the length scale is none."""
+
+
+class Pairs(NamedTuple):
+    """Four-bars whose first dyad is the crank's; lengths over the length scale."""
+
+    lengths: Floats
+    """(n, 4): crank, coupler, rocker, ground."""
+    branch: Floats
+    """(n,): that of most samples."""
+    one_branch: Flags
+    """(n,): whether all samples lie on it."""
+    angles: Floats
+    """(n, N): theta1 at the samples, in (-pi, pi]."""
+    pose: Complexes
+    """(n, 3): A, z1, z2."""
+    offset: Floats
+    """(n,): of the rotation."""
+
+    def take(self, places: Any) -> Pairs:
+        """Some of them."""
+        columns: Any = (column[places] for column in self)
+        return Pairs(*columns)
+
+
+def pairs_of(body: Body, dyads: Dyads) -> Pairs:
+    """All ordered pairs of dyads as four-bars."""
+    count = dyads.radius.size
+    crank, rocker = (index.ravel() for index in np.indices((count, count)))
+    crank, rocker = crank[crank != rocker], rocker[crank != rocker]
+    coupler = dyads.body[rocker] - dyads.body[crank]
+    ground = dyads.fixed[rocker] - dyads.fixed[crank]
+    lengths = np.stack([dyads.radius[crank], np.abs(coupler), dyads.radius[rocker], np.abs(ground)], axis=1)
+    some = np.min(lengths, axis=1) > _SHORTEST
+    crank, rocker, coupler, ground, lengths = (part[some] for part in (crank, rocker, coupler, ground, lengths))
+    pins = body.places(dyads.body)
+    arms = pins - dyads.fixed[:, None]
+    turn = np.angle(ground)
+    angles = np.angle(arms[crank] * np.exp(-1j * turn)[:, None])
+    diagonal = dyads.fixed[rocker, None] - pins[crank]
+    side = (np.conj(diagonal) * (pins[rocker] - pins[crank])).imag
+    branch = np.where(np.sum(side > 0, axis=1) * 2 >= side.shape[1], 1.0, -1.0)
+    offset = turn - np.angle(coupler)
+    pose = np.stack(
+        [dyads.fixed[crank], lengths[:, 0] * np.exp(1j * turn), -dyads.body[crank] * np.exp(1j * offset)], axis=1
+    )
+    return Pairs(lengths, branch, np.all(side * branch[:, None] > 0, axis=1), angles, pose, offset)
+
+
+def in_order(angles: Floats, span_max: float = TURN) -> tuple[Floats, Flags]:
+    """Crank angles (n, N) made continuous in the direction that passes the samples in their order, and which do so.
+
+    Returns
+    -------
+    angles : ndarray, shape (n, N)
+        Rising or falling strictly where the order holds.
+    holds : ndarray of bool, shape (n,)
+        Whether the crank passes the samples one way within ``span_max``.
+    """
+    steps = np.diff(angles, axis=1)
+    ahead = steps % TURN
+    back = -((-steps) % TURN)
+    rising = ahead.sum(axis=1) <= -back.sum(axis=1)
+    way = np.where(rising[:, None], ahead, back)
+    total = np.abs(way.sum(axis=1))
+    straight = np.concatenate([angles[:, :1], angles[:, :1] + np.cumsum(way, axis=1)], axis=1)
+    return straight, np.all(way != 0, axis=1) & (total < min(span_max, TURN) * (1 + 1e-12))
+
+
+def in_any_order(angles: Floats, span_max: float) -> tuple[Floats, Flags]:
+    """Crank angles (n, N) on the shortest arc that holds all, and for which that is short enough."""
+    within = np.sort(angles % TURN, axis=1)
+    gaps = np.diff(np.concatenate([within, within[:, :1] + TURN], axis=1), axis=1)
+    largest = gaps.argmax(axis=1)
+    begin = np.take_along_axis(within, ((largest + 1) % within.shape[1])[:, None], 1)
+    along = begin + (angles - begin) % TURN
+    along -= TURN * np.round(along[:, :1] / TURN)
+    return along, TURN - gaps.max(axis=1) <= span_max * (1 + 1e-12)
+
+
+def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
+    """Crank angles (n, N) near the given ones that rise or fall strictly within the span: starting points for noisy samples.
+
+    Neighbours are taken to be less than half a turn apart, and an angle that steps back is put just after its neighbour.
+    """
+    steps = np.diff(angles, axis=1)
+    steps -= TURN * np.round(steps / TURN)
+    way = np.where(steps.sum(axis=1, keepdims=True) >= 0, 1.0, -1.0)
+    along = np.concatenate([np.zeros((len(angles), 1)), np.cumsum(way * steps, axis=1)], axis=1)
+    rising, falling = np.maximum.accumulate(along, axis=1), np.minimum.accumulate(along[:, ::-1], axis=1)[:, ::-1]
+    along = (rising + falling) / 2
+    # room between neighbours: an angle may move by less than the gap in a step
+    even = np.linspace(0.0, 1.0, angles.shape[1]) * np.maximum(along[:, -1:] - along[:, :1], 1e-3)
+    along += _EVEN * (along[:, :1] + even - along)
+    along *= np.minimum(1.0, 0.98 * min(span_max, TURN) / (along[:, -1:] - along[:, :1]))
+    return angles[:, :1] + way * along
+
+
+# -- samples that lack a part --------------------------------------------------------------------------------------
+
+
+_GRID = 120
+_ANCHOR = 1e4
+"""Weight of the squared distance from a known crank angle: more than any error of a sample."""
+_LEAST_GAP = 1e-4
+_AT_ONCE = 1 << 19
+"""Candidates times samples times angles of the grid that are looked at together: 4 MB."""
+
+
+class Aligned(NamedTuple):
+    """Candidates with a crank angle at every sample, and their approximate J squared, (n,)."""
+
+    timed: Timed
+    cost: Floats
+
+
+def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Aligned:
+    """Candidates whose angles at the samples ``known`` (k,) are given, with angles at all samples of the problem.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Of all samples.
+    timed : Timed
+        With angles (n, k): where the order is required they rise or fall.
+    known : ndarray of int, shape (k,)
+        The samples that they belong to, rising.
+    """
+    count, few = len(timed.branch), max(1, _AT_ONCE // (problem.poses.samples * _GRID))
+    parts = [_aligned(problem, timed.take(slice(k, k + few)), known) for k in range(0, max(count, 1), few)]
+    return Aligned(
+        parts[0].timed.joined(*(part.timed for part in parts[1:])), np.concatenate([p.cost for p in parts])
+    )
+
+
+def _aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Aligned:
+    way = np.where(timed.angles[:, -1] >= timed.angles[:, 0], 1.0, -1.0)[:, None]
+    along = way * (timed.angles - timed.angles[:, :1])
+    grid = np.arange(_GRID) * (TURN / _GRID)
+    at = timed._replace(angles=timed.angles[:, :1] + way * grid)
+    costs = squared_errors(problem, at)
+    samples = problem.poses.samples
+    if not problem.poses.ordered:
+        place = costs.argmin(axis=2)
+        angles = timed.angles[:, :1] + way * grid[place]
+        angles[:, known] = timed.angles
+        least = np.take_along_axis(costs, place[:, :, None], 2)[:, :, 0]
+        least[:, known] = 0.0
+        return Aligned(timed._replace(angles=angles), least.sum(axis=1))
+    # once round the ring of samples, from the first known one on; its samples before that come after a whole turn
+    ring = np.roll(np.arange(samples), -known[0])
+    reach = np.empty((len(way), samples), dtype=float)
+    reach.fill(np.nan)
+    reach[:, known] = along
+    steps, best = [], np.zeros((len(way), _GRID))
+    best[:, 1:] = np.inf
+    for sample in ring[1:]:
+        lowest, where = _running_minimum(best)
+        anchored = np.isfinite(reach[0, sample])
+        own = _ANCHOR * (grid - reach[:, sample, None]) ** 2 if anchored else costs[:, sample]
+        best = lowest + own
+        steps.append(where)
+    place = best.argmin(axis=1)
+    least = np.take_along_axis(best, place[:, None], 1)[:, 0]
+    turned = np.zeros((len(way), samples))
+    for sample, where in zip(ring[:0:-1], reversed(steps)):
+        turned[:, sample] = grid[place]
+        place = np.take_along_axis(where, place[:, None], 1)[:, 0]
+    turned[:, known] = along
+    # apart, and the samples before the first known one a turn back
+    order = np.maximum.accumulate(turned[:, ring] - _LEAST_GAP * np.arange(samples), axis=1)
+    turned[:, ring] = order + _LEAST_GAP * np.arange(samples)
+    turned[:, : known[0]] -= TURN
+    off = np.sum(_ANCHOR * (turned[:, known] - along) ** 2, axis=1)
+    return Aligned(timed._replace(angles=timed.angles[:, :1] + way * turned), least + off)
+
+
+def squared_errors(problem: JointProblem, at: Timed) -> Floats:
+    """Squared errors of every sample at every angle of the grid, (n, N, grid)."""
+    crank, body = problem.turned(at, derivatives=False)
+    total = np.zeros((len(at.branch), problem.poses.samples, at.angles.shape[1]))
+    if problem.has_rotation:
+        assert problem.rotation is not None
+        gap = problem.rotation[:, None] - (at.offset[:, None] + body.angle)[:, None, :]
+        gap -= TURN * np.round(gap / TURN)
+        total += (problem.rotation_root[:, None] * gap) ** 2
+    if problem.has_position:
+        a, z1, z2 = at.pose.T[:, :, None]
+        point = a + z1 * crank + z2 * body.phasor
+        gap = problem.position[:, None] - point[:, None, :]
+        total += problem.position_root[:, None] ** 2 * (gap.real**2 + gap.imag**2)
+    return total
+
+
+def _running_minimum(values: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """The least value up to each place of the last axis, and where it stands."""
+    lowest = np.minimum.accumulate(values, axis=1)
+    new = np.concatenate([np.ones((len(values), 1), dtype=bool), lowest[:, 1:] < lowest[:, :-1]], axis=1)
+    where = np.maximum.accumulate(np.where(new, np.arange(values.shape[1]), 0), axis=1)
+    return lowest, where
+
+
+# -- the search ----------------------------------------------------------------------------------------------------
+
+
+FEW = 4
+"""Up to so many poses infinitely many dyads fit exactly."""
+_FEW_DYADS, _FEW_BATCHES = 60, 20
+_SAMPLED_DYADS, _SAMPLED_BATCHES = 110, 8
+_WORTH = 0.01
+"""Two batches in a row that gain less than this part end the search."""
+_ENOUGH = 60
+"""Exact candidates that are enough of a choice."""
+
+
+_FITTED = 400
+"""Pairs of dyads that fit the full samples best and are compared with others at all."""
+_LOOKED_AT, _REFINED_AT_ONCE = 8, 200
+"""Full samples, and others, at which pairs of dyads are first compared, and how many pairs at a time."""
+_ALIGNED, _FEWEST = 6000, 12
+"""Pairs times samples that are then compared at all samples, and at least so many pairs."""
+
+
+class Round(NamedTuple):
+    """A descent of the best pairs."""
+
+    most: int
+    iterations: int
+    reason: str
+
+
+ROUNDS = (
+    Round(60, 8, "pairs of dyads that each fit alone: most fall into few valleys"),
+    Round(24, 30, "the best valleys"),
+    Round(8, 150, "narrow ones"),
+    Round(4, 1000, "what still falls, to its end: only where an exact answer may lie there"),
+)
+_KEPT = 100
+"""Candidates that are handed on: limits may leave only a few of them."""
+_EXACT_BELOW = 1e-4
+"""Where J is above this after the rounds before the last, an exact answer is not in sight."""
+
+
+def chart_of(family: str) -> AnyChart | GrashofChart:
+    """The chart in which four-bars of one of `limits.FAMILIES` are refined."""
+    return AnyChart() if family == "any" else GrashofChart()
+
+
+def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, repair: bool = False) -> Timed:
+    """The pairs of dyads that are of the family, lie on one branch and pass the poses in the order asked for.
+
+    With ``repair`` also those that do so only nearly, their angles put in order.
+    """
+    pairs = pairs_of(body, dyads)
+    if poses.ordered:
+        angles, holds = in_order(pairs.angles, poses.span_max)
+        if repair:
+            angles = np.where(holds[:, None], angles, put_in_order(pairs.angles, poses.span_max))
+    else:
+        angles, holds = in_any_order(pairs.angles, poses.span_max)
+    keep = np.flatnonzero((holds & pairs.one_branch | repair) & in_family(family, pairs.lengths))
+    pairs = pairs.take(keep)
+    shape = chart_of(family).unknowns(pairs.lengths)
+    return Timed(shape, pairs.pose, pairs.offset, angles[keep], pairs.branch)
+
+
+def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> Iterator[Pool]:
+    """Four-bars that guide a body through poses, some of which may lack their rotation or their position.
+
+    Parameters
+    ----------
+    poses : Poses
+        With at least three samples that have both, or two and no others.
+    family : str
+        One of `limits.FAMILIES`.
+    tolerance : float
+        The search ends once J is below it.
+    work : Work
+
+    Yields
+    ------
+    Pool
+        All candidates so far, first those of dyads as equations give them, within milliseconds; then after each round.
+    """
+    search = _Motion(poses, family)
+    if search.full <= FEW and search.mixed:
+        yield from _sampled(search, tolerance, work)
+        return
+    exact = 0.3 * tolerance
+    if search.full <= FEW:
+        pool = _few(search, work)
+        near = np.flatnonzero(pool.cost > exact**2)
+        if pool.cost.size - near.size < _ENOUGH:
+            # dyads of short links lie where places all but coincide: a few steps give back what rounding took
+            rest = pool.take(near).best(_ENOUGH)
+            rest = Pool.of(refine(search.problem, rest.timed, 60, exact, work, all_of_them=True))
+            pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(rest)
+        yield pool
+        return
+    dyads = linear_dyads(search.body)
+    dyads, _ = polished(search.body, dyads) if dyads.radius.size else (dyads, None)
+    five = search.full == FEW + 1 and not search.mixed
+    pool = Pool.of(refine(search.problem, search.four_bars(dyads), 25, exact, work, all_of_them=five))
+    yield pool
+    if pool.least < tolerance or (work.expired() and np.isfinite(pool.least)):
+        return
+    everywhere, _ = landscape(search.body)
+    pool = search.measured(everywhere.joined(dyads), repair=True).joined(pool)
+    yield pool
+    if not work.expired():  # what follows takes half a second at 1,024 samples
+        yield from _rounds(search, pool, tolerance, work)
+
+
+def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work) -> Iterator[Pool]:
+    """A pool with its best refined, after each round."""
+    for one in ROUNDS:
+        if one is ROUNDS[-1] and found.least > _EXACT_BELOW:
+            break
+        going = found.best(one.most)
+        found = Pool.of(refine(search.problem, going.timed, one.iterations, 0.3 * tolerance, work)).joined(found)
+        yield found
+        if found.least < tolerance or work.expired():
+            break
+
+
+def _sampled(search: _Motion, tolerance: float, work: Work) -> Iterator[Pool]:
+    """Three or four full samples among others: dyads at random that fit those exactly, until one pair fits the rest too."""
+    random = np.random.default_rng(20)
+    best: Pool | None = None
+    idle = 0
+    for _ in range(_SAMPLED_BATCHES):
+        found = search.measured(sampled_dyads(search.body, _SAMPLED_DYADS, random))
+        *_, found = _rounds(search, found, tolerance, work)
+        found = found.best(_KEPT)
+        gained = best is None or found.least < (1 - _WORTH) * best.least
+        best = found if best is None else best.joined(found)
+        yield best
+        idle = 0 if gained else idle + 1
+        if best.least < tolerance or work.expired() or (idle == 2 and best.least > _EXACT_BELOW):
+            break
+
+
+class _Motion:
+    """A request's full samples, which give the dyads, and all of its samples, which the four-bars must fit."""
+
+    def __init__(self, poses: Poses, family: str) -> None:
+        self.poses, self.family = poses, family
+        self.body = Body(poses)
+        self.full = self.body.position.size
+        self.mixed = self.full < poses.samples
+        self.problem = JointProblem(poses, chart_of(family))
+
+    def four_bars(self, dyads: Dyads, repair: bool = False, most: int = 150) -> Timed:
+        """The four-bars of pairs of dyads, with an angle at every sample; of many, those that fit the rest best."""
+        timed = four_bars(self.poses, self.body, dyads, self.family, repair)
+        if not self.mixed:
+            return timed
+        if not timed.branch.size:
+            return timed._replace(angles=np.empty((0, self.poses.samples)))
+        best = self._best_aligned(timed, most)
+        return aligned(self.problem, timed.take(best), self.poses.full).timed
+
+    def _best_aligned(self, timed: Timed, most: int) -> NDArray[np.intp]:
+        """Places of those that fit some of the samples best, full ones and others, some hundred candidates at a time."""
+        poses, place = self.poses, np.arange(timed.branch.size)
+        if self.full > FEW:  # fewer are fitted exactly
+            fitted = Pool.measured(JointProblem(poses.at(poses.full), self.problem.chart), timed)
+            place = np.argsort(fitted.cost, kind="stable")[:_FITTED]
+            timed = timed.take(place)
+        others = np.setdiff1d(np.arange(poses.samples), poses.full)
+        held, rest = (some[_evenly(some.size, _LOOKED_AT)] for some in (np.arange(poses.full.size), others))
+        few = np.sort(np.concatenate([poses.full[held], rest]))
+        problem = JointProblem(poses.at(few), self.problem.chart)
+        pose = timed.pose.copy()
+        pose[:, 0] -= poses.off(problem.poses)
+        thin = timed._replace(angles=timed.angles[:, held], pose=pose)
+        known = np.searchsorted(few, poses.full[held])
+        parts = [slice(k, k + _REFINED_AT_ONCE) for k in range(0, timed.branch.size, _REFINED_AT_ONCE)]
+        cost = np.concatenate([aligned(problem, thin.take(part), known).cost for part in parts])
+        return place[np.argsort(cost, kind="stable")[: min(most, max(_FEWEST, _ALIGNED // poses.samples))]]
+
+    def measured(self, dyads: Dyads, repair: bool = False) -> Pool:
+        """The same with their J."""
+        return Pool.measured(self.problem, self.four_bars(dyads, repair))
+
+
+def _evenly(count: int, most: int) -> NDArray[np.intp]:
+    """Places of at most so many of a count, both ends among them."""
+    return np.unique(np.round(np.linspace(0, count - 1, min(count, most))).astype(np.intp))
+
+
+def _few(search: _Motion, work: Work) -> Pool:
+    """Four-bars that fit up to four full samples exactly, from dyads at random; more of them where few are usable."""
+    random = np.random.default_rng(20)
+    pool = search.measured(sampled_dyads(search.body, _FEW_DYADS, random))
+    for _ in range(_FEW_BATCHES - 1):
+        if pool.cost.size >= _ENOUGH or work.expired():
+            break
+        pool = pool.joined(search.measured(sampled_dyads(search.body, _FEW_DYADS, random)))
+    return pool

@@ -20,16 +20,13 @@ from numpy.typing import NDArray
 
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import ways
-from synthesis.free.joint import refine
-from synthesis.free.motion import chart_of
-from synthesis.free.pool import Pool
+from synthesis.free.dyads import chart_of
+from synthesis.free.joint import JointProblem, Pool, Rows, Timed, Turned, refine
 from synthesis.free.poses import Poses
-from synthesis.free.rows import JointProblem, Rows, Timed, Turned
 from synthesis.least_squares import Evaluation
 from synthesis.mechanism import BodyAngles, Boxes, Chart, Constrained, Constraints, Placed
-from synthesis.search.constrained import MARGIN, Descended, restored
-from synthesis.search.placed import PosedProblem
-from synthesis.search.windows import Fits, Windows
+from synthesis.search.problems import MARGIN, Descended, PosedProblem, restored
+from synthesis.search.seeds import Fits, Windows
 from synthesis.target import Interval, Target
 from synthesis.work import Work
 

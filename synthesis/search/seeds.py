@@ -1,6 +1,14 @@
 """Where a search begins: candidates from coarse tables of a mechanism's types, from grids, and from the best found so far.
 
-Different seeds find more than many seeds: the best rows of a dense table lie in one valley.
+Diversity of seeds matters more than their number: the best rows of a dense table lie in one valley.
+
+**Within limits** these are windows of a coarse table in the best pose that the limits leave them.
+A window is a type, a start and a branch. With e = e^{i t} and E = e^{i theta2} at the samples, its position is linear,
+
+    P = A (1 - rho e) + B rho e + z2 E,      rho = L1 / L4 e^{i start}
+
+z2 is eliminated, and what is left is a quadratic form in A and B, isotropic in each: clipping A and B to their boxes in turn
+is a coordinate descent to the best pair within them.
 """
 
 from __future__ import annotations
@@ -12,14 +20,250 @@ from numpy.typing import NDArray
 
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
-from synthesis.mechanism import Mechanism
+from synthesis.mechanism import Boxes, Constraints, Mechanism, Placed
 from synthesis.pose import whole_turns
-from synthesis.search.windows import Windows
-from synthesis.target import TURN, Target
+from synthesis.search.problems import Places, PosedProblem, ShapeProblem
+from synthesis.target import TURN, Mean, Target
+
+# -- windows within limits -----------------------------------------------------------------------------------------
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Singles = NDArray[np.float32]
 
-_SAMPLES = 64
+STARTS = 24
+_STEPS = 144
+"""Crank angles of a type's table."""
+_SAMPLES = 12
+_MISS = 0.2
+"""Radians by which the transmission angle of a window may fall short before its pose is looked at."""
+_WANTED = 100
+_POSED, _CHECKED = 80, 25
+"""Windows for each seed that is wanted: whose pose is fitted within boxes, and of those whose other limits are looked at."""
+_SWEEPS = 12
+_SPARE = 1.25
+"""A type whose ratios exceed those of the limits by more is not looked at."""
+
+
+class Seeds(NamedTuple):
+    """Starting points, best first."""
+
+    unknowns: Floats
+    branch: Floats
+
+
+class Windows:
+    """The windows of a mechanism's coarse types, their angles prepared once (2 MB).
+
+    Single precision is finer than the table, and halves the time of a screen.
+    """
+
+    def __init__(self, mechanism: Mechanism, lengths: Floats) -> None:
+        self.mechanism, self.lengths = mechanism, lengths
+        grid = np.linspace(0, TURN, _STEPS + 1)
+        tables = np.stack([mechanism.body_angle(lengths, side, grid) for side in mechanism.branches])
+        self.wound = np.nan_to_num(tables[:, :, -1] - tables[:, :, 0]).astype(np.float32)
+        self.tables = tables.astype(np.float32)
+
+    def angles(self, side: int, crank: Floats, window: NDArray[np.intp]) -> Singles:
+        """theta2 of windows (n,) of one branch at crank angles (N,) after their starts, (n, N)."""
+        table, wound = self.tables[side], self.wound[side]
+        place = (np.arange(STARTS)[:, None] * (TURN / STARTS) + crank) * (_STEPS / TURN)
+        turn, rest = np.divmod(place, _STEPS)
+        low = np.minimum(rest.astype(np.intp), _STEPS - 1)
+        part, turn = (rest - low).astype(np.float32), turn.astype(np.float32)
+        kind, start = np.divmod(window, STARTS)
+        cell = low[start] + (kind * table.shape[1])[:, None]
+        before = table.ravel()[cell]
+        cell += 1
+        after = table.ravel()[cell]
+        return before + (after - before) * part[start] + turn[start] * wound[kind][:, None]
+
+    def seeds(
+        self, problem: ShapeProblem, on_shape: Constraints, boxes: Boxes | None = None, wanted: int = _WANTED
+    ) -> Seeds:
+        """Windows by how well they move and keep the limits, best first, at most one a cell.
+
+        Parameters
+        ----------
+        problem : ShapeProblem
+        on_shape : Constraints
+            The limits that concern shape and start alone: windows that break them by far are not looked at.
+        boxes : Boxes, optional
+            For a `PosedProblem`.
+        wanted : int
+            About so many are of use: the fewer, the fewer windows are looked at closely.
+        """
+        target = problem.target.condensed(_SAMPLES)
+        types = len(self.lengths)
+        start = np.tile(np.arange(STARTS) * (TURN / STARTS), types)
+        lengths = np.repeat(self.lengths, STARTS, axis=0)
+        miss = _missed(on_shape, Placed(lengths, np.ones(len(start)), target.interval.after(start)))
+        reach = None
+        if boxes is not None:
+            reach = boxes.reach(lengths)
+            miss = np.where(reach[0] > _SPARE * reach[1], np.inf, miss)
+        windows, sides, angles = [], [], []
+        for side, sign in enumerate(self.mechanism.branches):
+            near = np.flatnonzero(miss < _MISS)
+            angle = self.angles(side, target.crank, near)
+            closed = np.isfinite(angle).all(axis=1)
+            windows.append(near[closed])
+            sides.append(np.full(closed.sum(), float(sign)))
+            angles.append(angle[closed])
+        window, branch, angle = np.concatenate(windows), np.concatenate(sides), np.concatenate(angles)
+        fits = Fits.of(target, angle)
+        merit = fits.rotation + fits.least + 3 * miss[window] ** 2
+        if isinstance(problem, PosedProblem):
+            assert boxes is not None and reach is not None
+            best = _least(merit, _POSED * wanted)
+            window, branch, fits = window[best], branch[best], fits.take(best)
+            chosen = lengths[window]
+            turned: Complexes = np.exp(1j * start[window])
+            error, pivot, ground, coupler = fits.within(
+                turned * (chosen[:, 0] / chosen[:, -1]), boxes, (reach[0][window], reach[1][window])
+            )
+            merit = error + fits.rotation + miss[window] ** 2
+            best = _least(merit, _CHECKED * wanted)
+            window, branch, merit = window[best], branch[best], merit[best]
+            pivot, ground, coupler = pivot[best], ground[best], coupler[best]
+            scaled = lengths[window] * (np.abs(ground) / lengths[window, -1])[:, None]
+            pose = Places(pivot, np.angle(ground), coupler)
+            unknowns = problem.posed(problem.chart.unknowns(scaled), start[window], pose)
+            merit = merit + np.sum(problem.constrained(unknowns, branch).lacking ** 2, axis=1)
+        else:
+            best = _least(merit, _CHECKED * wanted)
+            window, branch, merit = window[best], branch[best], merit[best]
+            unknowns = np.hstack([problem.chart.unknowns(lengths[window]), start[window, None]])
+        order = np.argsort(merit, kind="stable")
+        order = order[np.isfinite(merit[order])]
+        place = problem.chart.place(unknowns[:, : problem.size])
+        cells = np.floor(np.hstack([place, unknowns[:, [problem.size]] / 0.6, branch[:, None]])[order]).astype(
+            np.int64
+        )
+        # one number a cell: many times faster to sort than rows
+        _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
+        order = order[np.sort(first)]
+        return Seeds(unknowns[order], branch[order])
+
+
+def _least(merit: Floats, count: int) -> NDArray[np.intp]:
+    """Places of the least values, in their order."""
+    if len(merit) <= count:
+        return np.arange(len(merit))
+    return np.sort(np.argpartition(merit, count)[:count])
+
+
+def _missed(on_shape: Constraints, placed: Placed) -> Floats:
+    """By how much limits on shape and start alone are broken at most; infinite where a linkage does not close."""
+    found = on_shape(placed)
+    return np.nan_to_num(np.max(found.lacking, axis=1, initial=0.0), nan=np.inf)
+
+
+class Fits(NamedTuple):
+    """Inner products of windows with the positions over l, <f, g> = mean(conj(f) g), after z2 E is taken out; (n,) each."""
+
+    rotation: Floats
+    """Mean square of the rotation's error."""
+    least: Floats
+    """That of the position's in the best pose."""
+    one_one: Floats
+    one_turned: Complexes
+    turned_turned: Floats
+    one_rest: Complexes
+    turned_rest: Complexes
+    rest: Floats
+    share: Complexes
+    """(n, 3): <E, 1>, <E, e>, <E, P>."""
+
+    @classmethod
+    def of(cls, target: Target, angle: Singles) -> Fits:
+        """Of the angles (n, N) of windows."""
+        rotation = np.zeros(len(angle))
+        if target.rotation is not None:
+            mean = target.rotation_mean
+            gap = (target.rotation - mean(target.rotation)).astype(np.float32) - angle
+            part = np.broadcast_to(mean.root**2, gap.shape[1]).astype(np.float32)
+            gap -= (gap @ part)[:, None]
+            rotation = ((gap * gap) @ part).astype(float)
+        nothing = np.zeros(len(angle))
+        if target.position is None:
+            share: Complexes = np.zeros((len(angle), 3), dtype=np.complex128)
+            no = share[:, 0]
+            return cls(rotation, nothing, nothing, no, nothing, no, no, nothing, share)
+        mean = target.position_mean
+        turned = np.exp(1j * target.crank)
+        place = (target.position - mean(target.position)) / target.length_scale
+        columns = np.stack([mean.weighted(c) / mean.total for c in (turned**0, turned, place)], axis=1)
+        back = np.empty(angle.shape, dtype=np.complex64)
+        np.cos(angle, out=back.real)
+        np.negative(np.sin(angle), out=back.imag)
+        share = (back @ columns.astype(np.complex64)).astype(complex)
+        return cls._of(rotation, share, mean(turned), mean(np.conj(turned) * place), mean(np.abs(place) ** 2))
+
+    @classmethod
+    def of_candidates(cls, mean: Mean, place: Complexes, crank: Complexes, body: Complexes) -> Fits:
+        """Of candidates with their own crank angles: positions over l (N,), e^{i crank angle} and e^{i theta2}, (n, N) each."""
+        back = np.conj(body)
+        share = np.stack([mean(back), mean(back * crank), mean(back * place)], axis=1)
+        rotation, square = np.zeros(len(crank)), mean(np.abs(place) ** 2)
+        return cls._of(rotation, share, mean(crank), mean(np.conj(crank) * place), np.full(len(crank), square))
+
+    @classmethod
+    def _of(cls, rotation: Floats, share: Complexes, along: Any, across: Any, square: Any) -> Fits:
+        one, own, held = share.T
+        one_one, turned_turned = 1 - np.abs(one) ** 2, 1 - np.abs(own) ** 2
+        one_turned = along - np.conj(one) * own
+        one_rest, turned_rest = -np.conj(one) * held, across - np.conj(own) * held
+        rest = square - np.abs(held) ** 2
+        determinant = np.maximum(one_one * turned_turned - np.abs(one_turned) ** 2, 1e-12)
+        free = (
+            turned_turned * np.abs(one_rest) ** 2
+            + one_one * np.abs(turned_rest) ** 2
+            - 2 * (np.conj(one_rest) * one_turned * turned_rest).real
+        ) / determinant
+        least = np.clip(rest - free, 0.0, None)
+        return cls(rotation, least, one_one, one_turned, turned_turned, one_rest, turned_rest, rest, share)
+
+    def take(self, places: Any) -> Fits:
+        """Some of them."""
+        return Fits(*(column[places] for column in self))
+
+    def within(
+        self, rho: Complexes, boxes: Boxes, reach: tuple[Floats, Floats]
+    ) -> tuple[Floats, Complexes, Complexes, Complexes]:
+        """Mean square of the position's error, A, B - A and z2 with the pivots in boxes and |B - A| within a reach."""
+        size = np.abs(rho) ** 2
+        aa = self.one_one - 2 * (rho * self.one_turned).real + size * self.turned_turned
+        ab = rho * self.one_turned - size * self.turned_turned
+        bb = size * self.turned_turned
+        ha, hb = self.one_rest - np.conj(rho) * self.turned_rest, np.conj(rho) * self.turned_rest
+        determinant = np.maximum(aa * bb - np.abs(ab) ** 2, 1e-12)
+        a = boxes.clip_a((bb * ha - ab * hb) / determinant)
+        b = boxes.clip_b((aa * hb - np.conj(ab) * ha) / determinant)
+        aa, bb = np.maximum(aa, 1e-9), np.maximum(bb, 1e-9)
+        for _ in range(_SWEEPS):
+            a = boxes.clip_a((ha - ab * b) / aa)
+            b = boxes.clip_b((hb - np.conj(ab) * a) / bb)
+        ground = b - a
+        length = np.abs(ground)
+        direction = np.where(length > 0, ground, 1.0) / np.where(length > 0, length, 1.0)
+        wanted = direction * np.clip(length, np.minimum(*reach), np.maximum(reach[1], 1e-6))
+        a = boxes.clip_a(a + (ground - wanted) / 2)
+        b = boxes.clip_b(a + wanted)
+        a = boxes.clip_a(b - wanted)
+        ground = wanted
+        b = a + ground
+        square = self.rest - 2 * (np.conj(a) * ha + np.conj(b) * hb).real
+        square += aa * np.abs(a) ** 2 + bb * np.abs(b) ** 2 + 2 * (np.conj(a) * ab * b).real
+        one, own, held = self.share.T
+        return np.maximum(square, 0.0), a, ground, held - a * one - ground * rho * own
+
+
+# -- candidates ----------------------------------------------------------------------------------------------------
+
+
+_TABLE_SAMPLES = 64
 _STARTS = 24
 _SERIES_ERROR = 1e-3
 _HARMONICS = (6, 20)
@@ -100,7 +344,7 @@ class SeedTables:
         self.mechanism = mechanism
         self._windows: dict[str, Windows] = {}
         lengths = mechanism.coarse_types
-        table = make_table(mechanism, lengths, _SAMPLES)
+        table = make_table(mechanism, lengths, _TABLE_SAMPLES)
         curves = table.curves()
         self.table = SeedTable(
             Scan(table, _STARTS, _SERIES_ERROR, _HARMONICS, cells=False),

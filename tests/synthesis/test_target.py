@@ -12,7 +12,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.pose import objective
-from synthesis.search.projected import ProjectedProblem
+from synthesis.search.problems import ProjectedProblem
 from synthesis.target import TURN, Interval, Mean, Target, make_target
 
 LINE = np.array([0.0, 1, 3, 4])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from synthesis.fourbar.charts import FullCrankChart, GrashofChart
-from synthesis.free import align, joint
+from synthesis.free import dyads, joint
 from synthesis.free.joint import JointProblem, Timed, refine
 from synthesis.free.poses import Poses
 
@@ -184,11 +184,11 @@ def test_few_at_a_time_are_aligned_as_all_at_once(order, monkeypatch) -> None:
     known = np.array([2, 5, 9])
     some = timed.take(np.arange(7) % 2)
     some = some._replace(angles=some.angles[:, known] + np.linspace(0, 0.1, 7)[:, None])
-    at_once = align.aligned(problem, some, known)
+    at_once = dyads.aligned(problem, some, known)
     if order == "given":  # also of the samples before the first known one
         assert np.all(np.diff(at_once.timed.angles, axis=1) > 0)
-        assert np.abs(at_once.timed.angles[:, known] - some.angles).max() < 2 * np.pi / align._GRID
-    monkeypatch.setattr(align, "_AT_ONCE", 1)
-    few = align.aligned(problem, some, known)
+        assert np.abs(at_once.timed.angles[:, known] - some.angles).max() < 2 * np.pi / dyads._GRID
+    monkeypatch.setattr(dyads, "_AT_ONCE", 1)
+    few = dyads.aligned(problem, some, known)
     for one, other in zip((*at_once.timed, at_once.cost), (*few.timed, few.cost)):
         np.testing.assert_array_equal(one, other)

@@ -16,10 +16,8 @@ from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses
-from synthesis.free.rounds import Found, Plan, Rounds, Stage, nearest
-from synthesis.free.schedule import EXACT_SAMPLES
 from synthesis.free.screen import COARSE, PathScreen
-from synthesis.free.search import path_screens, search_free
+from synthesis.free.search import EXACT_SAMPLES, Found, Plan, Rounds, Stage, nearest, path_screens, search_free
 from synthesis.work import Work
 
 CHART = GrashofChart()

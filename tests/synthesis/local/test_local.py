@@ -10,20 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from synthesis import from_linkage as free
 from synthesis.fourbar.limits import FAMILIES, Limits, in_family, practical_limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import assess, keeps, within
-from synthesis.free.align import squared_errors
-from synthesis.free.motion import chart_of
+from synthesis.free.dyads import chart_of, squared_errors
+from synthesis.free.joint import JointProblem
 from synthesis.free.poses import make_poses
-from synthesis.free.rows import JointProblem
+from synthesis.from_linkage import refine_function, refine_motion, refine_poses, turning_fully
 from synthesis.function.answers import exchanged, finished, rocker_angles
 from synthesis.function.wanted import Wanted
-from synthesis.local import poses as free
-from synthesis.local.beginning import turning_fully
-from synthesis.local.function import refine_function
-from synthesis.local.motion import refine_motion
-from synthesis.local.poses import refine_poses
 from synthesis.mechanism import Placed
 from synthesis.target import TURN, make_target
 from synthesis.work import Work

@@ -15,10 +15,9 @@ from linkage_atlas.limits import read_limits
 from synthesis.fourbar.charts import GrashofChart, LengthsChart
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.search.constrained import Descended, Plan, descend, restored
-from synthesis.search.limited import LimitedSearch
-from synthesis.search.placed import PosedProblem, ShapeProblem
-from synthesis.search.windows import Windows
+from synthesis.search.problems import Descended, Plan, PosedProblem, ShapeProblem, descend, restored
+from synthesis.search.search import LimitedSearch
+from synthesis.search.seeds import Windows
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 from tests.oracles.classes import make_case

@@ -13,7 +13,7 @@ from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle
 from synthesis.least_squares import Evaluation, Minima, minimise
 from synthesis.pose import objective
-from synthesis.search.projected import ProjectedProblem
+from synthesis.search.problems import ProjectedProblem
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 

@@ -1,0 +1,471 @@
+"""A given four-bar led to its nearest optimum: the searches' own descents, from just there.
+
+**Crank angles given**::
+
+    linkage --(clockwise: mirrored)--> as it is, in a chart of its family
+      -> descent without limits, everything linear projected out: to machine precision
+      -> descents under the limits, with the pose where they concern it, moved onto the limits that are still broken
+      -> from there once more without limits
+      -> the best of these and of the linkage itself that keeps the limits; where none does, the same from a full crank near it
+
+**Crank angles free**::
+
+    linkage, and its crank angles at the poses or else those at which it comes nearest to them in their order
+      -> joint descent without limits -> descents in which limits gain weight, moved onto those still broken
+      -> the best of these and of the linkage itself that keeps the limits; where none does, the same from a full crank near it
+
+The crank angles of a linkage whose own are not given: a grid over the turn, and over it the least sum of squared errors by
+dynamic programming (the best sum up to a sample at an angle is its own error there plus the least sum up to the sample before
+at or before that angle), once from each angle of the grid, both ways round; it passes no angle at which the loop is open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
+from synthesis.fourbar.kinematics import grashof_excesses
+from synthesis.fourbar.limits import Limits, in_family
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.solution import Solution, assess, mounted, within
+from synthesis.free.dyads import chart_of, in_any_order, squared_errors
+from synthesis.free.joint import JointProblem, Pool, Timed, refine
+from synthesis.free.limited import refined_within
+from synthesis.free.poses import Poses
+from synthesis.free.search import nearest, solutions_of
+from synthesis.function.answers import Generator, exchanged
+from synthesis.function.search import FunctionSearch
+from synthesis.function.wanted import Wanted
+from synthesis.least_squares import minimise
+from synthesis.mechanism import Bounded
+from synthesis.pose import whole_turns
+from synthesis.ranking import Answer, Status
+from synthesis.search.problems import (
+    Places,
+    Plan,
+    PosedProblem,
+    ProjectedProblem,
+    ShapeProblem,
+    descend,
+    problem_of,
+    restored,
+)
+from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy
+from synthesis.target import TURN, Target
+from synthesis.work import Work
+
+# -- the beginning -------------------------------------------------------------------------------------------------
+
+_EXCESS = 1e-2
+"""Least Grashof excess over the sum of the lengths of a linkage made to turn fully: next to a change point a descent sticks."""
+_APART = 1e-3
+"""Part by which crank and ground are then moved apart where they stand in the wrong order."""
+
+
+def turning_fully(linkage: Linkage, family: str) -> Linkage:
+    """The linkage where it is of a family of full cranks; else one near it that is, in the same place.
+
+    Parameters
+    ----------
+    linkage : Linkage
+    family : str
+        One of `limits.FAMILIES`; of ``any`` the full cranks.
+    """
+    family = "full_crank" if family == "any" else family
+    if in_family(family, np.array([linkage.links]))[0]:
+        return linkage
+    crank, coupler, rocker, ground = linkage.links
+    rocks = {"crank_rocker": True, "double_crank": False}.get(family, crank <= ground)
+    # a double-crank's lengths are those of a crank-rocker with crank and ground, coupler and rocker exchanged
+    shortest, first, second, fourth = (crank, coupler, rocker, ground) if rocks else (ground, rocker, coupler, crank)
+    if fourth < (1 + 2 * _APART) * shortest:
+        middle = (shortest + fourth) / 2
+        shortest, fourth = (1 - _APART) * middle, (1 + _APART) * middle
+    least = _EXCESS * (shortest + first + second + fourth)
+    a, b, c = (max(float(one), least) for one in grashof_excesses([shortest, first, second, fourth]))
+    first, second, fourth = shortest + (a + c) / 2, shortest + (b + c) / 2, shortest + (a + b) / 2
+    links = (shortest, first, second, fourth) if rocks else (fourth, second, first, shortest)
+    return replace(linkage, links=links)
+
+
+def report_of(
+    found: Sequence[Answer], begin: Sequence[Answer], seconds: float, tolerance: float, work: Work
+) -> SearchReport:
+    """How a refinement went: from the error of the given linkage, where it keeps the limits, to that of what was found."""
+    trace = [(seconds, min(one.errors.objective for one in begin))] if begin else []
+    if found and (not trace or found[0].errors.objective < trace[-1][1]):
+        trace.append((work.elapsed, found[0].errors.objective))
+    reached = Status.of(found, tolerance) is Status.REACHED
+    stopped = StoppedBy.TOLERANCE if reached else StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
+    return SearchReport(stopped, trace, 0.0, 1)
+
+
+# -- crank angles given --------------------------------------------------------------------------------------------
+
+Floats = NDArray[np.float64]
+
+_STEPS = 400
+_PLANS = (
+    # a linkage that breaks no limit must not be led out of its valley first; one that breaks many must find a way in
+    Plan(100, (10.0, 30.0, 100.0, 300.0, 1000.0), 4),
+    Plan(100, (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0), 5),
+)
+
+
+def refine_motion(
+    target: Target, limits: Limits, linkage: Linkage, tolerance: float, work: Work
+) -> tuple[list[Solution], SearchReport]:
+    """The best linkage that descents from a given one lead to.
+
+    Parameters
+    ----------
+    target : Target
+    limits : Limits
+    linkage : Linkage
+        Mounted, or else it begins in its best pose.
+    tolerance : float
+        The descents end when the objective is below it.
+    work : Work
+        Once it has expired the best found so far is returned.
+
+    Returns
+    -------
+    solutions : list of Solution
+        One, within the limits; none where no descent led into them. Law: where the linkage keeps the limits itself, what is
+        returned is no worse.
+    report : SearchReport
+    """
+    if target.clockwise:
+        found, report = refine_motion(target.mirrored(), limits.mirrored(), linkage.mirrored(), tolerance, work)
+        return [one.mirrored() for one in found], report
+    run = _Descents(target, limits, tolerance, work)
+    closing = run.assessed([linkage])
+    begin, seconds = run.kept(closing), work.elapsed
+    if limits.family == "any" and (closing or linkage.mounted):
+        run.lead(linkage)
+    if not run.found:
+        run.lead(turning_fully(linkage, limits.family), full_crank=True)
+    run.found += begin
+    found = run.best[:1]
+    return found, report_of(found, begin, seconds, tolerance, work)
+
+
+class _Descents:
+    """One request, and what its descents have found within the limits."""
+
+    def __init__(self, target: Target, limits: Limits, tolerance: float, work: Work) -> None:
+        self.target, self.limits, self.tolerance, self.work = target, limits, tolerance, work
+        self.found: list[Solution] = []
+
+    @property
+    def done(self) -> bool:
+        """Whether the tolerance is reached or the time is up."""
+        return Status.of(self.best, self.tolerance) is Status.REACHED or self.work.expired()
+
+    @property
+    def best(self) -> list[Solution]:
+        """What was found, best first."""
+        return sorted(self.found, key=lambda one: one.errors.objective)
+
+    def assessed(self, linkages: list[Linkage]) -> list[Solution]:
+        """Linkages with their errors, in their best pose where they have none; without those that do not close."""
+        closing = [one for one in linkages if one.joints(self.target.crank).closed]
+        if self.target.position is None:
+            closing = [replace(one, pivot_a=0j, ground_angle=0.0, coupler_point=None) for one in closing]
+            closing = [one.scaled(1 / one.links[3]) for one in closing]
+        elif not all(one.mounted for one in closing):
+            closing = [self._mounted(one) for one in closing]
+        return [one for one in assess(self.target, closing) if np.isfinite(one.errors.objective)]
+
+    def _mounted(self, linkage: Linkage) -> Linkage:
+        return mounted(self.target, [linkage.links], [linkage.branch], [linkage.start])[0]
+
+    def kept(self, solutions: list[Solution]) -> list[Solution]:
+        """Those within the limits."""
+        return within(self.target, self.limits, solutions)
+
+    def lead(self, linkage: Linkage, full_crank: bool = False) -> None:
+        """Descents from a linkage, which closes at every sample where its crank turns fully."""
+        sheet = {"crank_rocker": -1, "double_crank": 1}.get(self.limits.family, 0)
+        chart = FullCrankChart(sheet) if full_crank else AnyChart()
+        way = FOURBAR.bounded(self.target, self.limits)[0 if full_crank else -1]
+        assert isinstance(way.chart, GrashofChart if full_crank else LengthsChart)
+        self._freely(chart, [linkage])
+        if not self.done:
+            self._freely(chart, [one for plan in _PLANS for one in self._under_limits(way, linkage, plan)])
+
+    def _freely(self, chart: FullCrankChart | AnyChart, linkages: list[Linkage]) -> None:
+        """Descents without limits from linkages: those that end within them are found."""
+        if not linkages or self.work.expired():
+            return
+        problem = ProjectedProblem(self.target, chart)
+        shape = chart.unknowns(np.array([one.links for one in linkages]))
+        unknowns = np.column_stack([shape, [one.start for one in linkages]])
+        branch = np.array([float(one.branch) for one in linkages])
+        found = minimise(problem.evaluate, unknowns, branch, _STEPS, 0.0, self.work, residual=problem.residual)
+        closes = np.isfinite(found.cost)
+        ends, branch = found.unknowns[closes], branch[closes]
+        lengths = chart.shape(ends[:, :-1]).lengths
+        self.found += self.kept(assess(self.target, mounted(self.target, lengths, branch, ends[:, -1])))
+
+    def _under_limits(self, way: Bounded, linkage: Linkage, plan: Plan) -> list[Linkage]:
+        """Where a descent under the limits ends, moved onto those that it still breaks."""
+        if self.work.expired():
+            return []
+        problem = problem_of(self.target, way)
+        unknowns, branch = self._unknowns(problem, way, linkage), np.array([float(linkage.branch)])
+        found = restored(problem, descend(problem, unknowns, branch, plan, self.work))
+        if not np.isfinite(found.cost).all():
+            return []
+        linkages = problem.linkages(FOURBAR, found.unknowns, found.branch, self.target)
+        self.found += self.kept(self.assessed(linkages))
+        return linkages
+
+    def _unknowns(self, problem: ShapeProblem, way: Bounded, linkage: Linkage) -> Floats:
+        """The linkage as unknowns of a problem within limits."""
+        lengths, start = np.array([linkage.links]), np.array([linkage.start])
+        if not isinstance(problem, PosedProblem):
+            return np.column_stack([way.chart.unknowns(lengths), start])
+        if not linkage.mounted:
+            linkage = self._mounted(linkage)
+        assert linkage.coupler_point is not None
+        scale, (radius, angle) = self.target.length_scale, linkage.coupler_point
+        pose = Places(
+            np.array([(linkage.pivot_a - problem.middle) / scale]),
+            np.array([linkage.ground_angle]),
+            np.array([radius / scale * np.exp(1j * (angle + linkage.ground_angle))]),
+        )
+        return problem.posed(way.chart.unknowns(np.array([linkage.links]) / scale), start, pose)
+
+
+# -- crank angles free ---------------------------------------------------------------------------------------------
+
+Ints = NDArray[np.intp]
+
+_GRID = 120
+"""Crank angles at which a linkage is compared with the poses."""
+_JOINT_STEPS = 1000
+_SHARPER = 3
+"""Steps from the grid to the crank angles between."""
+_GAP = 1e-4
+"""By which crank angles that coincide are pushed apart."""
+
+
+def refine_poses(
+    poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None, tolerance: float, work: Work
+) -> tuple[list[Solution], SearchReport]:
+    """The best linkage that descents from a given one lead to.
+
+    Parameters
+    ----------
+    poses : Poses
+    limits : Limits
+    linkage : Linkage
+        Mounted, or else it begins in its best pose.
+    crank : ndarray, shape (N,), or None
+        Its crank angles at the samples from the first one, of all samples that were asked for.
+    tolerance : float
+        The descents end when the objective is below it.
+    work : Work
+        Once it has expired the best found so far is returned.
+
+    Returns
+    -------
+    solutions : list of Solution
+        One, within the limits; none where no descent led into them. Law: where the linkage keeps the limits itself, what is
+        returned is no worse.
+    report : SearchReport
+    """
+    begins = [linkage] if limits.family == "any" else []
+    begins.append(turning_fully(linkage, limits.family))
+    found: list[Solution] = []
+    given: list[Solution] = []
+    seconds = work.elapsed
+    for one in begins:
+        timed = None if found else _begun(poses, limits, one, crank)
+        if timed is None:
+            continue
+        problem = JointProblem(poses, chart_of(limits.family))
+        pool, chart = _as_it_is(problem, timed), problem.chart
+        if one is linkage:
+            given, seconds = (
+                solutions_of(poses, pool, chart, Limits(family=limits.family), 1, tolerance),
+                work.elapsed,
+            )
+        pool = pool.joined(Pool.of(refine(problem, timed, _JOINT_STEPS, 0.3 * tolerance, work)))
+        found = solutions_of(poses, pool, chart, limits, 1, tolerance)
+        if not (limits.only_family or Status.of(found, tolerance) is Status.REACHED or work.expired()):
+            inside = refined_within(poses, limits, pool.timed, work)
+            found = solutions_of(poses, inside.joined(pool), chart, limits, 1, tolerance)
+    return found, report_of(found, given, seconds, tolerance, work)
+
+
+def _as_it_is(problem: JointProblem, timed: Timed) -> Pool:
+    """Candidates in their own pose."""
+    return Pool(timed, problem.plain_cost(timed))
+
+
+def _begun(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None) -> Timed | None:
+    """The linkage as candidates: at the crank angles given, where it closes there, else at those at which it fits best.
+
+    None where it closes at no crank angle.
+    """
+    problem = JointProblem(poses, chart_of(limits.family))
+    assert linkage.coupler_point is not None
+    scale, (radius, angle) = poses.length_scale, linkage.coupler_point
+    z1 = linkage.links[0] / scale * np.exp(1j * linkage.ground_angle)
+    z2 = radius / scale * np.exp(1j * (angle + linkage.ground_angle))
+    own = Timed(
+        problem.chart.unknowns(np.array([linkage.links])),
+        np.array([[(linkage.pivot_a - poses.middle) / scale, z1, z2]]),
+        np.array([linkage.ground_angle + (linkage.body_offset or 0.0)]),
+        np.empty((1, 0)),
+        np.array([float(linkage.branch)]),
+    )
+    attached = linkage.body_offset is not None
+
+    def at(angles: Floats) -> Timed:
+        one = own._replace(angles=angles[None])
+        return one if attached else problem.facing(one)
+
+    if crank is not None:
+        begun = at(_in_order(poses, linkage.start + crank[: poses.samples]))
+        if np.isfinite(_as_it_is(problem, begun).cost).all():
+            return begun
+    placed = problem if attached else JointProblem(replace(poses, rotation=None), problem.chart)
+    begins = [at(angles) for angles in _fitting(placed, own)]
+    if not begins:
+        return None
+    every = begins[0].joined(*begins[1:])
+    return every.joined(nearest(problem, every, _SHARPER))
+
+
+def _in_order(poses: Poses, angles: Floats) -> Floats:
+    """Crank angles (N,) as they are where they keep what is asked of them; else pushed apart and together until they do."""
+    if not poses.ordered:
+        return in_any_order(angles[None], TURN)[0][0]
+    sense = 1.0 if angles[-1] >= angles[0] else -1.0
+    along = sense * (angles - angles[0])
+    gap = min(_GAP, 0.01 * poses.span_max / len(along))
+    if np.diff(along).min() <= 0:
+        even = gap * np.arange(len(along))
+        along = np.maximum.accumulate(along - even) + even
+    along *= min(1.0, (1 - 1e-9) * poses.span_max / along[-1])
+    return np.asarray(angles[0] + sense * along)
+
+
+def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
+    """Crank angles (N,) at which one linkage comes nearest to the samples in their order, for each sense of the crank."""
+    poses = problem.poses
+    grid = np.linspace(0.0, TURN, _GRID, endpoint=False)
+    each = own.take(np.zeros(_GRID, dtype=int))._replace(angles=grid[:, None])
+    closes = np.broadcast_to(problem.turned(each, derivatives=False).body.possible, _GRID)
+    if not closes.any():
+        return []
+    costs = np.where(closes[:, None], squared_errors(problem, each)[:, :, 0], np.inf).T
+    if not poses.ordered:
+        return [_in_order(poses, grid[costs.argmin(axis=1)])]
+    most = min(_GRID, int(poses.span_max / (TURN / _GRID)) + 1)
+    found = []
+    for sense in (1, -1):
+        way = np.roll(np.arange(_GRID)[::sense], 1 if sense < 0 else 0)
+        begin, steps = _one_way(costs[:, way], closes[way], most)
+        found.append(_in_order(poses, sense * (grid[begin] + steps * grid[1])))
+    return found
+
+
+def _one_way(costs: Floats, closes: NDArray[np.bool_], most: int) -> tuple[int, Ints]:
+    """The place on the ring to begin at, and steps (N,) from there that never go back, of the least sum of costs (N, G)."""
+    size = len(closes)
+    place = (np.arange(size)[:, None] + np.arange(most)) % size
+    # behind the first angle at which the loop is open there is nothing
+    place = np.where(np.logical_and.accumulate(closes[place], axis=1), place, size)
+    padded = np.pad(costs, ((0, 0), (0, 1)), constant_values=np.inf)
+    least = np.zeros(place.shape)
+    for row in padded:
+        least = np.minimum.accumulate(least, axis=1) + row[place]
+    begin = int(least.min(axis=1).argmin())
+    rows = padded[:, place[begin]]
+    best, trail = np.zeros(most), []
+    for row in rows:
+        lowest = np.minimum.accumulate(best)
+        trail.append(np.maximum.accumulate(np.where(best <= lowest, np.arange(most), 0)))
+        best = lowest + row
+    steps, at = [], int(best.argmin())
+    for where in reversed(trail):
+        steps.append(at)
+        at = int(where[at])
+    return begin, np.array(steps[::-1])
+
+
+# -- function generators -------------------------------------------------------------------------------------------
+
+
+def refine_function(
+    wanted: Wanted,
+    limits: Limits,
+    largest: bool,
+    linkage: Linkage,
+    offset: float | None,
+    tolerance: float,
+    work: Work,
+) -> tuple[list[Generator], SearchReport]:
+    """The best generator that descents from a given one lead to.
+
+    Parameters
+    ----------
+    wanted : Wanted
+    limits : Limits
+        Lengths that are given replace those of the linkage, and zeros that are given its own.
+    largest : bool
+        As of `function.search.generate`.
+    linkage : Linkage
+    offset : float or None
+        output = theta3 + offset, theta3 in (-pi, pi] at the first sample; None: the best for the root of the mean square.
+    tolerance : float
+    work : Work
+
+    Returns
+    -------
+    generators : list of Generator
+        One, within the limits; none where no descent led into them. Law: where the linkage keeps the limits itself, what is
+        returned is no worse.
+    report : SearchReport
+    """
+    if wanted.clockwise:
+        other = None if offset is None else -offset
+        mirrored = wanted.mirrored(), limits, largest, linkage.mirrored(), other
+        made, report = refine_function(*mirrored, tolerance, work)
+        return [one.mirrored() for one in made], report
+    run = FunctionSearch(wanted, limits, largest, 1, tolerance, work)
+    given: list[Generator] = []
+    found: list[Generator] = []
+    seconds = work.elapsed
+    for one in (linkage, turning_fully(linkage, limits.family)):
+        if found:
+            break
+        begin = _unknowns(run, one, offset)
+        as_it_is = run.kept(*begin)
+        if one is linkage:
+            given, seconds = as_it_is, work.elapsed
+        found = sorted(run.led(*begin) + as_it_is, key=lambda each: each.errors.objective)[:1]
+    return found, report_of(found, given, seconds, tolerance, work)
+
+
+def _unknowns(run: FunctionSearch, linkage: Linkage, offset: float | None) -> tuple[Floats, Floats]:
+    """A linkage as a candidate of the search, with coupler and rocker exchanged: unknowns (1, 5) and its branch."""
+    wanted, problem, one = run.wanted, run.problem, exchanged(linkage)
+    lengths, branch = np.array(one.links), np.array([float(one.branch)])
+    ratios = np.where(np.isnan(problem.given), np.log(lengths[:3] / lengths[3]), problem.given)
+    start = one.start if wanted.start is None else wanted.start
+    places, root = run.places(SEARCH_SAMPLES)
+    begin = problem.with_offset(np.array([[*ratios, start, 0.0]]), branch, places, root)
+    if offset is not None and wanted.offset is None:
+        own = offset + np.pi
+        begin[:, 4] = own + whole_turns(begin[:, 4] - own)
+    return begin, branch
