@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Report, Result, cognate_notes, finished, status_of
 from linkage_atlas.atlases import Atlas
@@ -97,8 +98,30 @@ def prepare() -> None:
     screens("full_crank")
 
 
+class Asked(TypedDict, total=False):
+    """Arguments of a `Motion` by name, and studies of each solution as of `Solution.studied`."""
+
+    rotation: ArrayLike | None
+    position: ArrayLike | None
+    crank_span: float | None
+    crank_angle: ArrayLike | None
+    timing: Literal["free"] | None
+    order: Literal["given", "any"]
+    closed: bool
+    crank_span_max: float | None
+    weights: Mapping[str, ArrayLike] | None
+    tolerances: Mapping[str, ArrayLike] | None
+    length_scale: float | None
+    degrees: bool
+    round_to: float | None
+    lengths_from: ArrayLike | None
+    sensitivity: bool
+    analysis: Mapping[str, Any] | None
+    tolerance_study: Mapping[str, Any] | None
+
+
 def synthesize(
-    *motion: Any,
+    *motion: Motion | Mapping[str, Any] | ArrayLike | None,
     limits: Mapping[str, Any] | None = None,
     top: int = 10,
     effort: Literal["refine", "atlas"] = "refine",
@@ -109,7 +132,7 @@ def synthesize(
     refine_from: StartingLinkage | None = None,
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
-    **more: Any,
+    **more: Unpack[Asked],
 ) -> Result:
     """The four-bar linkages that make a motion: actual dimensions and where they are mounted.
 
@@ -178,13 +201,15 @@ def synthesize(
     source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
     watch = work(budget)
 
-    asked = {name: more.pop(name) for name in STUDIES if name in more}
-    if motion and isinstance(motion[0], Motion):
-        (wanted, *rest), limits = motion, motion[1] if len(motion) > 1 else limits
-        if more or len(rest) > 1:
-            raise TypeError(f"beside a Motion and its limits there is no {', '.join(more) or 'third argument'}")
+    named: dict[str, Any] = dict(more)
+    asked = {name: named.pop(name) for name in STUDIES if name in named}
+    given: tuple[Any, ...] = motion
+    if given and isinstance(given[0], Motion):
+        wanted, limits = given[0], given[1] if len(given) > 1 else limits
+        if named or len(given) > 2:
+            raise TypeError(f"beside a Motion and its limits there is no {', '.join(named) or 'third argument'}")
     else:
-        wanted = Motion(*motion, **more)
+        wanted = Motion(*given, **named)
     if effort == "atlas" and wanted.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     notes, kept, studies = wanted.notes(), read_limits(limits, wanted), read_studies(asked, wanted)
