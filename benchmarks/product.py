@@ -38,7 +38,7 @@ from synthesis.free.poses import make_poses
 from synthesis.least_squares import Minima, minimise
 from synthesis.mechanism import Chart
 from synthesis.pose import fit_positions, objective
-from synthesis.search.problems import Plan, Poses, ProjectedProblem, descend, problem_of, restored
+from synthesis.search.problems import Places, Plan, ProjectedProblem, descend, problem_of, restored
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MIN_SPAN, TURN, Target, make_target
