@@ -486,7 +486,7 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
     if studies.drive is not None:
         done["analysis"] = analysed(linkage, studies.drive, target.crank, radian, target.interval)
     if studies.manufacture is not None:
-        share = share_of(studies.manufacture, target.samples, solutions)
+        share = share_of(studies.manufacture, target.samples, solutions, work.budget)
         done["tolerance_study"] = studied(linkage, share, target.crank, target.interval, radian, work)
     return replace(solution, **done) if done else solution
 

@@ -25,6 +25,8 @@ MOST_SAMPLES, FEWEST_SAMPLES = 100_000, 100
 SAMPLES = 10_000
 MOST_POSITIONS = 8_000_000
 """Positions of simulated linkages in all solutions of one request: a few seconds."""
+POSITIONS_A_SECOND = 1_000_000
+"""Of a request's budget, less than a third of which they take."""
 BAND_STEPS = 48
 """Steps of the interval in which a study also gives its errors, to be drawn as a band."""
 MOST_ROWS = 100_000
@@ -261,9 +263,10 @@ def read_manufacture(study: Mapping[str, Any]) -> Manufacture:
     return Manufacture(Tolerances(*sizes), *counts)
 
 
-def share_of(manufacture: Manufacture, points: int, solutions: int) -> Manufacture:
-    """The study that each of several solutions can have within the bound of a request."""
-    most = MOST_POSITIONS // ((points + BAND_STEPS + 1) * max(1, solutions))
+def share_of(manufacture: Manufacture, points: int, solutions: int, budget: float) -> Manufacture:
+    """The study that each of several solutions can have within the bound of a request and its budget in seconds."""
+    positions = min(MOST_POSITIONS, POSITIONS_A_SECOND * budget)
+    most = int(positions / ((points + BAND_STEPS + 1) * max(1, solutions)))
     return manufacture._replace(samples=max(FEWEST_SAMPLES, min(manufacture.samples, most)))
 
 
@@ -274,7 +277,7 @@ def study_notes(asked: Manufacture | None, solutions: Sequence[Any]) -> list[str
         return []
     return [
         f"each tolerance study simulates {studies[0].samples:,} linkages instead of {asked.samples:,}, to bound the time of the "
-        "request: ask for fewer solutions"
+        "request: ask for fewer solutions, or give it more time"
     ]
 
 

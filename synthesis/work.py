@@ -65,6 +65,11 @@ class Work:
         return longer
 
     @property
+    def budget(self) -> float:
+        """Seconds in all; infinite without a limit."""
+        return self._budget
+
+    @property
     def elapsed(self) -> float:
         """Seconds since the beginning."""
         return self._clock() - self._begin

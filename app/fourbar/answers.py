@@ -39,8 +39,10 @@ def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
     if isinstance(request, MatchRequest):
         return samples > 256 or request.top > 100
     limited = not request.limits.model_fields_set <= {"family"} or request.round_to is not None
-    extra = request.timing == "free" or limited or (request.effort == "atlas" and request.position is not None)
-    return samples > 64 or request.top > 20 or extra
+    studied = request.lengths_from is not None or request.tolerance_study is not None
+    wished = request.diverse or request.tolerances is not None or request.prefer not in (None, "error")
+    extra = request.timing == "free" or (request.effort == "atlas" and request.position is not None)
+    return samples > 64 or request.top > 20 or limited or studied or wished or extra
 
 
 def budget_of(budget_ms: float | None, resources: Resources) -> float | None:

@@ -118,7 +118,7 @@ def round_to_grid(
     tries : int
         At most so many combinations, where the nearest lengths do not do.
     work : Work
-        Asked between steps whether the answer is still wanted; its budget is the search's.
+        Once it has expired no further combinations are tried than the first few.
 
     Returns
     -------
@@ -167,9 +167,11 @@ def _best_of(
     old = solution.linkage
     every = int(np.prod([float(values.size) for values in choices]))
     order = _nearest_first(target, solution, choices)
-    tried, found = 0, []
+    tried = 0
+    found: list[tuple[Floats, Floats, Floats]] = []
     while tried < tries and (links := np.array(list(itertools.islice(order, min(_TOGETHER, tries - tried))))).size:
-        work.check()
+        if found and work.expired():
+            break
         found.append((links, *scan(target, links, old.branch, limits)))
         tried += len(links)
     links, cost, starts = (np.concatenate(columns) for columns in zip(*found))
@@ -179,10 +181,9 @@ def _best_of(
     for first in range(0, ranked.size, _PLACED):
         if best is not None and cost[ranked[first]] > _WORSE * best.errors.objective**2:
             break
-        if first >= min(_MOST_PLACED, max(_PLACED, tries // _SCANS_OF_PLACING)):
+        if first >= min(_MOST_PLACED, max(_PLACED, tries // _SCANS_OF_PLACING)) or (first and work.expired()):
             refined_all = False
             break
-        work.check()
         some = ranked[first : first + _PLACED]
         for one in place(target, links[some], old.branch, starts[some], old, limits):
             if one is not None and (best is None or one.errors.objective < best.errors.objective):

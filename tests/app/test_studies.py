@@ -11,6 +11,8 @@ import pytest
 
 import linkage_atlas as la
 from app import cli
+from app.fourbar.answers import is_long
+from app.fourbar.models import SynthesizeRequest
 from app.registry import worked_example
 
 EXAMPLE = {**worked_example(), "top": 2}
@@ -103,6 +105,26 @@ def test_without_positions_there_are_angular_rates_only(client) -> None:
     ):
         wrong = client.post("/v1/synthesize", json={**asked, **wish})
         assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == f"#/{name}"
+
+
+def test_a_study_keeps_to_the_budget(client) -> None:
+    asked = {"links": 0.1, "samples": 100_000}
+    few = ask(client, tolerance_study=asked, budget_ms=200)
+    assert few["solutions"][0]["tolerance_study"]["samples"] < 2000
+    assert any("give it more time" in note for note in few["report"]["notes"])
+
+
+@pytest.mark.parametrize(
+    "wishes",
+    [{"tolerance_study": {}}, {"lengths_from": [1, 2]}, {"diverse": True}, {"prefer": "size"}, {"timing": "free"}],
+    ids=lambda wishes: next(iter(wishes)),
+)
+def test_what_takes_long_waits_with_what_takes_long(wishes) -> None:
+    body = {"rotation": [0, 1, 3, 6], "position": [[0, 0], [1, 0], [2, 1], [3, 2]]}
+    plain = body | ({} if "timing" in wishes else {"crank_span": 50})
+    assert is_long(SynthesizeRequest(**plain | wishes))
+    assert not is_long(SynthesizeRequest(**plain | wishes | {"budget_ms": 100}))
+    assert not is_long(SynthesizeRequest(**body | {"crank_span": 50}))
 
 
 def test_a_study_has_its_bounds_and_says_so(client, monkeypatch) -> None:
