@@ -25,10 +25,11 @@ import math
 import os
 import shutil
 from collections.abc import Callable, Mapping
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryFile
 from threading import Event
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -167,9 +168,7 @@ def _opened(path: Path, key: Mapping[str, Any]) -> Part:
         file = path / f"{name}.npy"
         if file.stat().st_size != told["bytes"]:
             raise ValueError(f"{file.name} is cut off, or longer than what was written")
-        arrays[name] = np.asarray(np.load(file, mmap_mode="r"))
-        if arrays[name].dtype.str != told["dtype"] or list(arrays[name].shape) != told["shape"]:
-            raise ValueError(f"{file.name} is not what was written")
+        arrays[name] = _mapped(file, np.dtype(told["dtype"]), tuple(told["shape"]), "r")
     return Part(manifest["about"], arrays)
 
 
@@ -236,14 +235,20 @@ def _make(path: Path, key: Mapping[str, Any], fill: Fill, stamp: Stamp | None) -
         if stale.exists():
             shutil.rmtree(stale)
 
+    arrays: dict[str, dict[str, Any]] = {}
+
     def new(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
-        return _new_file(temporary / f"{name}.npy", np.dtype(dtype), shape)
+        values = _new_file(temporary / f"{name}.npy", np.dtype(dtype), shape)
+        arrays[name] = {"dtype": values.dtype.str, "shape": values.shape}
+        return values
 
     try:
         temporary.mkdir()
         about = {**fill(new, temporary), "stamp": stamp}
-        arrays = {file.stem: _described(file) for file in sorted(temporary.glob("*.npy"))}
-        part = json.loads(json.dumps({"key": key, "about": about, "arrays": arrays}))
+        for name, told in arrays.items():
+            file = temporary / f"{name}.npy"
+            told |= {"bytes": file.stat().st_size, "sha256": _file_hash(file)}
+        part = json.loads(json.dumps({"key": key, "about": about, "arrays": dict(sorted(arrays.items()))}))
         (temporary / _MANIFEST).write_text(json.dumps({"sha256": _hash_of(part), "part": part}))
         # No fsync, which a start would wait for: what a power failure leaves out is mostly noticed by its size.
         temporary.rename(path)
@@ -252,10 +257,24 @@ def _make(path: Path, key: Mapping[str, Any], fill: Fill, stamp: Stamp | None) -
         raise
 
 
-def _described(file: Path) -> dict[str, Any]:
-    values = np.load(file, mmap_mode="r")
-    about = {"dtype": values.dtype.str, "shape": values.shape}
-    return {**about, "bytes": file.stat().st_size, "sha256": _file_hash(file)}
+def _header(dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
+    """What a ``.npy`` file of an array begins with."""
+    written = BytesIO()
+    described = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(written, described)
+    return written.getvalue()
+
+
+def _mapped(path: Path, dtype: np.dtype[Any], shape: tuple[int, ...], mode: Literal["r", "r+"]) -> NDArray[Any]:
+    """The array in a ``.npy`` file of a type and shape that are known, mapped; ValueError where its header says otherwise.
+
+    `numpy.load` would parse the header as Python, which CPython 3.11 does not stand on two threads at once.
+    """
+    header = _header(dtype, shape)
+    with path.open("rb") as file:
+        if file.read(len(header)) != header:
+            raise ValueError(f"{path.name} is not what was written")
+    return np.asarray(np.memmap(path, dtype, mode, len(header), shape))
 
 
 def _new_file(path: Path, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
@@ -267,12 +286,12 @@ def _new_file(path: Path, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArr
         The disk is full.
     """
     dtype = dtype.newbyteorder("<")
+    header = _header(dtype, shape)
     with path.open("xb") as file:
-        header = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
-        np.lib.format.write_array_header_1_0(file, header)
+        file.write(header)
         file.flush()
-        reserve(file.fileno(), file.tell(), dtype.itemsize * math.prod(shape))
-    return np.asarray(np.load(path, mmap_mode="r+"))
+        reserve(file.fileno(), len(header), dtype.itemsize * math.prod(shape))
+    return _mapped(path, dtype, shape, "r+")
 
 
 def temporary_arrays(folder: Path) -> New:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import json
 import logging
 import os
 import shutil
@@ -240,6 +241,23 @@ def test_an_index_of_something_else_is_not_used(ready, change, monkeypatch, capl
     wanted = la.load_atlas(ready)
     assert len(atlas) == len(wanted) and same(atlas.scan.best(target(0), 5), wanted.scan.best(target(0), 5))
     assert [path.name for path in opened(ready).scan.prepared._parts.folders] == ["cells"]
+
+
+def test_arrays_are_plain_npy_files(ready) -> None:
+    for part in opened(ready).index_files:
+        told = json.loads((part / "manifest.json").read_text())["part"]["arrays"]
+        assert told.keys() == {file.stem for file in part.glob("*.npy")}
+        for name, one in told.items():
+            values = np.load(part / f"{name}.npy")
+            assert values.dtype.str == one["dtype"] and list(values.shape) == one["shape"]
+
+
+def test_no_header_is_parsed_as_python(ready, monkeypatch) -> None:
+    """CPython 3.11 does not stand that on two threads at once: SystemError, and from then on at every parse."""
+    monkeypatch.setattr("ast.literal_eval", full)
+    atlas = opened(ready)
+    atlas.prepare()
+    assert atlas.scan and [path.name for path in atlas.index_files] == PARTS
 
 
 def test_files_of_the_earlier_format_are_removed(path) -> None:
