@@ -51,7 +51,7 @@ class Asked(NamedTuple):
 
 def requests() -> Iterator[Asked]:
     """What is asked: examples and their files, wrong bodies, matches, everyday questions within limits."""
-    for path in ("/v1/atlas", "/v1/atlas/types/45185", "/v1/atlas/types/0", "/openapi.json", "/livez", "/nowhere"):
+    for path in ("/v1/atlas", "/v1/types/45185", "/v1/types/0", "/openapi.json", "/livez", "/nowhere"):
         yield Asked(path, "GET", path)
     for query in all_queries():
         for name, body in query.examples.items():

@@ -59,6 +59,9 @@ from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
 # -- the beginning -------------------------------------------------------------------------------------------------
 
 _EXCESS = 1e-2
@@ -107,7 +110,6 @@ def report_of(
 
 # -- crank angles given --------------------------------------------------------------------------------------------
 
-Floats = NDArray[np.float64]
 
 _STEPS = 400
 _PLANS = (
@@ -245,7 +247,6 @@ class _Descents:
 
 # -- crank angles free ---------------------------------------------------------------------------------------------
 
-Ints = NDArray[np.intp]
 
 _GRID = 120
 """Crank angles at which a linkage is compared with the poses."""

@@ -20,6 +20,7 @@ from synthesis.target import TURN, Interval, Target
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+Flags = NDArray[np.bool_]
 
 
 class FourBarShape(NamedTuple):
@@ -254,8 +255,6 @@ def _slope(
     slope *= lever[:, None, :]
     return slope
 
-
-Flags = NDArray[np.bool_]
 
 _ROCKER = np.array([[1, 0, 0, 0], [1, 0.5, 0.5, 0], [1, 0.5, 0, 0.5], [1, 0, 0.5, 0.5]])
 _DOUBLE = np.abs(_ROCKER[[3, 1, 2, 0]]) * np.array([-1, 1, 1, 1])

@@ -40,6 +40,8 @@ from synthesis.least_squares import Evaluation, minimise
 from synthesis.target import TURN
 from synthesis.work import Work
 
+Flags = NDArray[np.bool_]
+
 # -- dyads ---------------------------------------------------------------------------------------------------------
 
 Floats = NDArray[np.float64]
@@ -300,7 +302,6 @@ def _burmester_points(body: Body, count: int, random: np.random.Generator) -> Co
 
 # -- pairs of dyads ------------------------------------------------------------------------------------------------
 
-Flags = NDArray[np.bool_]
 
 _EVEN = 0.3
 """Part of the way from angles that were put in order to evenly spaced ones."""

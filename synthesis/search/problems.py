@@ -35,6 +35,8 @@ from synthesis.pose import DEGENERATE, fixed_columns, whole_turns
 from synthesis.target import Target
 from synthesis.work import Work
 
+Flags = NDArray[np.bool_]
+
 # -- without limits ------------------------------------------------------------------------------------------------
 
 Floats = NDArray[np.float64]
@@ -133,7 +135,6 @@ class ProjectedProblem:
 
 # -- within limits -------------------------------------------------------------------------------------------------
 
-Flags = NDArray[np.bool_]
 
 _NONE = np.empty(0, dtype=bool)
 _LONGEST_TURN, _LONGEST_WAY = 0.75, 2.0

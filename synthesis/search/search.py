@@ -35,6 +35,8 @@ from synthesis.search.seeds import Candidates, SeedTables, Windows
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
+Floats = NDArray[np.float64]
+
 # -- rounds --------------------------------------------------------------------------------------------------------
 
 
@@ -99,7 +101,6 @@ TO_THE_END = (
 
 # -- within limits -------------------------------------------------------------------------------------------------
 
-Floats = NDArray[np.float64]
 
 _SAMPLES, _FINE = 16, 48
 """Samples that descents begin with, and go on with."""
