@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import warnings
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -13,8 +12,6 @@ from typing import Annotated, Any, Literal
 from fastapi import FastAPI
 from pydantic import BeforeValidator, Field
 from pydantic.warnings import UnsupportedFieldAttributeWarning
-from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
 from starlette.responses import Response
 
 import linkage_atlas as la
@@ -69,8 +66,8 @@ def create_app(
     if settings.log_json or settings.metrics:
         observed = import_module("app.observed")  # and with it the client library of Prometheus
         observed.install(app, settings, computing)
-    app.state.description, app.state.describing = None, asyncio.Lock()
-    app.add_route("/openapi.json", _description, ["GET"], include_in_schema=False)
+    description = page.MadeOnce(lambda: page.json_file(described(app)))
+    app.add_route("/openapi.json", description.reply, ["GET"], include_in_schema=False)
     return app
 
 
@@ -81,17 +78,6 @@ def described(app: FastAPI) -> dict[str, Any]:
         document = app.openapi()
     document["components"]["schemas"]["Problem"] = problems.SCHEMA
     return document
-
-
-async def _description(request: Request) -> Response:
-    state = request.app.state
-    if state.description is None:
-        async with state.describing:
-            state.description = state.description or await run_in_threadpool(
-                lambda: page.made_once(described(request.app))
-            )
-    reply: Response = state.description.reply(request)
-    return reply
 
 
 class AtlasReply(ReplyModel):

@@ -5,17 +5,19 @@ Every file is read once, when the routes are made, and found by its exact name: 
 
 from __future__ import annotations
 
+import asyncio
 import gzip
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property, partial
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
 
 from fastapi import FastAPI
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -105,12 +107,32 @@ def scenes() -> dict[str, str]:
     return {name: SCENE_TITLES.get(name, name.capitalize()) for name in SCENES}
 
 
-def made_once(content: Any) -> StaticFile:
+def json_file(content: Any) -> StaticFile:
     """A reply in JSON that depends on no request."""
     return StaticFile(json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode(), MEDIA_TYPES[".json"])
 
 
-@cache
+async def sent(file: StaticFile, request: Request, **headers: str) -> Response:
+    """A file, compressed on a thread before it is first sent; no thread is needed from then on."""
+    if "compressed" not in vars(file):
+        await run_in_threadpool(lambda: file.compressed)
+    return file.reply(request, **headers)
+
+
+class MadeOnce:
+    """A file that is made on a thread when it is first asked for."""
+
+    def __init__(self, make: Callable[[], StaticFile]) -> None:
+        self._make, self._lock = make, asyncio.Lock()
+        self._file: StaticFile | None = None
+
+    async def reply(self, request: Request) -> Response:
+        """The file; others that ask for it meanwhile wait."""
+        async with self._lock:
+            self._file = self._file or await run_in_threadpool(self._make)
+        return await sent(self._file, request)
+
+
 def scene_details(name: str) -> StaticFile:
     """What a scene's page is made from: its queries with the schema of their requests and their examples."""
     queries = [
@@ -124,26 +146,27 @@ def scene_details(name: str) -> StaticFile:
         }
         for query in queries_of(name)
     ]
-    return made_once({"name": name, "title": scenes()[name], "queries": queries})
+    return json_file({"name": name, "title": scenes()[name], "queries": queries})
 
 
 def install(app: FastAPI) -> None:
     """The routes ``/``, ``/function``, ``/static/...``, one page a scene, and what those pages are made from."""
     stored, shown = static_files(), static_files("docs")
     titles = scenes()
+    details = {name: MadeOnce(partial(scene_details, name)) for name in titles}
 
     def page(path: str, file: StaticFile, **headers: str) -> None:
         async def reply(request: Request) -> Response:
-            return file.reply(request, **headers)
+            return await sent(file, request, **headers)
 
         app.add_route(path, reply, ["GET", "HEAD"])
 
     def folder(path: str, files: dict[str, StaticFile]) -> None:
-        def reply(request: Request) -> Response:  # no coroutine: compressed on a thread
+        async def reply(request: Request) -> Response:
             name = request.path_params["name"]
             if name not in files or name.endswith(".html"):
                 raise NotFound("the page has no such file")
-            return files[name].reply(request)
+            return await sent(files[name], request)
 
         app.add_route(path, reply, ["GET", "HEAD"])
 
@@ -155,17 +178,17 @@ def install(app: FastAPI) -> None:
 
     async def scene_page(request: Request) -> Response:
         scene_of(request)
-        return stored["scene.html"].reply(request)
+        return await sent(stored["scene.html"], request)
 
-    def scene_queries(request: Request) -> Response:  # no coroutine: the schemas are made on a thread
-        return scene_details(scene_of(request)).reply(request)
+    async def scene_queries(request: Request) -> Response:
+        return await details[scene_of(request)].reply(request)
 
     page("/", stored["index.html"])
     page("/function", stored["function.html"])
     page("/favicon.ico", stored["icon.svg"])
     for path in ("/docs", "/redoc"):
         page(path, shown["index.html"], **{"Content-Security-Policy": DOCS_POLICY})
-    page("/scenes", made_once([{"name": name, "title": title} for name, title in titles.items()]))
+    page("/scenes", json_file([{"name": name, "title": title} for name, title in titles.items()]))
     folder("/static/{name:path}", stored)
     folder("/docs/{name}", shown)
     app.add_route("/scenes/{name}", scene_page, ["GET", "HEAD"])
