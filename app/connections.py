@@ -28,7 +28,7 @@ _PROBES = (0.01, 0.005, 0.02, 0.1)
 with a reset, which the second finds."""
 _PROBE_SECONDS = 0.4
 """Between all further ones."""
-_MOST_LOGGED = 500
+MOST_LOGGED = 500
 """Characters of an address in the log."""
 
 
@@ -36,7 +36,7 @@ def cut_addresses(record: logging.LogRecord) -> bool:
     """A filter of uvicorn's log of requests: no line is longer than it needs to be."""
     if isinstance(record.args, tuple):
         record.args = tuple(
-            f"{part[:_MOST_LOGGED]}..." if isinstance(part, str) and len(part) > _MOST_LOGGED else part
+            f"{part[:MOST_LOGGED]}..." if isinstance(part, str) and len(part) > MOST_LOGGED else part
             for part in record.args
         )
     return True

@@ -22,12 +22,11 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.bodies import Held
+from app.connections import MOST_LOGGED
 from app.settings import Settings
 from app.turnstile import Turnstile
 
 _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30)
-_MOST_LOGGED = 500
-"""Characters of an address in a line."""
 lines = logging.getLogger("linkage_atlas.requests")
 
 
@@ -89,7 +88,7 @@ def _line(scope: Scope, status: int, size: int, seconds: float) -> None:
         "time": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "client": client[0] if client else None,
         "method": scope["method"],
-        "path": scope["path"][:_MOST_LOGGED],
+        "path": scope["path"][:MOST_LOGGED],
         "status": status,
         "bytes": size,
         "ms": round(1000 * seconds, 3),

@@ -67,6 +67,12 @@ class _Process:
             os.kill(self.number, signal.SIGKILL)
 
 
+def _ending(status: int) -> str:
+    """How a process ended: the name of a signal, or its exit code."""
+    code = os.waitstatus_to_exitcode(status)
+    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+
+
 async def message_of(reader: asyncio.StreamReader) -> Any:
     """The next message that `app.computer.packed` made."""
     return pickle.loads(await reader.readexactly(length_of(await reader.readexactly(LENGTH_BYTES))))
@@ -167,12 +173,11 @@ class Processes:
         if self._turnstile.stopping:
             return problems.Ending()
         try:
-            code = os.waitstatus_to_exitcode(await asyncio.wait_for(process.status, _TOLD_SECONDS))
+            how = _ending(await asyncio.wait_for(process.status, _TOLD_SECONDS))
         except TimeoutError:
             return problems.Died()
-        if code == -signal.SIGPROF:
+        if how == signal.SIGPROF.name:
             return OutOfTime()
-        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         log.error("A process that computed an answer of %s ended by %s; another takes its place", path, how)
         return problems.Died()
 
@@ -219,8 +224,7 @@ class Processes:
             while True:
                 match await message_of(self._told):
                     case ("ended", number, status):
-                        code = os.waitstatus_to_exitcode(status)
-                        self.ends[signal.Signals(-code).name if code < 0 else f"exit code {code}"] += 1
+                        self.ends[_ending(status)] += 1
                         process = self._alive.get(number)
                         if process is not None:
                             process.status.set_result(status)

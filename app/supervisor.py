@@ -223,7 +223,7 @@ class Supervisor:
             log.error("The service that was to take over has ended; this one goes on")
         elif self._deadline is None:
             self._deadline = time.monotonic() + DRAIN_SECONDS + _LATE_SECONDS
-            os.kill(self._front or 0, signal.SIGUSR1)
+            self._tell_front(signal.SIGUSR1)
 
     def _end(self, number: int, frame: FrameType | None) -> None:
         if self._deadline is None:
@@ -232,8 +232,12 @@ class Supervisor:
             self._deadline = 0.0
         if self._front is None:
             os._exit(0)  # nothing has begun
+        self._tell_front(signal.SIGTERM)
+
+    def _tell_front(self, what: signal.Signals) -> None:
+        assert self._front is not None
         with contextlib.suppress(ProcessLookupError):
-            os.kill(self._front, signal.SIGTERM)
+            os.kill(self._front, what)
 
     # -- processes --------------------------------------------------------------------------------------------------------
 
