@@ -127,7 +127,8 @@ class Held:
         self.take(-size)
 
     def take(self, size: int) -> None:
-        """So many of them are sent."""
+        """So many bytes are sent, of which at most what is left was held."""
+        size = min(size, self._left)
         self._left -= size
         Held.total -= size
 

@@ -129,12 +129,12 @@ class LargeBodies:
     async def read(self, request: Request) -> bytes:
         """The body of a request; raises `problems.SlowBody`."""
         here, length = request.client.host if request.client else "", request.headers.get("content-length", "")
-        while len(self._coming) >= self._places or self._of(here) >= self._places // 2:
+        while others := self._in_the_way(here):
             self._left.clear()
             now = asyncio.get_running_loop().time()
-            late = [one for one in self._coming if one.late(now, self._seconds) and one.begin + self.PATIENCE < now]
-            for one in sorted(late, key=lambda one: len(one.body))[:1]:
-                one.time.reschedule(now)
+            late = [one for one in others if one.late(now, self._seconds) and one.begin + self.PATIENCE < now]
+            if late:
+                min(late, key=lambda one: len(one.body)).time.reschedule(now)
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._left.wait(), self.PATIENCE / 4)
         try:
@@ -151,8 +151,12 @@ class LargeBodies:
             self._left.set()
             give_back_memory(every=1.0)
 
-    def _of(self, address: str) -> int:
-        return sum(one.address == address for one in self._coming)
+    def _in_the_way(self, address: str) -> list[_Coming]:
+        """Bodies of which one must leave before another comes from an address; none where there is a place."""
+        if len(self._coming) >= self._places:
+            return self._coming
+        own = [one for one in self._coming if one.address == address]
+        return own if len(own) >= self._places // 2 else []
 
 
 class _Coming:
@@ -163,8 +167,8 @@ class _Coming:
         self.begin, self.body = asyncio.get_running_loop().time(), bytearray()
 
     def late(self, now: float, seconds: float) -> bool:
-        """Whether it will not be there in so many seconds if it goes on as it came."""
-        return len(self.body) * seconds < self.size * (now - self.begin)
+        """Whether it will not be there in so many seconds if it goes on as it came, and has not been given up already."""
+        return not self.time.expired() and len(self.body) * seconds < self.size * (now - self.begin)
 
 
 async def _content(request: Request) -> bytes:

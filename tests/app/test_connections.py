@@ -10,16 +10,18 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import pytest
 import uvicorn
 from starlette.routing import Route
 
 from app import bodies, connections
-from app.computed import Threads
+from app.computed import LargeBodies, Threads, _Coming
 from app.connections import protocol_of
 from app.main import create_app
+from app.problems import SlowBody
 from app.resources import ServiceResources
 from app.settings import Settings
 from tests.conftest import listening
@@ -246,6 +248,63 @@ def test_requests_whose_clients_have_gone_leave_their_places(monkeypatch) -> Non
                     assert eventually(lambda: turnstile.waiting == 1)
                 assert eventually(lambda: turnstile.waiting == 0)
         assert eventually(lambda: turnstile.computing == 0)
+
+
+def test_what_is_shared_is_not_counted_while_it_is_sent() -> None:
+    before, held = bodies.Held.total, bodies.Held(0)
+    held.take(1000)
+    assert bodies.Held.total == before
+
+
+class Sender:
+    """A request whose large body does not come, from an address."""
+
+    headers: ClassVar[dict[str, str]] = {"content-length": "900000"}
+
+    def __init__(self, host: str) -> None:
+        self.client = SimpleNamespace(host=host)
+
+    async def stream(self) -> Any:
+        yield b" "
+        await asyncio.Event().wait()
+
+
+async def received(senders: list[str], places: int, until: Any) -> tuple[LargeBodies, list[asyncio.Task[bytes]]]:
+    large = LargeBodies(places, 1000.0)
+    large.PATIENCE = 0.05
+    tasks = [asyncio.create_task(large.read(Sender(host))) for host in senders]
+    async with asyncio.timeout(PATIENCE):
+        while not until(large, tasks):
+            await asyncio.sleep(0.005)
+    return large, tasks
+
+
+def test_a_place_is_taken_from_those_that_are_in_the_way() -> None:
+    async def story() -> None:
+        # the other's body is as slow, but the third of one address waits for a place of its own address
+        _, tasks = await received(
+            ["other", "a", "a", "a"], 4, lambda large, tasks: any(map(asyncio.Task.done, tasks))
+        )
+        assert (
+            not tasks[0].done() and sum(isinstance(task.exception(), SlowBody) for task in tasks if task.done()) >= 1
+        )
+        for task in tasks:
+            task.cancel()
+
+    asyncio.run(story())
+
+
+def test_a_body_that_has_been_given_up_is_not_given_up_again() -> None:
+    """Its time cannot be changed any more, and it leaves its place in a moment."""
+
+    async def story() -> None:
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0) as time:
+                coming = _Coming("a", 900_000, time)
+                await asyncio.Event().wait()
+        assert not coming.late(coming.begin + 10, 20.0)
+
+    asyncio.run(story())
 
 
 def test_large_bodies_that_do_not_come_keep_no_place() -> None:
