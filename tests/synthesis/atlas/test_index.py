@@ -253,7 +253,7 @@ def test_arrays_are_plain_npy_files(ready) -> None:
 
 
 def test_no_header_is_parsed_as_python(ready, monkeypatch) -> None:
-    """CPython 3.11 does not stand that on two threads at once: SystemError, and from then on at every parse."""
+    """CPython 3.11 raises SystemError where another thread parses Python meanwhile."""
     monkeypatch.setattr("ast.literal_eval", full)
     atlas = opened(ready)
     atlas.prepare()
