@@ -34,10 +34,10 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution, assess, mounted, within
 from synthesis.free.dyads import chart_of, in_any_order, squared_errors
-from synthesis.free.joint import JointProblem, Pool, Timed, refine
+from synthesis.free.joint import JointProblem, Pool, Stage, Timed
 from synthesis.free.limited import refined_within
 from synthesis.free.poses import Poses
-from synthesis.free.search import nearest, solutions_of
+from synthesis.free.search import solutions_of
 from synthesis.function.answers import Generator, exchanged
 from synthesis.function.search import FunctionSearch
 from synthesis.function.wanted import Wanted
@@ -298,7 +298,7 @@ def refine_poses(
                 solutions_of(poses, pool, chart, Limits(family=limits.family), 1, tolerance),
                 work.elapsed,
             )
-        pool = pool.joined(Pool.of(refine(problem, timed, _JOINT_STEPS, 0.3 * tolerance, work)))
+        pool = pool.joined(problem.descended(timed, [Stage(_JOINT_STEPS)], 0.3 * tolerance, work))
         found = solutions_of(poses, pool, chart, limits, 1, tolerance)
         if not (limits.only_family or Status.of(found, tolerance) is Status.REACHED or work.expired()):
             inside = refined_within(poses, limits, pool.timed, work)
@@ -308,7 +308,7 @@ def refine_poses(
 
 def _as_it_is(problem: JointProblem, timed: Timed) -> Pool:
     """Candidates in their own pose."""
-    return Pool(timed, problem.plain_cost(timed))
+    return problem.measured(timed, posed=False)
 
 
 def _begun(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None) -> Timed | None:
@@ -343,7 +343,7 @@ def _begun(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None)
     if not begins:
         return None
     every = begins[0].joined(*begins[1:])
-    return every.joined(nearest(problem, every, _SHARPER))
+    return every.joined(problem.nearest(every, _SHARPER))
 
 
 def _in_order(poses: Poses, angles: Floats) -> Floats:
@@ -365,7 +365,7 @@ def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
     poses = problem.poses
     grid = np.linspace(0.0, TURN, _GRID, endpoint=False)
     each = own.take(np.zeros(_GRID, dtype=int))._replace(angles=grid[:, None])
-    closes = np.broadcast_to(problem.turned(each, derivatives=False).body.possible, _GRID)
+    closes = np.broadcast_to(problem.turned(each).body.possible, _GRID)
     if not closes.any():
         return []
     costs = np.where(closes[:, None], squared_errors(problem, each)[:, :, 0], np.inf).T

@@ -64,6 +64,10 @@ class Chart(Protocol):
     """Coordinates of shapes for a search."""
 
     @property
+    def kind(self) -> int:
+        """Its code in the compiled kernel."""
+
+    @property
     def cell(self) -> Floats:
         """Extent of unknowns and start within which two seeds are alike, (k + 1,)."""
 

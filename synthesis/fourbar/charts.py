@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis import kernel
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.mechanism import BodyAngles, Evaluate
 from synthesis.target import TURN, Interval, Target
@@ -95,6 +96,7 @@ class FullCrankChart(Evaluated):
     sheet: int = 0
 
     always_closes = True
+    kind = kernel.FULL_CRANK
     cell = np.array([0.7, 1.0, 1.0, 0.6])
     hop = np.array([0.7, 1.5, 1.5, 0.4])
     edges = np.array(list(product(_FAR, (-8.0, -4.0, -2.0, -0.5, 0.5, 2.0, 4.0), _FAR)))
@@ -140,6 +142,7 @@ class AnyChart(Evaluated):
 
     sheet = 0
     always_closes = False
+    kind = kernel.ANY
     cell = FullCrankChart.cell
     hop = FullCrankChart.hop
     LIMIT = 16.0
@@ -287,6 +290,11 @@ class GrashofChart(Evaluated):
     """Of the logarithms of the magnitudes, and of the start."""
     longest_step = 0.35
 
+    @property
+    def kind(self) -> int:
+        """Its code in the compiled kernel."""
+        return kernel.GRASHOF_SCALED if self.scaled else kernel.GRASHOF
+
     def shape(self, unknowns: Floats) -> FourBarShape:
         """Shapes at unknowns (n, 4); excesses below zero count as zero."""
         jacobian = _SHEETS[(unknowns[:, 0] > 0).astype(np.intp)]
@@ -347,6 +355,7 @@ class LengthsChart(Evaluated):
     """All four-bars by the logarithms of their lengths, whose common scale is free."""
 
     LIMIT = 30.0
+    kind = kernel.LENGTHS
     always_closes = False
     sheet = 0
     cell = np.append(np.full(4, 0.7), FullCrankChart.cell[3])

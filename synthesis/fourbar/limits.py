@@ -310,7 +310,6 @@ BEGIN, END, PIVOT, TURNED, COUPLER = 4, 5, 6, 8, 9
 """Columns of derivatives, as `mechanism.Constrained` has them, behind those by the lengths."""
 _BOTH_PIVOTS, _COUPLER = ("pivot_a", "pivot_b"), 2
 """The points that limits speak of."""
-_EVERY = range(len(LINKS))
 _SIGNS = {"crank_rocker": 1.0, "double_crank": -1.0}
 """Of the first two excesses of a family (see `kinematics.grashof_excesses`)."""
 
@@ -353,9 +352,9 @@ class Constraints:
             nothing + placed.branch,
             nothing + placed.used.first,
             nothing + placed.used.last,
-            (nothing + pivot)[:, None].view(float),
+            (nothing + 0j + pivot)[:, None].view(float),
             nothing + turned,
-            (nothing + coupler)[:, None].view(float),
+            (nothing + 0j + coupler)[:, None].view(float),
         )
         return Constrained(values, slopes, table.equal, table.names)
 
@@ -381,9 +380,10 @@ class Constraints:
             table.add("family", kernel.FAMILY, _SIGNS.get(limits.family, 0.0))
         if least := limits.transmission_angle_min_turn:
             table.add("transmission_angle_min_turn", kernel.OVER_TURN, np.cos(least), every)
-        for name, length, sign in (("link_min", limits.link_min, 1.0), ("link_max", limits.link_max, -1.0)):
-            for k in _EVERY if length is not None else ():
-                table.add(name, kernel.LENGTH, k, sign, -sign * length / scale)
+        for name, bound, sign in (("link_min", limits.link_min, 1.0), ("link_max", limits.link_max, -1.0)):
+            if bound is not None:
+                for k in range(len(LINKS)):
+                    table.add(name, kernel.LENGTH, k, sign, -sign * bound / scale)
         if limits.link_ratio_max is not None:
             table.add("link_ratio_max", kernel.RATIOS if self.smooth else kernel.RATIO, limits.link_ratio_max)
         for k, given in enumerate(limits.links):

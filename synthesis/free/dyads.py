@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from synthesis.fourbar.charts import AnyChart, GrashofChart
 from synthesis.fourbar.limits import in_family
-from synthesis.free.joint import JointProblem, Pool, Timed, refine
+from synthesis.free.joint import JointProblem, Pool, Stage, Timed
 from synthesis.free.poses import Poses
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.target import TURN
@@ -485,7 +485,7 @@ def _aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Al
 
 def squared_errors(problem: JointProblem, at: Timed) -> Floats:
     """Squared errors of every sample at every angle of the grid, (n, N, grid)."""
-    crank, body = problem.turned(at, derivatives=False)
+    crank, body = problem.turned(at)
     total = np.zeros((len(at.branch), problem.poses.samples, at.angles.shape[1]))
     if problem.has_rotation:
         assert problem.rotation is not None
@@ -601,14 +601,14 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
         if pool.cost.size - near.size < _ENOUGH:
             # dyads of short links lie where places all but coincide: a few steps give back what rounding took
             rest = pool.take(near).best(_ENOUGH)
-            rest = Pool.of(refine(search.problem, rest.timed, 60, exact, work, all_of_them=True))
+            rest = search.problem.descended(rest.timed, [Stage(60)], exact, work, all_of_them=True)
             pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(rest)
         yield pool
         return
     dyads = linear_dyads(search.body)
     dyads, _ = polished(search.body, dyads) if dyads.radius.size else (dyads, None)
     five = search.full == FEW + 1 and not search.mixed
-    pool = Pool.of(refine(search.problem, search.four_bars(dyads), 25, exact, work, all_of_them=five))
+    pool = search.problem.descended(search.four_bars(dyads), [Stage(25)], exact, work, all_of_them=five)
     yield pool
     if pool.least < tolerance or (work.expired() and np.isfinite(pool.least)):
         return
@@ -625,7 +625,7 @@ def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work) -> Itera
         if one is ROUNDS[-1] and found.least > _EXACT_BELOW:
             break
         going = found.best(one.most)
-        found = Pool.of(refine(search.problem, going.timed, one.iterations, 0.3 * tolerance, work)).joined(found)
+        found = search.problem.descended(going.timed, [Stage(one.iterations)], 0.3 * tolerance, work).joined(found)
         yield found
         if found.least < tolerance or work.expired():
             break
@@ -672,7 +672,7 @@ class _Motion:
         """Places of those that fit some of the samples best, full ones and others, some hundred candidates at a time."""
         poses, place = self.poses, np.arange(timed.branch.size)
         if self.full > FEW:  # fewer are fitted exactly
-            fitted = Pool.measured(JointProblem(poses.at(poses.full), self.problem.chart), timed)
+            fitted = JointProblem(poses.at(poses.full), self.problem.chart).measured(timed)
             place = np.argsort(fitted.cost, kind="stable")[:_FITTED]
             timed = timed.take(place)
         others = np.setdiff1d(np.arange(poses.samples), poses.full)
@@ -689,7 +689,7 @@ class _Motion:
 
     def measured(self, dyads: Dyads, repair: bool = False) -> Pool:
         """The same with their J."""
-        return Pool.measured(self.problem, self.four_bars(dyads, repair))
+        return self.problem.measured(self.four_bars(dyads, repair))
 
 
 def _evenly(count: int, most: int) -> NDArray[np.intp]:

@@ -33,6 +33,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis import kernel
 from synthesis.errors import FieldError
 from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
@@ -42,8 +43,8 @@ from synthesis.fourbar.mechanism import FOURBAR, ways
 from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
-from synthesis.free.joint import JointProblem, Pool, Timed, loose_steps, refine
-from synthesis.free.limited import LimitedJoint, guessed_windows, moved_onto, placed_within
+from synthesis.free.joint import JointProblem, Pool, Stage, Timed
+from synthesis.free.limited import guessed_windows, limited_problem, placed_within
 from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
 from synthesis.mechanism import BoundedChart, Chart, Placed
@@ -277,16 +278,6 @@ _KEPT = 1e-13
 """To which an answer must keep equations; other limits it keeps entirely."""
 
 
-class Stage(NamedTuple):
-    """A part of a descent."""
-
-    weight: float
-    """Its square weighs squared violations of limits against J squared."""
-    steps: int
-    stall: float
-    """A candidate whose cost falls by a smaller part in a step ends."""
-
-
 class Plan(NamedTuple):
     """How a round's seeds descend."""
 
@@ -300,11 +291,11 @@ class Plan(NamedTuple):
 
 
 FEW_TO_THEIR_END = Plan(
-    (Stage(0.3, 15, 1e-2), Stage(1.0, 12, 1e-2)),
+    (Stage(15, 1e-2, 0.3), Stage(12, 1e-2, 1.0)),
     12,
-    (Stage(3.0, 12, 1e-3), Stage(10.0, 15, 1e-3), Stage(30.0, 15, 1e-3)),
+    (Stage(12, 1e-3, 3.0), Stage(15, 1e-3, 10.0), Stage(15, 1e-3, 30.0)),
     4,
-    (Stage(100.0, 60, 1e-6), Stage(300.0, 60, 1e-6), Stage(300.0, 60, 1e-7)),
+    (Stage(60, 1e-6, 100.0), Stage(60, 1e-6, 300.0), Stage(60, 1e-7, 300.0)),
 )
 
 
@@ -367,22 +358,22 @@ class Rounds:
         self.holds = not limits.only_family
         """Whether limits hold."""
         self.limited = limited and self.holds
-        self._constraints = [ways(one, limits, posed=True)[0].constraints for one in (self.thin, poses)]
-        """Of positions from the mean of the few samples, and of all."""
         self.plain = JointProblem(poses, chart)
+        """Of all samples, without limits."""
+        self.within = limited_problem(poses, chart, limits) if self.holds else self.plain
+        """Of all samples, within the limits."""
+        self.problem = self.within
+        """Of the few samples, within the limits where descents keep to them."""
+        if self.thin is not poses or not self.limited:
+            self.problem = (
+                limited_problem(self.thin, chart, limits) if self.limited else JointProblem(self.thin, chart)
+            )
         self.random = np.random.default_rng(20)
         self.pool: Pool | None = None
         self._used: Counter[float] = Counter()
         """How often hops started from a valley, by its cost."""
         self._ended: set[float] = set()
         """Costs of those that descended to their end."""
-
-    def problem(self, weight: float, every: bool = False) -> JointProblem:
-        """The problem of the samples that descents look at, or of every sample, with limits of some weight."""
-        poses = self.poses if every else self.thin
-        if not self.limited:
-            return JointProblem(poses, self.chart)
-        return LimitedJoint(poses, self.chart, self._constraints[every], weight)
 
     @property
     def _moved(self) -> complex:
@@ -418,13 +409,8 @@ class Rounds:
             self._take(found)
 
     def _descended(self, timed: Timed, stages: tuple[Stage, ...], answers: bool = False) -> Pool:
-        cost = np.empty(0)
-        for number, stage in enumerate(stages, 1):
-            exact = 0.3 * self.found.tolerance
-            timed, cost = refine(self.problem(stage.weight), timed, stage.steps, exact, self.work, stall=stage.stall)
-            if answers and number < len(stages):
-                self._answer(Pool(timed, cost))
-        return Pool(timed, cost)
+        exact, between = 0.3 * self.found.tolerance, self._answer if answers else None
+        return self.problem.descended(timed, stages, exact, self.work, between=between)
 
     def _take(self, found: Pool) -> None:
         """Into the pool; and what is worth it among the answers."""
@@ -464,29 +450,24 @@ class Rounds:
         if not self.holds:
             self.found.add(self.chart, pool)
             return
-        problem = LimitedJoint(self.poses, self.chart, self._constraints[True], 1.0)
-        lacking = problem.constrained(pool.timed)[0].lacking
-        merit = pool.cost + np.sum(lacking**2, axis=1)
-        moved, broken = moved_onto(problem, pool.timed.take(np.argsort(merit, kind="stable")[:_MOVED]), rounds)
+        merit = pool.cost + self.within.lacking(pool.timed)[0]
+        moved, broken = self.within.moved_onto(pool.timed.take(np.argsort(merit, kind="stable")[:_MOVED]), rounds)
         self.found.add(self.chart, moved.take((broken <= _KEPT) & np.isfinite(moved.cost)))
         near = moved.take(moved.cost < _EXACT_NEAR**2)
         if near.cost.size:
-            done = refine(self.plain, near.timed, 30, 0.3 * self.found.tolerance, self.work, stall=1e-2)
-            lacking = problem.constrained(done.timed)[0].lacking.max(axis=1, initial=0.0)
+            done = self.plain.descended(near.timed, [Stage(30, 1e-2)], 0.3 * self.found.tolerance, self.work)
             if self._counts:
-                self.found.add(self.chart, Pool.of(done).take(lacking <= _KEPT))
+                self.found.add(self.chart, done.take(self.within.lacking(done.timed)[1] <= _KEPT))
 
     def _on_all(self, pool: Pool) -> Pool:
         """Candidates refined on all samples."""
         # two guesses of what lies between: angles that run into one another in one of them need not in the other
         spread = self.spread(pool.timed, 1.0).joined(self.spread(pool.timed, 0.5))
-        timed = nearest(self.plain, spread, _NEAREST_STEPS)
-        done = refine(
-            self.problem(30.0, every=True), timed, _LAST_STEPS, 0.1 * self.found.tolerance, self.work, stall=1e-4
-        )
+        timed, problem = self.plain.nearest(spread, _NEAREST_STEPS), self.within if self.limited else self.plain
+        done = problem.descended(timed, [Stage(_LAST_STEPS, 1e-4, 30.0)], 0.1 * self.found.tolerance, self.work)
         steps = np.diff(done.timed.angles, axis=1)
         strict = np.all(steps > 0, axis=1) | np.all(steps < 0, axis=1) | (not self.poses.ordered)
-        return Pool.of(done.take(strict) if strict.any() else done)
+        return done.take(strict) if strict.any() else done
 
     def spread(self, timed: Timed, power: float = 1.0) -> Timed:
         """Crank angles of all samples from those of the few, by the way along the path between them (see `way_along`)."""
@@ -520,7 +501,7 @@ class Rounds:
         chosen = np.argsort(rank, kind="stable")[:origins]
         self._used.update(cost[chosen])
         best = self.pool.timed.take(np.repeat(chosen, copies // 2))
-        return self._wide_steps(best, width).joined(loose_steps(self.problem(1.0), best, self.random, _LOOSE_HOP))
+        return self._wide_steps(best, width).joined(self.problem.loose_steps(best, self.random, _LOOSE_HOP))
 
     def _wide_steps(self, timed: Timed, width: float) -> Timed:
         """Candidates moved in shape, start and span, with heavy tails, some to the other branch."""
@@ -536,25 +517,6 @@ class Rounds:
         return timed._replace(shape=shape, angles=start + along * np.minimum(factor, longest), branch=branch)
 
 
-def nearest(problem: JointProblem, timed: Timed, steps: int) -> Timed:
-    """The candidates with each crank angle moved to the nearest point of the path; order is kept.
-
-    Parameters
-    ----------
-    problem : JointProblem
-    timed : Timed
-    steps : int
-        Gauss-Newton steps.
-    """
-    none = np.zeros((len(timed.branch), problem.columns))
-    for _ in range(steps):
-        _, stack, turn = problem.evaluate(timed, problem.turned(timed))
-        square = np.einsum("nrk,nrk->nk", turn, turn)
-        along = np.einsum("nrk,nrk->nk", turn, stack[:, -1])
-        timed = problem.moved(timed, none, -along / np.maximum(square, 1e-12 * square.mean(axis=1, keepdims=True)))
-    return timed
-
-
 def valleys(found: Pool, most: int, tolerance: float, apart: float) -> Pool:
     """The best of each valley, best first; all that differ of those that reach the tolerance.
 
@@ -563,19 +525,12 @@ def valleys(found: Pool, most: int, tolerance: float, apart: float) -> Pool:
     """
     order = np.argsort(found.cost, kind="stable")
     order = order[np.isfinite(found.cost[order])]
+    found = found.take(order)
     timing = found.timed.angles - found.timed.angles[:, :1]
     place = np.column_stack([found.timed.shape, found.timed.angles[:, 0], found.timed.branch])
-    near = apart * np.abs(timing).max(axis=1)
-    kept = np.empty(0, dtype=np.intp)
-    for candidate in order:
-        if found.cost[candidate] <= tolerance**2:
-            twin = np.abs(place[kept] - place[candidate]).max(axis=1) < _ALIKE
-        else:
-            twin = np.abs(timing[kept] - timing[candidate]).max(axis=1) < near[candidate]
-        if not twin.any():
-            kept = np.append(kept, candidate)
-            if kept.size == most:
-                break
+    exact = int(np.searchsorted(found.cost, tolerance**2, side="right"))
+    kept = kernel.apart(place[:exact], np.full(exact, _ALIKE), (), 0, most)
+    kept = kernel.apart(timing, apart * np.abs(timing).max(axis=1), kept, exact, most)
     return found.take(kept)
 
 
@@ -793,14 +748,14 @@ class _Search:
                 case Fresh(screen, start, stop):
                     if screen not in seeds:
                         found = self.screens(family)[screen].seeds(run.thin, run.chart)
-                        seeds[screen] = JointProblem(run.thin, run.chart).facing(found)
+                        seeds[screen] = run.problem.facing(found)
                     begin = seeds[screen].take(slice(start, stop))
                 case Hops(origins, copies):
                     begin = run.hops(origins, copies)
                 case Best(most):
                     begin = run.best(most)
             self.seeds += begin.branch.size
-            run.round(begin, Plan((Stage(0.0, one.steps, one.stall),)))
+            run.round(begin, Plan((Stage(one.steps, one.stall),)))
             yield run
             if run.least > _IN_SIGHT[run.holds]:
                 return
@@ -827,7 +782,7 @@ class _Search:
         """Windows at guessed crank angles, in poses within the limits; the best are looked at as answers."""
         if family == "any":
             for one in guessed_windows(self.poses, self.limits, self.windows(family)):
-                run.keep(Pool(one, run.plain.plain_cost(one)), rounds=4)
+                run.keep(run.plain.measured(one, posed=False), rounds=4)
                 yield run.thinned(one)
             return
         limits = self.limits
@@ -839,16 +794,16 @@ class _Search:
                 return np.maximum(limits.transmission_angle_min - np.nan_to_num(held), 0.0)
 
         seeds = self.screens(family)[0].seeds(run.thin, run.chart, missing)
-        problem = run.problem(1.0)
+        problem = run.problem
         seeds = problem.facing(seeds)
-        if isinstance(problem, LimitedJoint):
+        if problem.limited:
             boxes = ways(run.thin, limits, posed=True)[0].boxes
             assert boxes is not None
             seeds, inside = placed_within(problem, seeds, boxes)
             look = np.concatenate([inside[:_LOOKED_AT], np.arange(_LOOKED_AT)])
         else:
-            seeds, look = problem.posed(seeds, problem.turned(seeds, derivatives=False)), np.arange(_LOOKED_AT)
+            seeds, look = problem.measured(seeds).timed, np.arange(_LOOKED_AT)
         few = run.spread(seeds.take(look[look < seeds.branch.size]))
-        run.keep(Pool(few, run.plain.plain_cost(few)) if run.holds else Pool.measured(run.plain, few), rounds=4)
+        run.keep(run.plain.measured(few, posed=not run.holds), rounds=4)
         for k in range(0, seeds.branch.size, _SEEDS):
             yield seeds.take(slice(k, k + _SEEDS))
