@@ -1213,8 +1213,8 @@ class Descent:
         n: cython.Py_ssize_t
         for n in range(self.count):
             self.take(0, n)
-            self.step[: self.columns] = steps[n]
-            self.turn_step[:] = turns[n]
+            np.asarray(self.step)[: self.columns] = steps[n]
+            np.asarray(self.turn_step)[:] = turns[n]
             self.move(0, 0)
             self.give(0, n)
 

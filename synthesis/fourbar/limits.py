@@ -344,9 +344,7 @@ class Constraints:
         compiled, table = self.compiled if placed.pivot is not None else self._on_shape
         count = len(placed.lengths)
         nothing = np.zeros(count)
-        pivot, turned, coupler = (
-            (0j, 0.0, 0j) if placed.pivot is None else (placed.pivot, placed.turned, placed.coupler)
-        )
+        pivot, turned, coupler = (0.0 if one is None else np.asarray(one) for one in placed[3:])
         values, slopes = compiled(
             np.ascontiguousarray(placed.lengths, dtype=float),
             nothing + placed.branch,
