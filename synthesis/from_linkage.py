@@ -34,7 +34,8 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution, assess, mounted, within
 from synthesis.free.dyads import chart_of, in_any_order, squared_errors
-from synthesis.free.joint import JointProblem, Pool, Stage, Timed
+from synthesis.descents import Pool, Stage, Timed
+from synthesis.free.joint import JointProblem
 from synthesis.free.limited import refined_within
 from synthesis.free.poses import Poses
 from synthesis.free.search import solutions_of

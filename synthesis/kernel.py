@@ -12,7 +12,7 @@ so that a refused one evaluates nothing again. The third is for a look ahead.
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import atan2, copysign, cos, exp, fabs, isfinite, log, rint, sin, sqrt
+from cython.cimports.libc.math import atan2, copysign, cos, exp, fabs, floor, isfinite, log, rint, sin, sqrt
 
 PI = cython.declare(cython.double, 3.141592653589793)
 TURN = cython.declare(cython.double, 6.283185307179586)
@@ -51,6 +51,9 @@ class Loop:
     cos2: cython.double
     sin2: cython.double
     root: cython.double
+    square: cython.double
+    both: cython.double
+    across: cython.double
     by_l1: cython.double
     by_l2: cython.double
     by_l3: cython.double
@@ -111,7 +114,21 @@ class Loop:
         self.cos2 = ex / size
         self.sin2 = ey / size
         self.root = root
+        self.square = square
+        self.both = both
+        self.across = across
         return True
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def angle(self, theta1: cython.double) -> cython.double:
+        """theta2 where the loop was turned to, continuous over the turn."""
+        gap: cython.double = self.l4 - self.l1
+        twice: cython.double = 2.0 * min(self.l1, self.l4)
+        angle: cython.double = self.side * atan2(self.root, self.across)
+        angle += atan2(copysign(twice, -gap) * self.both, fabs(gap) + twice * self.square)
+        return angle if gap >= 0.0 else angle + theta1 - PI
 
     @cython.cfunc
     @cython.inline
@@ -878,7 +895,7 @@ def inside(value: cython.double, most: cython.double) -> cython.double:
 # -- descents --------------------------------------------------------------------------------------------------------
 
 ANGLE_ = cython.declare(cython.double, 1e-2)
-LINEAR_ = cython.declare(cython.double, 1e-2)
+TIMED_LINEAR = float(__import__("os").environ.get("TL", "1e-2"))
 """Damping of the crank angles and of the linear unknowns relative to that of the shape."""
 NORMAL_ = cython.declare(cython.double, 1e-9)
 """Damping from which on a step may come from normal equations: the condition of the damped, scaled matrix is below 1e11."""
@@ -909,9 +926,27 @@ class Descent:
     span_max : float
     limits : Limits, optional
         That descents keep to.
+    crank : ndarray, shape (N,), optional
+        Crank angles from the first sample on, where they are given: then the one at the first sample is unknown, and rotations
+        do not count modulo a turn.
+    fixed : tuple of bool
+        Whether that one is given, and whether the rotation's offset is.
+    sheet : int
+        -1: only linkages with L1 < L4; 1: only others; 0: both.
+    shortest : float
+        |z1| below this is no crank.
     """
 
     samples: cython.Py_ssize_t
+    timed: cython.bint
+    fixed_start: cython.bint
+    fixed_offset: cython.bint
+    sheet: cython.int
+    shortest: cython.double
+    base: cython.int
+    linear: cython.double
+    crank: cython.double[::1]
+    goal: cython.double[::1]
     has_rotation: cython.bint
     has_position: cython.bint
     parts: cython.int
@@ -922,6 +957,7 @@ class Descent:
     ordered: cython.bint
     span_max: cython.double
     limited: cython.bint
+    pose_is_best: cython.bint
     rho: cython.double
     shape: Shape
     limits: Limits
@@ -981,7 +1017,7 @@ class Descent:
     stall: cython.double
     exact: cython.double
     all_of_them: cython.bint
-    bent: cython.bint
+    bent_below: cython.double
     best_cost: cython.double
     least: cython.double
     taken: cython.Py_ssize_t
@@ -993,12 +1029,31 @@ class Descent:
     shifts: cython.double[:, ::1]
     costs: cython.double[::1]
 
-    def __init__(self, rotation, rotation_root, place, position_root, chart, ordered, span_max, limits=None):
+    def __init__(
+        self,
+        rotation,
+        rotation_root,
+        place,
+        position_root,
+        chart,
+        ordered,
+        span_max,
+        limits=None,
+        crank=None,
+        fixed=(False, False),
+        sheet=0,
+        shortest=0.0,
+    ):
+        self.timed = crank is not None
+        self.fixed_start, self.fixed_offset = fixed
+        self.sheet, self.shortest = sheet, shortest
         self.has_rotation = rotation is not None
         self.has_position = place is not None
         samples = len(rotation) if self.has_rotation else len(place)
         self.samples = samples
         none = np.zeros(samples)
+        self.crank = np.array(crank, dtype=float) if self.timed else none
+        self.goal = np.array(rotation, dtype=float) if self.has_rotation else none
         self.goal_cos = np.cos(rotation) if self.has_rotation else none
         self.goal_sin = np.sin(rotation) if self.has_rotation else none
         self.place_x = np.array(place[:, 0]) if self.has_position else none
@@ -1011,9 +1066,12 @@ class Descent:
         self.span_max = span_max
         self.limited = limits is not None
         self.limits = limits if limits is not None else Limits(np.empty((0, 8)), True)
+        self.pose_is_best = not (self.limited and self.limits.posed)
         self.rho = 1.0
         self.parts = self.has_rotation + 2 * self.has_position
-        self.columns = self.size + 6 * self.has_position + self.has_rotation
+        self.base = self.size + self.timed
+        self.linear = TIMED_LINEAR if self.timed else 1e-2
+        self.columns = self.base + 6 * self.has_position + self.has_rotation
         self.flat = self.parts * samples
         rows = self.limits.rows
         self.width = -(-(self.flat + rows + 1) // 4) * 4  # a row is left for `loose`
@@ -1046,7 +1104,7 @@ class Descent:
         self.turn_step = np.zeros(samples)
         self.spare = np.zeros(max(self.width, samples))
         self.bend = np.zeros(samples)
-        self.way = np.zeros(4)
+        self.way = np.zeros(5)
         self.kept = np.zeros(6)
         self.column = np.zeros(self.columns + 1)
         self.shift = np.zeros(rows + 1)
@@ -1089,7 +1147,7 @@ class Descent:
         self.offset[s] = self.offsets[n]
         self.side[s] = self.branches[n]
         for k in range(self.samples):
-            self.phi[s, k] = self.angles[n, k]
+            self.phi[s, k] = self.angles[n, 0] + self.crank[k] if self.timed else self.angles[n, k]
         self.shifted = False
         for k in range(self.limits.rows):
             self.shift[k] = self.shifts[n, k]
@@ -1106,7 +1164,7 @@ class Descent:
         for k in range(6):
             self.poses[n, k] = self.pose[s, k]
         self.offsets[n] = self.offset[s]
-        for k in range(self.samples):
+        for k in range(1 if self.timed else self.samples):
             self.angles[n, k] = self.phi[s, k]
         self.costs[n] = self.cost[s]
 
@@ -1167,7 +1225,7 @@ class Descent:
         far: cython.double = size
         for n in range(self.count):
             self.take(0, n)
-            if not self.evaluate(0, True, 2 if self.limited else 1, False):
+            if not self.first(0):
                 continue
             self.reduce(0, 1e-12)
             # homogeneous unknowns have a direction in which nothing changes at all: a row of its own holds it
@@ -1292,7 +1350,7 @@ class Descent:
         j: cython.Py_ssize_t
         rows: cython.int = 0
         held: cython.int
-        unknowns: cython.int = self.size + 6
+        unknowns: cython.int = self.base + 6 if self.limits.posed else self.base
         last: cython.int = self.columns
         for c in range(last + 1):
             for j in range(self.width):
@@ -1312,6 +1370,8 @@ class Descent:
             self.limit_column(s, row, scale)
             for c in range(unknowns):
                 self.red[c, rows] = self.column[c]
+            if self.timed and not self.fixed_start:
+                self.red[self.size, rows] = self.limits.slopes[row, 4] + self.limits.slopes[row, 5]
             self.red[last, rows] = value
             rows += 1
         if rows == 0:
@@ -1377,6 +1437,9 @@ class Descent:
                 self.kept[k] = self.pose[s, k]
         if (pose == 1 or pose == 3) and self.has_position:
             self.best_pose(s)
+            if self.shortest > 0.0 and not sqrt(self.pose[s, 2] ** 2 + self.pose[s, 3] ** 2) > self.shortest:
+                self.cost[s] = float("inf")
+                return False
         self.residual(s, pose > 0)
         if self.limited:
             if pose == 3:
@@ -1407,9 +1470,15 @@ class Descent:
         k: cython.int
         loop: Loop = self.shape.loop
         shape: Shape = self.shape
+        if self.sheet and not (loop.l1 - loop.l4) * self.sheet > 0.0:
+            return False
+        if self.timed and not self.closes_between(s):
+            return False
         for i in range(self.samples):
             if not loop.turn(self.phi[s, i]):
                 return False
+            if self.timed and self.has_rotation:
+                self.gap[i] = self.goal[i] - loop.angle(self.phi[s, i])
             self.e1[0, i] = loop.cos1
             self.e1[1, i] = loop.sin1
             self.e2[0, i] = loop.cos2
@@ -1425,6 +1494,23 @@ class Descent:
                     )
                 self.slope[4, i] = loop.by_crank
         return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def closes_between(self, s: cython.int) -> cython.bint:
+        """Whether the loop closes at theta1 = 0 and pi where the motion passes them: the diagonal is least or most there."""
+        i: cython.Py_ssize_t
+        loop: Loop = self.shape.loop
+        if loop.x0 > 0.0 and loop.y0 > 0.0:
+            return True
+        first: cython.double = self.phi[s, 0]
+        last: cython.double = first
+        for i in range(1, self.samples):
+            first = min(first, self.phi[s, i])
+            last = max(last, self.phi[s, i])
+        if loop.y0 <= 0.0 and floor(last / TURN) >= -floor(-first / TURN):
+            return False
+        return not (loop.x0 <= 0.0 and floor((last - PI) / TURN) >= -floor((PI - first) / TURN))
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -1544,22 +1630,24 @@ class Descent:
         total: cython.double = 0.0
         value: cython.double
         if self.has_rotation:
-            c: cython.double = cos(self.offset[s])
-            d: cython.double = sin(self.offset[s])
             mean: cython.double = 0.0
+            if self.timed:
+                for i in range(n):
+                    self.gap[i] -= self.offset[s]
+            else:
+                self.gaps(s)
             for i in range(n):
-                # e^{i (gamma - offset)} conj(e2)
-                gx: cython.double = self.goal_cos[i] * c + self.goal_sin[i] * d
-                gy: cython.double = self.goal_sin[i] * c - self.goal_cos[i] * d
-                self.gap[i] = atan2(gy * self.e2[0, i] - gx * self.e2[1, i], gx * self.e2[0, i] + gy * self.e2[1, i])
                 mean += self.rotation_root[i] * self.rotation_root[i] * self.gap[i]
-            if pose:
+            if self.fixed_offset:
+                mean = TURN * rint(mean / TURN)
+            elif pose:
                 self.offset[s] += mean
             else:
                 mean = 0.0
             for i in range(n):
                 value = self.gap[i] - mean
-                value -= TURN * rint(value / TURN)
+                if not self.timed:
+                    value -= TURN * rint(value / TURN)
                 value *= self.rotation_root[i]
                 self.put(s, i, value)
                 total += value * value
@@ -1592,6 +1680,19 @@ class Descent:
         self.cost[s] = total
 
     @cython.cfunc
+    @cython.exceptval(check=False)
+    def gaps(self, s: cython.int) -> cython.void:
+        """What the body lacks of the rotations wanted, within half a turn."""
+        i: cython.Py_ssize_t
+        c: cython.double = cos(self.offset[s])
+        d: cython.double = sin(self.offset[s])
+        for i in range(self.samples):
+            # e^{i (gamma - offset)} conj(e2)
+            gx: cython.double = self.goal_cos[i] * c + self.goal_sin[i] * d
+            gy: cython.double = self.goal_sin[i] * c - self.goal_cos[i] * d
+            self.gap[i] = atan2(gy * self.e2[0, i] - gx * self.e2[1, i], gx * self.e2[0, i] + gy * self.e2[1, i])
+
+    @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
     def put(self, s: cython.int, k: cython.Py_ssize_t, value: cython.double) -> cython.void:
@@ -1609,7 +1710,6 @@ class Descent:
         k: cython.int
         n: cython.Py_ssize_t = self.samples
         x: cython.Py_ssize_t = 0
-        root: cython.double
         if self.has_rotation:
             x = n
             last: cython.int = self.columns - 1
@@ -1617,12 +1717,24 @@ class Descent:
                 for i in range(n):
                     self.m[s, k, i] = -self.rotation_root[i] * self.slope[k, i]
             for i in range(n):
-                self.m[s, last, i] = -self.rotation_root[i]
+                self.m[s, last, i] = 0.0 if self.fixed_offset else -self.rotation_root[i]
                 self.turn[s, i] = -self.rotation_root[i] * self.slope[4, i]
-        if not self.has_position:
-            return
+        if self.has_position:
+            self.position_derivatives(s, x)
+        if self.timed:
+            for i in range(self.flat):
+                self.m[s, self.size, i] = 0.0 if self.fixed_start else self.turn[s, i]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def position_derivatives(self, s: cython.int, x: cython.Py_ssize_t) -> cython.void:
+        """Those of the positions' rows, from row x on."""
+        i: cython.Py_ssize_t
+        k: cython.int
+        n: cython.Py_ssize_t = self.samples
+        root: cython.double
         y: cython.Py_ssize_t = x + n
-        a: cython.int = self.size
+        a: cython.int = self.base
         ux: cython.double = self.pose[s, 2]
         uy: cython.double = self.pose[s, 3]
         zx: cython.double = self.pose[s, 4]
@@ -1672,6 +1784,9 @@ class Descent:
             first = min(first, self.phi[s, i])
             last = max(last, self.phi[s, i])
         own: Loop = self.limits.loop
+        if not self.limits.posed:
+            scale = 1.0
+            size = loop.l1
         own.l1 = size
         own.l2 = loop.l2 * scale
         own.l3 = loop.l3 * scale
@@ -1702,7 +1817,7 @@ class Descent:
                 first = i
             if self.phi[s, i] > self.phi[s, last]:
                 last = i
-        a: cython.int = self.size
+        a: cython.int = self.base
         at: cython.int = 0
         for row in range(limits.rows):
             value: cython.double = self.lacking(row)
@@ -1723,8 +1838,12 @@ class Descent:
             if not finite:
                 continue
             self.limit_column(s, row, scale)
-            for c in range(a + 6):
+            for c in range(a + 6 if self.limits.posed else self.size):
                 self.m[s, c, column] = -root * self.column[c]
+            if self.timed:
+                if not self.fixed_start:
+                    self.m[s, self.size, column] = -root * (limits.slopes[row, 4] + limits.slopes[row, 5])
+                continue
             # a limit that hangs on where the crank begins or ends stands beside that sample
             if fabs(limits.slopes[row, 5]) > fabs(limits.slopes[row, 4]):
                 self.by_angle[s, at - 1] = -root * limits.slopes[row, 5]
@@ -1740,26 +1859,33 @@ class Descent:
         """Derivatives of a limit by shape and pose, into ``column``; lengths are the chart's over its crank, times |z1|."""
         c: cython.int
         k: cython.int
-        a: cython.int = self.size
+        a: cython.int = self.base
         limits: Limits = self.limits
         loop: Loop = self.shape.loop
+        total: cython.double
+        by_size: cython.double = 0.0
+        if limits.posed:
+            by_size = (
+                limits.slopes[row, 0] * loop.l1
+                + limits.slopes[row, 1] * loop.l2
+                + limits.slopes[row, 2] * loop.l3
+                + limits.slopes[row, 3] * loop.l4
+            ) / loop.l1
+        for k in range(self.size):
+            total = -by_size * self.shape.by[0, k]
+            for c in range(4):
+                total += limits.slopes[row, c] * self.shape.by[c, k]
+            self.column[k] = scale * total
+        if self.timed:
+            self.column[self.size] = 0.0
+        if not limits.posed:
+            return
         ux: cython.double = self.pose[s, 2]
         uy: cython.double = self.pose[s, 3]
         size: cython.double = sqrt(ux * ux + uy * uy)
         safe: cython.double = size if size > 0.0 else 1.0
         ux /= safe
         uy /= safe
-        by_size: cython.double = (
-            limits.slopes[row, 0] * loop.l1
-            + limits.slopes[row, 1] * loop.l2
-            + limits.slopes[row, 2] * loop.l3
-            + limits.slopes[row, 3] * loop.l4
-        ) / loop.l1
-        for k in range(a):
-            total: cython.double = -by_size * self.shape.by[0, k]
-            for c in range(4):
-                total += limits.slopes[row, c] * self.shape.by[c, k]
-            self.column[k] = scale * total
         by_turn: cython.double = limits.slopes[row, 8] / safe
         self.column[a] = limits.slopes[row, 6]
         self.column[a + 1] = limits.slopes[row, 7]
@@ -1812,6 +1938,14 @@ class Descent:
         average: cython.double = 0.0
         value: cython.double
         active: cython.int = self.active[s]
+        if self.timed:
+            for c in range(self.columns + 1):
+                for j in range(flat + active):
+                    self.red[c, j] = self.m[s, c, j]
+                for j in range(flat + active, self.width):
+                    self.red[c, j] = 0.0
+                self.square[c] = self.dot(c, c)
+            return
         for i in range(n):
             self.inner[i] = 0.0
         for r in range(self.parts):
@@ -1885,7 +2019,7 @@ class Descent:
             square: cython.double = self.square[c]
             if not square > 0.0:
                 square = 1.0
-            self.ridge[c] = damping * (1.0 if c < self.size else LINEAR_) * square
+            self.ridge[c] = damping * (1.0 if c < self.base else self.linear) * square
         if not (damping > NORMAL_ and self.cholesky()):
             self.orthogonal()
 
@@ -1965,6 +2099,10 @@ class Descent:
         """The crank angles' part of a step of the other unknowns."""
         c: cython.int
         i: cython.Py_ssize_t
+        if self.timed:
+            for i in range(self.samples):
+                self.turn_step[i] = step[self.size]
+            return
         for i in range(self.samples):
             self.turn_step[i] = self.along[self.columns, i] if residual else 0.0
         for c in range(self.columns):
@@ -2006,15 +2144,16 @@ class Descent:
         longest: cython.double = 0.0
         for c in range(self.columns):
             longest += self.step[c] * self.step[c]
-        for i in range(n):
-            longest += self.turn_step[i] * self.turn_step[i]
+        if not self.timed:
+            for i in range(n):
+                longest += self.turn_step[i] * self.turn_step[i]
         longest = sqrt(longest)
         ahead: cython.double = min(0.1, 0.01 / max(longest, 1e-300))
         for k in range(self.size):
             self.q[2, k] = self.q[s, k] + ahead * self.step[k]
         if self.has_position:
             for k in range(6):
-                self.pose[2, k] = self.pose[s, k] + ahead * self.step[self.size + k]
+                self.pose[2, k] = self.pose[s, k] + ahead * self.step[self.base + k]
         self.offset[2] = self.offset[s]
         if self.has_rotation:
             self.offset[2] += ahead * self.step[self.columns - 1]
@@ -2032,18 +2171,17 @@ class Descent:
             value: cython.double = self.step[c]
             for j in range(self.flat):
                 self.spare[j] -= value * self.m[s, c, j]
-        for r in range(self.parts):
-            for i in range(n):
-                self.spare[r * n + i] -= self.turn[s, r * n + i] * self.turn_step[i]
         for i in range(n):
             self.bend[i] = 0.0
         for r in range(self.parts):
             for i in range(n):
                 j = r * n + i
+                if not self.timed:
+                    self.spare[j] -= self.turn[s, j] * self.turn_step[i]
                 self.spare[j] /= ahead
                 self.bend[i] += self.turn[s, j] * self.spare[j]
         for i in range(n):
-            self.gap[i] = self.bend[i] / self.inner[i]
+            self.gap[i] = 0.0 if self.timed else self.bend[i] / self.inner[i]
         for c in range(self.columns):
             value = 0.0
             for j in range(self.flat):
@@ -2061,17 +2199,19 @@ class Descent:
         for c in range(self.columns):
             value = self.ridge[c]
             length += value * value
+            if not self.timed:
+                for i in range(n):
+                    self.bend[i] += value * self.along[c, i]
+        if not self.timed:
             for i in range(n):
-                self.bend[i] += value * self.along[c, i]
-        for i in range(n):
-            self.bend[i] = -self.bend[i] / self.inner[i]
-            length += self.bend[i] * self.bend[i]
+                self.bend[i] = -self.bend[i] / self.inner[i]
+                length += self.bend[i] * self.bend[i]
         if not 2.0 * sqrt(length) < 1.5 * longest:
             return
         for c in range(self.columns):
             self.step[c] += self.ridge[c]
         for i in range(n):
-            self.turn_step[i] += self.bend[i]
+            self.turn_step[i] = self.step[self.size] if self.timed else self.turn_step[i] + self.bend[i]
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -2082,7 +2222,7 @@ class Descent:
         self.side[t] = self.side[s]
         if self.has_position:
             for k in range(6):
-                self.pose[t, k] = self.pose[s, k] + self.step[self.size + k]
+                self.pose[t, k] = self.pose[s, k] + self.step[self.base + k]
         self.offset[t] = self.offset[s]
         if self.has_rotation:
             self.offset[t] += self.step[self.columns - 1]
@@ -2098,7 +2238,11 @@ class Descent:
         elif self.shape.chart == 2:
             for k in range(self.size):
                 self.q[t, k] = inside(self.q[t, k], 30.0)
-        if self.ordered:
+        if self.timed:
+            start: cython.double = self.phi[s, 0] + inside(self.step[self.size], 0.75)
+            for i in range(self.samples):
+                self.phi[t, i] = start + self.crank[i]
+        elif self.ordered:
             self.within_gaps(s, t)
         else:
             for i in range(self.samples):
@@ -2156,14 +2300,14 @@ class Descent:
 
     # -- a run --------------------------------------------------------------------------------------------------------
 
-    def descend(self, iterations, damping, stall, exact, all_of_them, bent):
+    def descend(self, iterations, damping, stall, exact, all_of_them, bent_below):
         """Say how the candidates are to descend; see `free.joint.refine`."""
         self.iterations = iterations
         self.damping0 = damping
         self.stall = stall
         self.exact = exact
         self.all_of_them = all_of_them
-        self.bent = bent
+        self.bent_below = bent_below
         self.candidate = 0
         self.begun = False
 
@@ -2191,7 +2335,7 @@ class Descent:
                 self.growth = 2.0
                 self.best_cost = self.cost[0]
                 k: cython.int
-                for k in range(4):
+                for k in range(5):
                     self.way[k] = 0.0
             ended: cython.bint = self.iteration >= self.iterations
             if not ended:
@@ -2228,7 +2372,7 @@ class Descent:
     @cython.exceptval(check=False)
     def first(self, s: cython.int) -> cython.bint:
         """A candidate's beginning: in its best pose, where limits leave it that."""
-        return self.evaluate(s, True, 2 if self.limited else 1, False)
+        return self.evaluate(s, True, 1 if self.pose_is_best else 2, False)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -2239,11 +2383,11 @@ class Descent:
         k: cython.int
         before: cython.double = self.cost[s]
         predicted: cython.double = self.solve(s, self.damping)
-        if self.bent and not self.limited:
+        if self.best_cost < self.bent_below and not self.limited:
             self.bow(s)
         self.move(s, t)
         closes: cython.bint
-        if not self.limited:
+        if self.pose_is_best:
             closes = self.evaluate(t, True, 1, False)
         elif self.active[s] == 0 and not self.shifted:
             closes = self.evaluate(t, True, 3, False)
@@ -2258,7 +2402,7 @@ class Descent:
             product: cython.double = 0.0
             own: cython.double = 0.0
             last: cython.double = 0.0
-            for k in range(self.size):
+            for k in range(self.base):
                 product += self.straight[k] * self.way[k]
                 own += self.straight[k] * self.straight[k]
                 last += self.way[k] * self.way[k]
@@ -2275,7 +2419,7 @@ class Descent:
         if taken:
             self.growth = 2.0
             self.here = t
-            for k in range(self.size):
+            for k in range(self.base):
                 self.way[k] = self.straight[k]
             if new < self.best_cost:
                 self.best_cost = new

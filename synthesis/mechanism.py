@@ -68,6 +68,10 @@ class Chart(Protocol):
         """Its code in the compiled kernel."""
 
     @property
+    def sheet(self) -> int:
+        """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
+
+    @property
     def cell(self) -> Floats:
         """Extent of unknowns and start within which two seeds are alike, (k + 1,)."""
 

@@ -113,6 +113,22 @@ class Samples:
         assert self.position is not None
         return self.position_mean.reach(self.position)
 
+    @cached_property
+    def middle(self) -> complex:
+        """Mean position."""
+        return 0j if self.position is None else complex(self.position_mean(self.position))
+
+    def off(self, some: Samples) -> complex:
+        """Mean position of some of the samples, from that of all, over the length scale: places count from their own mean."""
+        return (some.middle - self.middle) / self.length_scale
+
+    @cached_property
+    def scaled(self) -> Complexes:
+        """Positions from their mean over the length scale; zeros where there is none."""
+        if self.position is None:
+            return np.zeros(self.samples, dtype=complex)
+        return self.position_mean.given((self.position - self.middle) / self.length_scale)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Target(Samples):

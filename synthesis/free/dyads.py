@@ -32,9 +32,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.charts import AnyChart, GrashofChart
 from synthesis.fourbar.limits import in_family
-from synthesis.free.joint import JointProblem, Pool, Stage, Timed
+from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.target import TURN

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis import kernel
+from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import ways
 from synthesis.free.dyads import chart_of
-from synthesis.free.joint import JointProblem, Pool, Stage, Timed
+from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses
 from synthesis.mechanism import Boxes, Chart
 from synthesis.search.problems import PosedProblem

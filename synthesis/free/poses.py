@@ -48,11 +48,6 @@ class Poses(Samples):
         way = np.where(crank[..., -1:] >= crank[..., :1], 1.0, -1.0)
         return np.concatenate([crank, crank[..., :1] + way * TURN], axis=-1)
 
-    @cached_property
-    def middle(self) -> complex:
-        """Mean position."""
-        return 0j if self.position is None else complex(self.position_mean(self.position))
-
     def at(self, kept: NDArray[np.intp]) -> Poses:
         """The poses at some samples; their length scale stays."""
         names = ("rotation", "position", "rotation_weights", "position_weights")
@@ -60,17 +55,6 @@ class Poses(Samples):
             name: None if (given := getattr(self, name)) is None else given[kept] for name in names
         }
         return replace(self, **part)
-
-    def off(self, some: Poses) -> complex:
-        """Mean position of some of the samples, from that of all, over the length scale: places count from their own mean."""
-        return (some.middle - self.middle) / self.length_scale
-
-    @cached_property
-    def scaled(self) -> Complexes:
-        """Positions from their mean over the length scale; zeros where there is none."""
-        if self.position is None:
-            return np.zeros(self.samples, dtype=complex)
-        return self.position_mean.given((self.position - self.middle) / self.length_scale)
 
     @cached_property
     def turned(self) -> Complexes:

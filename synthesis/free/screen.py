@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.free.joint import Timed
+from synthesis.descents import Timed
 from synthesis.free.poses import Poses
 from synthesis.mechanism import Chart, Mechanism
 from synthesis.target import TURN

@@ -9,14 +9,6 @@ Data flow of a request::
       -> for any family the same once more among all four-bars
       -> answers within the limits, ranked, different from one another
 
-Data flow of a round::
-
-    seeds -> descents in which broken limits weigh more from stage to stage: all a few steps, the best of each valley some
-      more, the best of the pool to their end -> on all samples, moved onto the limits that they still break -> `Found`
-
-A valley is a timing: many candidates come to rest along the same long valley, and copies of them would fill every list.
-What is found within the limits is kept, whatever comes after it, and no round depends on the time: more of it never gives less.
-
 Rounds for an exact path run only where those before them did not reach the tolerance. All seeds of such a round descend to their
 end: on random crank-rockers and double-cranks over parts of a turn, picking the best after 10 or 20 steps saved no time and lost
 requests, because in long curved valleys the cost of the right one is not yet the least.
@@ -24,7 +16,6 @@ requests, because in long curved valleys the cost of the right one is not yet th
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain, islice
@@ -33,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis import kernel
+from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
@@ -43,12 +34,13 @@ from synthesis.fourbar.mechanism import FOURBAR, ways
 from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
-from synthesis.free.joint import JointProblem, Pool, Stage, Timed
+from synthesis.free.joint import JointProblem
 from synthesis.free.limited import guessed_windows, limited_problem, placed_within
 from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
-from synthesis.mechanism import BoundedChart, Chart, Placed
+from synthesis.mechanism import Chart, Placed
 from synthesis.ranking import APART, Status, distinct
+from synthesis.rounds import GAIN, Found, Plan, Rounds
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, StoppedBy
 from synthesis.search.seeds import Windows
 from synthesis.target import TURN, Interval, Target
@@ -260,206 +252,57 @@ EXACT_SAMPLES = 12
 # -- rounds --------------------------------------------------------------------------------------------------------
 
 
-_POOL = 120
-_APART, _POOL_APART = 0.01, 0.03
-"""Parts of the span by which a crank angle differs between two valleys: among answers, and in the pool."""
-_ALIKE = 1e-4
-"""Shapes, starts and branches of exact candidates are the same when they differ by less."""
-_FLIPPED, _SPAN_HOP, _LOOSE_HOP = 0.15, 0.25, 0.5
-"""Part of the hops that change the branch, and widths of hops: of the span's logarithm, and along flat directions."""
-_TIRED = 2.0
-"""A valley stands back by this factor of e in J squared for each time that hops started from it."""
-_NEAREST_STEPS, _LAST_STEPS = 6, 40
-_ON_ALL, _MOVED = 4, 30
-"""Candidates that are refined on all samples, and that are moved onto the limits."""
-_EXACT_NEAR = 1e-2
-"""J below which an answer that no limit holds is refined in its best pose: an exact one may lie there."""
-_KEPT = 1e-13
-"""To which an answer must keep equations; other limits it keeps entirely."""
+_NEAREST_STEPS, _LAST_STEPS, _SPAN_HOP = 6, 40, 0.25
+"""Steps of the crank angles alone, and of all, on all samples; width of hops of the span's logarithm."""
 
 
-class Plan(NamedTuple):
-    """How a round's seeds descend."""
+class FreeRounds(Rounds):
+    """The rounds of a request whose crank angles are free.
 
-    first: tuple[Stage, ...]
-    going: int = 0
-    """So many of the best valleys go on."""
-    on: tuple[Stage, ...] = ()
-    ended: int = 0
-    """So many of the best of the pool descend to their end, where they did not before."""
-    end: tuple[Stage, ...] = ()
-
-
-FEW_TO_THEIR_END = Plan(
-    (Stage(15, 1e-2, 0.3), Stage(12, 1e-2, 1.0)),
-    12,
-    (Stage(12, 1e-3, 3.0), Stage(15, 1e-3, 10.0), Stage(15, 1e-3, 30.0)),
-    4,
-    (Stage(60, 1e-6, 100.0), Stage(60, 1e-6, 300.0), Stage(60, 1e-7, 300.0)),
-)
-
-
-class Found:
-    """What is known within the limits, with J on all samples; it only gets better.
+    A long valley is told by its timing: shapes and even costs change along it while the crank angles between the samples
+    hardly do.
 
     Parameters
     ----------
-    tolerance : float
-        J below it is exact.
-    note : callable
-        Told the best J whenever it falls.
-    """
-
-    def __init__(self, tolerance: float, note: Callable[[float], None]) -> None:
-        self.tolerance, self.note = tolerance, note
-        self.pools: dict[Any, Pool] = {}
-        """By the chart that the candidates are in."""
-        self.least = np.inf
-
-    def add(self, chart: Chart, pool: Pool) -> None:
-        """Take candidates that keep the limits."""
-        if pool.cost.size:
-            known = self.pools[chart].joined(pool) if chart in self.pools else pool
-            self.pools[chart] = valleys(known, _POOL, self.tolerance, _APART)
-        if pool.least < self.least:
-            self.least = pool.least
-            self.note(self.least)
-
-    @property
-    def reached(self) -> bool:
-        """Whether an answer is below the tolerance."""
-        return self.least <= self.tolerance
-
-
-class Rounds:
-    """The rounds of one request in one chart; candidates come and go with crank angles at all samples.
-
-    Parameters
-    ----------
-    poses : Poses
-    limits : Limits
-    chart : Chart
-    found : Found
-        Where answers go.
-    work : Work
     samples : int
         That descents look at; longer requests are thinned for them.
     limited : bool
         Whether descents keep to the limits; otherwise only answers do.
     """
 
+    thin: Poses
+    problem: JointProblem
+
     def __init__(
         self, poses: Poses, limits: Limits, chart: Chart, found: Found, work: Work, samples: int, limited: bool = True
     ) -> None:
-        self.poses, self.chart, self.found, self.work = poses, chart, found, work
+        self.poses = poses
         few = np.round(np.linspace(0, poses.samples - 1, min(samples, poses.samples)))
         self.few = few.astype(np.intp)
-        self.thin = poses if self.few.size == poses.samples else poses.at(self.few)
-        self.holds = not limits.only_family
-        """Whether limits hold."""
-        self.limited = limited and self.holds
-        self.plain = JointProblem(poses, chart)
-        """Of all samples, without limits."""
-        self.within = limited_problem(poses, chart, limits) if self.holds else self.plain
-        """Of all samples, within the limits."""
-        self.problem = self.within
-        """Of the few samples, within the limits where descents keep to them."""
-        if self.thin is not poses or not self.limited:
-            self.problem = (
-                limited_problem(self.thin, chart, limits) if self.limited else JointProblem(self.thin, chart)
-            )
-        self.random = np.random.default_rng(20)
-        self.pool: Pool | None = None
-        self._used: Counter[float] = Counter()
-        """How often hops started from a valley, by its cost."""
-        self._ended: set[float] = set()
-        """Costs of those that descended to their end."""
+        thin = poses if self.few.size == poses.samples else poses.at(self.few)
+        self._moved = poses.off(thin)
+        plain = JointProblem(poses, chart)
+        within = plain if limits.only_family else limited_problem(poses, chart, limits)
+        problem = within if limited else plain
+        if thin is not poses:
+            problem = limited_problem(thin, chart, limits) if problem.limited else JointProblem(thin, chart)
+        super().__init__(poses, thin, (plain, within, problem), limits.family, found, work)
 
-    @property
-    def _moved(self) -> complex:
-        """Mean position of the few samples, from that of all, over the length scale."""
-        return self.poses.off(self.thin)
+    def signature(self, timed: Timed) -> tuple[Floats, Floats]:
+        """The timing, and the span."""
+        timing = timed.angles - timed.angles[:, :1]
+        return timing, np.abs(timing).max(axis=1, initial=0.0)
 
-    @property
-    def least(self) -> float:
-        """J of the best of the pool, whether it keeps the limits or not."""
-        return np.inf if self.pool is None else self.pool.least
+    def turned_apart(self, timed: Timed, width: float) -> Floats:
+        """Another start, and another span."""
+        random, count = self.random, len(timed.branch)
+        along = timed.angles - timed.angles[:, :1]
+        factor = np.exp(width * _SPAN_HOP * random.standard_t(3, size=(count, 1)))
+        longest = 0.97 * self.poses.span_max / np.maximum(np.abs(along[:, -1:]), 1e-9)
+        start = timed.angles[:, :1] + width * self.chart.hop[-1] * random.standard_t(3, size=(count, 1))
+        return np.asarray(start + along * np.minimum(factor, longest))
 
-    def best(self, most: int) -> Timed:
-        """The best valleys of the pool."""
-        assert self.pool is not None
-        return self.pool.timed.take(slice(0, most))
-
-    # -- a round ----------------------------------------------------------------------------------------------------
-
-    def round(self, seeds: Timed, plan: Plan) -> None:
-        """Descents from seeds that have crank angles at the few samples."""
-        found = self._descended(seeds, plan.first)
-        if plan.on:
-            going = valleys(found, plan.going, self.found.tolerance, _POOL_APART)
-            self._answer(going)
-            found = self._descended(going.timed, plan.on, answers=True)
-        self._take(found)
-        assert self.pool is not None
-        best = [k for k in range(min(plan.ended, self.pool.cost.size)) if self.pool.cost[k] not in self._ended]
-        if best and not (self.found.reached or self.work.expired()):
-            before = set(self.pool.cost[best])
-            found = self._descended(self.pool.take(best).timed, plan.end, answers=True)
-            self._ended |= before | set(found.cost)
-            self._take(found)
-
-    def _descended(self, timed: Timed, stages: tuple[Stage, ...], answers: bool = False) -> Pool:
-        exact, between = 0.3 * self.found.tolerance, self._answer if answers else None
-        return self.problem.descended(timed, stages, exact, self.work, between=between)
-
-    def _take(self, found: Pool) -> None:
-        """Into the pool; and what is worth it among the answers."""
-        tolerance = self.found.tolerance
-        found = found.take(np.isfinite(found.cost))
-        self.pool = valleys(found if self.pool is None else self.pool.joined(found), _POOL, tolerance, _POOL_APART)
-        if self.limited or not self.holds or found.least <= tolerance:
-            self._answer(found)
-
-    # -- answers ----------------------------------------------------------------------------------------------------
-
-    def _answer(self, pool: Pool) -> None:
-        """Candidates at the few samples, on all samples, to `keep`."""
-        if pool.cost.size and self._counts:
-            few = self.thin is not self.poses
-            self.keep(self._on_all(pool.take(np.argsort(pool.cost, kind="stable")[:_ON_ALL])) if few else pool)
-
-    @property
-    def _counts(self) -> bool:
-        """Whether what a descent led to counts: one that the time cut short does only where nothing else is known.
-
-        More time would lead it elsewhere, and an answer must not be lost by that.
-        """
-        return not (self.work.expired() and np.isfinite(self.found.least))
-
-    def keep(self, pool: Pool, rounds: int = 12) -> None:
-        """Add those of candidates at all samples that keep the limits, or can be moved onto them, to the answers.
-
-        Parameters
-        ----------
-        pool : Pool
-        rounds : int
-            Steps towards the limits.
-        """
-        if not (pool.cost.size and self._counts):
-            return
-        if not self.holds:
-            self.found.add(self.chart, pool)
-            return
-        merit = pool.cost + self.within.lacking(pool.timed)[0]
-        moved, broken = self.within.moved_onto(pool.timed.take(np.argsort(merit, kind="stable")[:_MOVED]), rounds)
-        self.found.add(self.chart, moved.take((broken <= _KEPT) & np.isfinite(moved.cost)))
-        near = moved.take(moved.cost < _EXACT_NEAR**2)
-        if near.cost.size:
-            done = self.plain.descended(near.timed, [Stage(30, 1e-2)], 0.3 * self.found.tolerance, self.work)
-            if self._counts:
-                self.found.add(self.chart, done.take(self.within.lacking(done.timed)[1] <= _KEPT))
-
-    def _on_all(self, pool: Pool) -> Pool:
+    def on_all(self, pool: Pool) -> Pool:
         """Candidates refined on all samples."""
         # two guesses of what lies between: angles that run into one another in one of them need not in the other
         spread = self.spread(pool.timed, 1.0).joined(self.spread(pool.timed, 0.5))
@@ -487,52 +330,6 @@ class Rounds:
         pose[:, 0] -= self._moved
         return timed._replace(angles=timed.angles[:, self.few], pose=pose)
 
-    # -- hops -------------------------------------------------------------------------------------------------------
-
-    def hops(self, origins: int, copies: int, width: float = 1.0) -> Timed:
-        """Perturbed copies of the best valleys that were perturbed least often.
-
-        Half of them are moved in all unknowns alike, which reaches other valleys, half where the cost is flat, which reaches
-        other minima of a long one.
-        """
-        assert self.pool is not None
-        cost = self.pool.cost
-        rank = np.log(np.maximum(cost, 1e-300)) + _TIRED * np.array([self._used[value] for value in cost])
-        chosen = np.argsort(rank, kind="stable")[:origins]
-        self._used.update(cost[chosen])
-        best = self.pool.timed.take(np.repeat(chosen, copies // 2))
-        return self._wide_steps(best, width).joined(self.problem.loose_steps(best, self.random, _LOOSE_HOP))
-
-    def _wide_steps(self, timed: Timed, width: float) -> Timed:
-        """Candidates moved in shape, start and span, with heavy tails, some to the other branch."""
-        random, (count, size) = self.random, timed.shape.shape
-        noise = width * random.standard_t(3, size=(count, size)) * self.chart.hop[:-1]
-        hopped = self.chart.hopped if isinstance(self.chart, BoundedChart) else np.add
-        shape = hopped(timed.shape, noise)
-        along = timed.angles - timed.angles[:, :1]
-        factor = np.exp(width * _SPAN_HOP * random.standard_t(3, size=(count, 1)))
-        longest = 0.97 * self.poses.span_max / np.maximum(np.abs(along[:, -1:]), 1e-9)
-        start = timed.angles[:, :1] + width * self.chart.hop[-1] * random.standard_t(3, size=(count, 1))
-        branch = np.where(random.random(count) < _FLIPPED, -timed.branch, timed.branch)
-        return timed._replace(shape=shape, angles=start + along * np.minimum(factor, longest), branch=branch)
-
-
-def valleys(found: Pool, most: int, tolerance: float, apart: float) -> Pool:
-    """The best of each valley, best first; all that differ of those that reach the tolerance.
-
-    A long valley is told by its timing: shapes and even costs change along it while the crank angles between the samples
-    hardly do.
-    """
-    order = np.argsort(found.cost, kind="stable")
-    order = order[np.isfinite(found.cost[order])]
-    found = found.take(order)
-    timing = found.timed.angles - found.timed.angles[:, :1]
-    place = np.column_stack([found.timed.shape, found.timed.angles[:, 0], found.timed.branch])
-    exact = int(np.searchsorted(found.cost, tolerance**2, side="right"))
-    kept = kernel.apart(place[:exact], np.full(exact, _ALIKE), (), 0, most)
-    kept = kernel.apart(timing, apart * np.abs(timing).max(axis=1), kept, exact, most)
-    return found.take(kept)
-
 
 # -- the search ----------------------------------------------------------------------------------------------------
 
@@ -553,10 +350,6 @@ _SAMPLES, _FEWER = 40, 20
 """Samples up to which descents look at all, and at how many of more."""
 _SEEDS, _BEFORE, _LOOKED_AT = 50, 20, 15
 """Seeds of a round; further ones that come from a search before; and seeds that may be answers at once."""
-_ORIGINS, _COPIES, _WIDTHS = 8, 6, (1.0, 0.5, 0.25)
-"""Valleys that a round's hops begin from, hops from each, and their widths in turn."""
-_GAIN, _IDLE, _IDLE_OF_DYADS = 2e-3, 4, 2
-"""So many rounds in a row that lower J by a smaller part end the search; fewer where dyads lead to most that there is."""
 _IN_SIGHT = 1e-2, 1e-3
 """J of the first look, without limits and within them, from which on an exact answer is not sought further."""
 
@@ -615,7 +408,7 @@ def search_free(
     trace: list[tuple[float, float]] = []
 
     def note(least: float) -> None:
-        if not trace or least < (1 - _GAIN) * trace[-1][1]:
+        if not trace or least < (1 - GAIN) * trace[-1][1]:
             trace.append((work.elapsed, least))
 
     found = Found(tolerance, note)
@@ -704,14 +497,15 @@ class _Search:
             return False
         if pool is not None and pool.cost.size:
             begin.append(near.thinned(pool.best(_BEFORE).timed))
-        exact: Iterator[Rounds] = iter(())
+        exact: Iterator[FreeRounds] = iter(())
         if self.poses.ordered and family != "any" and (pool is None or pool.least <= _FAR):
             exact = self._exact(chart, family)
             for before in islice(exact, 1):
                 begin.append(near.thinned(before.spread(before.best(_BEFORE))))
         if found.reached or work.expired():
             return found.reached
-        for _ in self._closest(near, chain([begin[0].joined(*begin[1:])] if begin else [], guesses)):
+        for seeds in near.closest(chain([begin[0].joined(*begin[1:])] if begin else [], guesses), self.most):
+            self.seeds += seeds.branch.size
             if found.reached or work.expired():
                 return found.reached
             next(exact, None)
@@ -720,8 +514,8 @@ class _Search:
                 return found.reached
         return not work.expired()
 
-    def _rounds(self, chart: Chart, samples: int, limited: bool = True) -> Rounds:
-        return Rounds(self.poses, self.limits, chart, self.found, self.work, samples, limited)
+    def _rounds(self, chart: Chart, samples: int, limited: bool = True) -> FreeRounds:
+        return FreeRounds(self.poses, self.limits, chart, self.found, self.work, samples, limited)
 
     def _keep_dyads(self, pool: Pool, family: str) -> None:
         """Pairs of dyads that keep the limits as they are are answers."""
@@ -739,7 +533,7 @@ class _Search:
 
     # -- where an exact answer may lie --------------------------------------------------------------------------------
 
-    def _exact(self, chart: Chart, family: str) -> Iterator[Rounds]:
+    def _exact(self, chart: Chart, family: str) -> Iterator[FreeRounds]:
         """Rounds without limits on a few samples, while an exact answer is in sight."""
         run = self._rounds(chart, EXACT_SAMPLES, limited=False)
         seeds: dict[int, Timed] = {}
@@ -762,23 +556,7 @@ class _Search:
 
     # -- what comes nearest -------------------------------------------------------------------------------------------
 
-    def _closest(self, run: Rounds, seeds: Iterator[Timed]) -> Iterator[None]:
-        """Rounds within the limits until they gain nothing: the first two and every second later one from seeds."""
-        idle = number = 0
-        while idle < (_IDLE_OF_DYADS if self.dyads else _IDLE) and number < self.most:
-            before = self.found.least
-            begin = next(seeds, None) if number < 2 or number % 2 == 0 else None
-            if begin is None:
-                if run.pool is None or not run.pool.cost.size:
-                    return
-                begin = run.hops(_ORIGINS, _COPIES, _WIDTHS[number // 2 % len(_WIDTHS)])
-            self.seeds += begin.branch.size
-            run.round(begin, FEW_TO_THEIR_END)
-            number += 1
-            idle = 0 if self.found.least < (1 - _GAIN) * before else idle + 1
-            yield
-
-    def _guesses(self, run: Rounds, family: str) -> Iterator[Timed]:
+    def _guesses(self, run: FreeRounds, family: str) -> Iterator[Timed]:
         """Windows at guessed crank angles, in poses within the limits; the best are looked at as answers."""
         if family == "any":
             for one in guessed_windows(self.poses, self.limits, self.windows(family)):

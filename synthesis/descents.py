@@ -1,0 +1,284 @@
+"""Candidates and their descents: what every search is made of, whatever it knows of the crank angles.
+
+Unknowns of a candidate are its shape x in a chart, A, z1, z2 (complex, over the length scale), the rotation's offset, and crank
+angles: one a sample where they are free, that at the first sample where they are given. With e1 = e^{i phi},
+e2 = e^{i theta2(x, phi)}, a sample's rows are::
+
+    sqrt(w_r) (gamma - offset - theta2),      sqrt(w_p) (P - A - z1 e1 - z2 e2)
+
+(the first modulo a turn where the crank angles are free). A free phi_i stands in the rows of its own sample only, so it is
+eliminated there before the step is computed. With t_i the rows' derivative by phi_i, d_i its damping and n_i = t_i . t_i + d_i,
+the rows G of the other unknowns, and the residual, become::
+
+    G - c_i t_i (t_i . G),      c_i = 1 / (n_i (1 + sqrt(d_i / n_i)))
+
+whose normal matrix is the Schur complement of the full one, so that the step still comes from a QR decomposition. At
+d_i = 0 that is the fit by orthogonal distances, with a large d_i the fit at given crank angles. A, z1, z2 and the offset are
+solved again after every step (variable projection in Kaufman's form: BIT 15 (1975) 49-57), the steps are bent along the
+residual's curvature, and lead uphill too where they go straight on (Transtrum and Sethna, arXiv:1201.5885). While the damping
+is large, the triangle of the QR decomposition comes from the normal matrix by Cholesky's method instead, which is faster.
+
+Within limits c >= 0 what falls is J^2 + rho sum max(0, shift - c)^2, and the pose is an unknown like the shape. From stage to
+stage rho grows, and the shifts (the multipliers over rho) take up what is still broken (augmented Lagrangian: Nocedal and
+Wright, Numerical Optimization, 17.3). A limit that depends on where the crank begins or ends has its row beside the first or
+last sample's own, so that the crank angle of that sample can make up for it. Candidates that break none go on in their best pose.
+
+All of it is computed by `synthesis.kernel`, one candidate after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis import kernel
+from synthesis.mechanism import Chart
+from synthesis.target import Samples
+from synthesis.work import Work
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+_BETWEEN_LOOKS = 16_000
+"""Steps times samples between two looks at the time: 2 to 4 ms."""
+
+
+# -- candidates ----------------------------------------------------------------------------------------------------
+
+
+class Timed(NamedTuple):
+    """Candidates with their crank angles."""
+
+    shape: Floats
+    """(n, k) in the chart."""
+    pose: Complexes
+    """(n, 3): A, z1, z2 over the length scale, positions from their mean; zero without positions."""
+    offset: Floats
+    """(n,)"""
+    angles: Floats
+    """(n, N): theta1, continuous along the samples; (n, 1), that at the first sample, where the timing is given."""
+    branch: Floats
+    """(n,)"""
+
+    def take(self, places: Any) -> Timed:
+        """Some of them."""
+        return Timed(*(column[places] for column in self))
+
+    def joined(self, *others: Timed) -> Timed:
+        """These and others after them."""
+        return Timed(*(np.concatenate(columns) for columns in zip(self, *others)))
+
+
+class Pool(NamedTuple):
+    """Candidates and their costs: J squared, and within limits the squares of their rows."""
+
+    timed: Timed
+    cost: Floats
+
+    def take(self, places: Any) -> Pool:
+        """Some of the candidates."""
+        return Pool(self.timed.take(places), self.cost[places])
+
+    def joined(self, other: Pool) -> Pool:
+        """These candidates and others after them."""
+        return Pool(self.timed.joined(other.timed), np.concatenate([self.cost, other.cost]))
+
+    @property
+    def least(self) -> float:
+        """The square root of the least cost; infinite where there is no candidate."""
+        return float(np.sqrt(self.cost.min())) if self.cost.size else np.inf
+
+    def best(self, most: int, cell: float = 0.02) -> Pool:
+        """The best candidates, best first, at most one a cell of shape and place; those that do not close left out."""
+        timed = self.timed
+        order = np.argsort(self.cost, kind="stable")
+        order = order[np.isfinite(self.cost[order])]
+        first = timed.angles[:, 0]
+        place = [timed.shape, np.cos(first)[:, None], np.sin(first)[:, None], timed.branch[:, None]]
+        place += [timed.pose.real, timed.pose.imag]
+        numbers = np.concatenate(place, axis=1)[order]
+        size = np.maximum(1.0, np.abs(numbers))
+        keys = np.round(np.sign(numbers) * (1 + np.log(size)) * np.minimum(1.0, np.abs(numbers)) / cell)
+        _, kept = np.unique(np.nan_to_num(keys), axis=0, return_index=True)
+        return self.take(order[np.sort(kept)[:most]])
+
+
+# -- what descends -------------------------------------------------------------------------------------------------
+
+
+class Stage(NamedTuple):
+    """A part of a descent."""
+
+    steps: int
+    stall: float = 1e-9
+    """A step that lowers the cost by a smaller part is a candidate's last one."""
+    weight: float = 1.0
+    """Its square, rho, weighs squared violations of limits against J squared."""
+
+
+class Problem:
+    """Samples, a chart and limits made ready for many candidates.
+
+    Parameters
+    ----------
+    samples : Samples
+    chart : Chart
+    limits : kernel.Limits, optional
+        That descents keep to, over the length scale and from the mean position.
+    ordered, span_max, crank, fixed
+        As of `kernel.Descent`.
+    shortest : float
+        |z1| below this is no crank.
+    """
+
+    def __init__(
+        self,
+        samples: Samples,
+        chart: Chart,
+        limits: kernel.Limits | None = None,
+        *,
+        ordered: bool = True,
+        span_max: float = np.inf,
+        crank: Floats | None = None,
+        fixed: tuple[bool, bool] = (False, False),
+        shortest: float = 0.0,
+    ) -> None:
+        self.chart, self.limited, self.samples = chart, limits is not None, samples.samples
+        self.has_rotation, self.has_position = samples.rotation is not None, samples.position is not None
+        self._angles = samples.samples if crank is None else 1
+        self._shifts = 0 if limits is None else limits.count_rows
+        self._kernel = kernel.Descent(
+            self.goal(samples),
+            samples.rotation_mean.root if self.has_rotation else 1.0,
+            _real(samples.scaled[:, None]) if self.has_position else None,
+            samples.position_mean.root if self.has_position else 1.0,
+            chart.kind,
+            ordered,
+            span_max,
+            limits,
+            crank,
+            fixed,
+            chart.sheet,
+            shortest,
+        )
+
+    def goal(self, samples: Samples) -> Floats | None:
+        """The rotations wanted of the body, up to an offset."""
+        return samples.rotation
+
+    def _begin(self, timed: Timed, weight: float = 0.0) -> Pool:
+        """Copies of candidates, which the kernel works on in their place."""
+        count = len(timed.branch)
+        shape, angles = np.array(timed.shape, dtype=float, order="C"), np.array(timed.angles, dtype=float, order="C")
+        pose = np.array(timed.pose, dtype=complex, order="C")
+        mine = Timed(shape, pose, timed.offset + np.zeros(count), angles, timed.branch + np.zeros(count))
+        shifts = np.zeros((count, self._shifts))
+        return Pool(mine, self._kernel.begin(shape, _real(pose), mine.offset, angles, mine.branch, shifts, weight**2))
+
+    def measured(self, timed: Timed, posed: bool = True, facing: bool = False) -> Pool:
+        """Candidates and J squared: in their best pose or as they are; ``facing``: of offsets that are unknown."""
+        pool = self._begin(timed)
+        self._kernel.look(posed, facing)
+        return pool
+
+    def nearest(self, timed: Timed, steps: int) -> Timed:
+        """Candidates with each crank angle moved to the nearest point of the path by Gauss-Newton steps; order is kept."""
+        pool = self._begin(timed)
+        self._kernel.nearest(steps)
+        return pool.timed
+
+    def loose_steps(self, timed: Timed, random: np.random.Generator, size: float) -> Timed:
+        """Candidates moved mostly where their cost is flat: along valleys, where the next minimum lies.
+
+        Steps are R^{-1} times normal noise, with R of the linearised problem, so that they are longest where the rows change
+        least; each is scaled to change the shape by about ``size`` of itself.
+        """
+        pool, count = self._begin(timed, 1.0), len(timed.branch)
+        columns = timed.shape.shape[1] + (self._angles == 1) + 6 * self.has_position + self.has_rotation
+        self._kernel.loose(random.standard_normal((count, columns)), random.standard_t(3, size=count), size)
+        return pool.timed
+
+    def moved(self, timed: Timed, steps: Floats, turns: Floats) -> Timed:
+        """Candidates after steps (n, m) and turns of the crank angles (n, N), each unknown and gap cut by itself."""
+        pool = self._begin(timed)
+        self._kernel.moved(np.ascontiguousarray(steps, dtype=float), np.ascontiguousarray(turns, dtype=float))
+        return pool.timed
+
+    def linearised(self, timed: Timed, damping: float, weight: float = 1.0) -> list[dict[str, Any]]:
+        """What a step of each candidate is made of; see `kernel.Descent.linearised`."""
+        self._begin(timed, weight)
+        return [self._kernel.linearised(n, damping) for n in range(len(timed.branch))]
+
+    def lacking(self, timed: Timed) -> tuple[Floats, Floats]:
+        """The sum of squares of what candidates lack of the limits, and the largest, (n,) each."""
+        self._begin(timed)
+        squares, largest = self._kernel.broken()
+        return squares, largest
+
+    def moved_onto(self, timed: Timed, rounds: int = 12) -> tuple[Pool, Floats]:
+        """Candidates moved onto the limits that they break, at their crank angles, and by how much they still break one.
+
+        By Newton's steps of shape and pose, each the shortest. Law: none breaks more than it did.
+        """
+        pool = self._begin(timed)
+        return pool, self._kernel.restore(rounds)
+
+    def descended(
+        self,
+        timed: Timed,
+        stages: Sequence[Stage],
+        tolerance: float = 0.0,
+        work: Work | None = None,
+        damping: float = 1e-3,
+        all_of_them: bool = False,
+        bent_below: float = np.inf,
+        between: Callable[[Pool], None] | None = None,
+    ) -> Pool:
+        """Candidates after Levenberg-Marquardt steps over shape, pose and all crank angles.
+
+        Parameters
+        ----------
+        timed : Timed
+            Starting points; where the order is required their angles have it.
+        stages : sequence of Stage
+        tolerance : float
+            Stop when the square root of the least cost is below it.
+        work : Work, optional
+            Once it has expired the descent stops where it is.
+        damping : float
+            Of each stage's first step, relative to the squares of the derivatives.
+        all_of_them : bool
+            Stop only when the cost of every candidate is below the tolerance.
+        bent_below : float
+            Square root of the cost from which on a candidate's steps are bent.
+        between : callable, optional
+            Told what each stage but the last led to.
+
+        Returns
+        -------
+        Pool
+            The best place of each candidate's last stage. Law: without limits no candidate is worse than its starting point
+            with its best pose; the order of the angles is kept.
+        """
+        work = work or Work()
+        pool = self._begin(timed, stages[0].weight)
+        most = max(1, _BETWEEN_LOOKS // self.samples)
+        self._kernel.look(not self.limited, False)
+        for number, stage in enumerate(stages):
+            if number:
+                if between is not None:
+                    between(pool.take(np.arange(pool.cost.size)))
+                if self.limited:
+                    self._kernel.renew(stage.weight**2)
+            self._kernel.descend(stage.steps, damping, stage.stall, tolerance**2, all_of_them, bent_below**2)
+            while not work.expired() and not self._kernel.run(most):
+                pass
+        return pool
+
+
+def _real(columns: Complexes) -> Floats:
+    """Complex columns (n, m) as (n, 2 m) numbers, in place."""
+    return columns.view(np.float64).reshape(len(columns), 2 * columns.shape[1])

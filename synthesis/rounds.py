@@ -1,0 +1,296 @@
+"""Rounds of descents: seeds, few of them to their end, hops about the best, and what of it keeps the limits.
+
+Data flow of a round::
+
+    seeds -> descents in which broken limits weigh more from stage to stage: all a few steps, the best of each valley some
+      more, the best of the pool to their end -> on all samples, moved onto the limits that they still break -> `Found`
+
+What is found within the limits is kept, whatever comes after it, and no round depends on the time: more of it never gives less.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis import kernel
+from synthesis.descents import Pool, Problem, Stage, Timed
+from synthesis.mechanism import BoundedChart
+from synthesis.target import Samples
+from synthesis.work import Work
+
+Floats = NDArray[np.float64]
+
+_POOL = 120
+_APART, _POOL_APART = 0.01, 0.03
+"""By how much two valleys differ (see `Rounds.signature`): among answers, and in the pool."""
+_ALIKE = 1e-4
+"""Shapes, starts and branches of exact candidates are the same when they differ by less."""
+_FLIPPED, _EXCHANGED, _LOOSE_HOP = 0.15, 0.1, 0.5
+"""Parts of the hops that change the branch, and the family, and the width of hops along flat directions."""
+_TIRED = 2.0
+"""A valley stands back by this factor of e in J squared for each time that hops started from it."""
+_ON_ALL, _MOVED = 4, 30
+"""Candidates that are refined on all samples, and that are moved onto the limits."""
+_EXACT_NEAR = 1e-2
+"""J below which an answer that no limit holds is refined in its best pose: an exact one may lie there."""
+_KEPT = 1e-13
+"""To which an answer must keep equations; other limits it keeps entirely."""
+_ORIGINS, _COPIES, _WIDTHS = 8, 6, (1.0, 0.5, 0.25)
+"""Valleys that a round's hops begin from, hops from each, and their widths in turn."""
+GAIN = 2e-3
+"""A round that lowers J by a smaller part gains nothing."""
+_IDLE, _IDLE_SHARE = 24, 0.5
+"""The search ends after so many rounds that gain nothing, or this part of all rounds until then, whichever is more."""
+
+
+class Plan(NamedTuple):
+    """How a round's seeds descend."""
+
+    first: tuple[Stage, ...]
+    going: int = 0
+    """So many of the best valleys go on."""
+    on: tuple[Stage, ...] = ()
+    ended: int = 0
+    """So many of the best of the pool descend to their end, where they did not before."""
+    end: tuple[Stage, ...] = ()
+
+
+FEW_TO_THEIR_END = Plan(
+    (Stage(15, 1e-2, 0.3), Stage(12, 1e-2, 1.0)),
+    12,
+    (Stage(12, 1e-3, 3.0), Stage(15, 1e-3, 10.0), Stage(15, 1e-3, 30.0)),
+    4,
+    (Stage(60, 1e-6, 100.0), Stage(60, 1e-6, 300.0), Stage(60, 1e-7, 300.0)),
+)
+
+
+class Found:
+    """What is known within the limits, with J on all samples; it only gets better.
+
+    Parameters
+    ----------
+    tolerance : float
+        J below it is exact.
+    note : callable
+        Told the best J whenever it falls.
+    """
+
+    def __init__(self, tolerance: float, note: Callable[[float], None]) -> None:
+        self.tolerance, self.note = tolerance, note
+        self.pools: dict[Any, Pool] = {}
+        """By the chart that the candidates are in."""
+        self.least = np.inf
+
+    def add(self, rounds: Rounds, pool: Pool) -> None:
+        """Take candidates that keep the limits."""
+        chart = rounds.chart
+        if pool.cost.size:
+            known = self.pools[chart].joined(pool) if chart in self.pools else pool
+            self.pools[chart] = rounds.valleys(known, _POOL, _APART)
+        if pool.least < self.least:
+            self.least = pool.least
+            self.note(self.least)
+
+    @property
+    def reached(self) -> bool:
+        """Whether an answer is below the tolerance."""
+        return self.least <= self.tolerance
+
+
+class Rounds:
+    """The rounds of one request in one chart; candidates come with crank angles at the few samples and go with those at all.
+
+    Parameters
+    ----------
+    whole, thin : Samples
+        All samples, and those that descents look at.
+    problems : tuple of Problem
+        Of all samples without limits; of all within them; of the few, within them where descents keep to them.
+    family : str
+        That is asked for.
+    found : Found
+        Where answers go.
+    work : Work
+    """
+
+    bent_below = np.inf
+    """J from which on steps are bent."""
+
+    def __init__(
+        self,
+        whole: Samples,
+        thin: Samples,
+        problems: tuple[Problem, Problem, Problem],
+        family: str,
+        found: Found,
+        work: Work,
+    ) -> None:
+        self.whole, self.thin, self.found, self.work = whole, thin, found, work
+        self.plain, self.within, self.problem = problems
+        self.chart = self.plain.chart
+        self.holds, self.limited = self.within.limited, self.problem.limited
+        """Whether limits hold, and whether descents keep to them."""
+        self._exchanges = family in ("full_crank", "any")
+        self.random = np.random.default_rng(20)
+        self.pool: Pool | None = None
+        self._used: Counter[float] = Counter()
+        """How often hops started from a valley, by its cost."""
+        self._ended: set[float] = set()
+        """Costs of those that descended to their end."""
+
+    # -- what is asked of those who know the timing -----------------------------------------------------------------
+
+    def signature(self, timed: Timed) -> tuple[Floats, Floats]:
+        """Numbers (n, m) that tell valleys apart, and the scale (n,) on which they differ."""
+        raise NotImplementedError
+
+    def on_all(self, pool: Pool) -> Pool:
+        """Candidates at the few samples, refined on all."""
+        raise NotImplementedError
+
+    def turned_apart(self, timed: Timed, width: float) -> Floats:
+        """Crank angles (n, N) of candidates that hop."""
+        raise NotImplementedError
+
+    # -- the pool ---------------------------------------------------------------------------------------------------
+
+    @property
+    def least(self) -> float:
+        """J of the best of the pool, whether it keeps the limits or not."""
+        return np.inf if self.pool is None else self.pool.least
+
+    def best(self, most: int) -> Timed:
+        """The best valleys of the pool."""
+        assert self.pool is not None
+        return self.pool.timed.take(slice(0, most))
+
+    def valleys(self, found: Pool, most: int, apart: float) -> Pool:
+        """The best of each valley, best first; all that differ of those that reach the tolerance."""
+        order = np.argsort(found.cost, kind="stable")
+        found = found.take(order[np.isfinite(found.cost[order])])
+        place = np.column_stack([found.timed.shape, found.timed.angles[:, 0], found.timed.branch])
+        rows, scale = self.signature(found.timed)
+        exact = int(np.searchsorted(found.cost, self.found.tolerance**2, side="right"))
+        kept = kernel.apart(place[:exact], np.full(exact, _ALIKE), (), 0, most)
+        return found.take(kernel.apart(rows, apart * scale, kept, exact, most))
+
+    # -- rounds until they gain nothing -----------------------------------------------------------------------------
+
+    def closest(self, seeds: Iterator[Timed], most: float = np.inf) -> Iterator[Timed]:
+        """Rounds within the limits until they gain nothing, at most so many; gives what each began from.
+
+        The first two and every second later one begin from seeds, the others from hops.
+        """
+        number = last = 0
+        while number - last < max(_IDLE, _IDLE_SHARE * last) and number < most:
+            before = self.found.least
+            begin = next(seeds, None) if number < 2 or number % 2 == 0 else None
+            if begin is None:
+                if self.pool is None or not self.pool.cost.size:
+                    return
+                begin = self.hops(_ORIGINS, _COPIES, _WIDTHS[number // 2 % len(_WIDTHS)])
+            self.round(begin, FEW_TO_THEIR_END)
+            number += 1
+            if self.found.least < (1 - GAIN) * before:
+                last = number
+            yield begin
+
+    # -- a round ----------------------------------------------------------------------------------------------------
+
+    def round(self, seeds: Timed, plan: Plan) -> None:
+        """Descents from seeds that have crank angles at the few samples."""
+        found = self._descended(seeds, plan.first)
+        if plan.on:
+            going = self.valleys(found, plan.going, _POOL_APART)
+            self._answer(going)
+            found = self._descended(going.timed, plan.on, answers=True)
+        self._take(found)
+        assert self.pool is not None
+        best = [k for k in range(min(plan.ended, self.pool.cost.size)) if self.pool.cost[k] not in self._ended]
+        if best and not (self.found.reached or self.work.expired()):
+            before = set(self.pool.cost[best])
+            found = self._descended(self.pool.take(best).timed, plan.end, answers=True)
+            self._ended |= before | set(found.cost)
+            self._take(found)
+
+    def _descended(self, timed: Timed, stages: tuple[Stage, ...], answers: bool = False) -> Pool:
+        exact, between = 0.3 * self.found.tolerance, self._answer if answers else None
+        return self.problem.descended(timed, stages, exact, self.work, bent_below=self.bent_below, between=between)
+
+    def _take(self, found: Pool) -> None:
+        """Into the pool; and what is worth it among the answers."""
+        found = found.take(np.isfinite(found.cost))
+        self.pool = self.valleys(found if self.pool is None else self.pool.joined(found), _POOL, _POOL_APART)
+        if self.limited or not self.holds or found.least <= self.found.tolerance:
+            self._answer(found)
+
+    # -- answers ----------------------------------------------------------------------------------------------------
+
+    def _answer(self, pool: Pool) -> None:
+        """Candidates at the few samples, on all samples, to `keep`."""
+        if pool.cost.size and self._counts:
+            best = pool.take(np.argsort(pool.cost, kind="stable")[:_ON_ALL])
+            self.keep(pool if self.thin is self.whole else self.on_all(best))
+
+    @property
+    def _counts(self) -> bool:
+        """Whether what a descent led to counts: one that the time cut short does only where nothing else is known.
+
+        More time would lead it elsewhere, and an answer must not be lost by that.
+        """
+        return not (self.work.expired() and np.isfinite(self.found.least))
+
+    def keep(self, pool: Pool, rounds: int = 12) -> None:
+        """Add those of candidates at all samples that keep the limits, or can be moved onto them, to the answers.
+
+        Parameters
+        ----------
+        pool : Pool
+        rounds : int
+            Steps towards the limits.
+        """
+        if not (pool.cost.size and self._counts):
+            return
+        if not self.holds:
+            self.found.add(self, pool)
+            return
+        merit = pool.cost + self.within.lacking(pool.timed)[0]
+        moved, broken = self.within.moved_onto(pool.timed.take(np.argsort(merit, kind="stable")[:_MOVED]), rounds)
+        self.found.add(self, moved.take((broken <= _KEPT) & np.isfinite(moved.cost)))
+        near = moved.take(moved.cost < _EXACT_NEAR**2)
+        if near.cost.size:
+            done = self.plain.descended(near.timed, [Stage(30, 1e-2)], 0.3 * self.found.tolerance, self.work)
+            if self._counts:
+                self.found.add(self, done.take(self.within.lacking(done.timed)[1] <= _KEPT))
+
+    # -- hops -------------------------------------------------------------------------------------------------------
+
+    def hops(self, origins: int, copies: int, width: float = 1.0) -> Timed:
+        """Perturbed copies of the best valleys that were perturbed least often.
+
+        Half of them are moved in all unknowns alike, which reaches other valleys, half where the cost is flat, which reaches
+        other minima of a long one.
+        """
+        assert self.pool is not None
+        cost = self.pool.cost
+        rank = np.log(np.maximum(cost, 1e-300)) + _TIRED * np.array([self._used[value] for value in cost])
+        chosen = np.argsort(rank, kind="stable")[:origins]
+        self._used.update(cost[chosen])
+        best = self.pool.timed.take(np.repeat(chosen, copies // 2))
+        return self._wide_steps(best, width).joined(self.problem.loose_steps(best, self.random, _LOOSE_HOP))
+
+    def _wide_steps(self, timed: Timed, width: float) -> Timed:
+        """Candidates moved in shape and timing, with heavy tails, some to the other branch, some to the other family."""
+        random, (count, size) = self.random, timed.shape.shape
+        noise = width * random.standard_t(3, size=(count, size)) * self.chart.hop[:-1]
+        shape = (self.chart.hopped if isinstance(self.chart, BoundedChart) else np.add)(timed.shape, noise)
+        branch = np.where(random.random(count) < _FLIPPED, -timed.branch, timed.branch)
+        exchanged = random.random(count) < _EXCHANGED
+        if self._exchanges and self.chart.kind == kernel.GRASHOF_SCALED:  # crank-rockers from double-cranks and back
+            shape[:, 0] *= np.where(exchanged, -1.0, 1.0)
+        return timed._replace(shape=shape, angles=self.turned_apart(timed, width), branch=branch)
