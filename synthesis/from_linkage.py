@@ -27,14 +27,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
+from synthesis.descents import Pool, Stage, Timed
+from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution, assess, mounted, within
 from synthesis.free.dyads import chart_of, in_any_order, squared_errors
-from synthesis.descents import Pool, Stage, Timed
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import refined_within
 from synthesis.free.poses import Poses
@@ -42,20 +42,10 @@ from synthesis.free.search import solutions_of
 from synthesis.function.answers import Generator, exchanged
 from synthesis.function.search import FunctionSearch
 from synthesis.function.wanted import Wanted
-from synthesis.least_squares import minimise
 from synthesis.mechanism import Bounded
 from synthesis.pose import whole_turns
 from synthesis.ranking import Answer, Status
-from synthesis.search.problems import (
-    Places,
-    Plan,
-    PosedProblem,
-    ProjectedProblem,
-    ShapeProblem,
-    descend,
-    problem_of,
-    restored,
-)
+from synthesis.search.problems import GivenProblem, given, problem_of
 from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy
 from synthesis.target import TURN, Target
 from synthesis.work import Work
@@ -113,10 +103,11 @@ def report_of(
 
 
 _STEPS = 400
+_WEIGHTS = (10.0, 30.0, 100.0, 300.0, 1000.0)
 _PLANS = (
     # a linkage that breaks no limit must not be led out of its valley first; one that breaks many must find a way in
-    Plan(100, (10.0, 30.0, 100.0, 300.0, 1000.0), 4),
-    Plan(100, (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0), 5),
+    (*(Stage(4, weight=rho**0.5) for rho in _WEIGHTS), Stage(80, weight=1000.0**0.5)),
+    (*(Stage(5, weight=rho**0.5) for rho in (0.1, 0.3, 1.0, 3.0, *_WEIGHTS)), Stage(55, weight=1000.0**0.5)),
 )
 
 
@@ -197,7 +188,6 @@ class _Descents:
         sheet = {"crank_rocker": -1, "double_crank": 1}.get(self.limits.family, 0)
         chart = FullCrankChart(sheet) if full_crank else AnyChart()
         way = FOURBAR.bounded(self.target, self.limits)[0 if full_crank else -1]
-        assert isinstance(way.chart, GrashofChart if full_crank else LengthsChart)
         self._freely(chart, [linkage])
         if not self.done:
             self._freely(chart, [one for plan in _PLANS for one in self._under_limits(way, linkage, plan)])
@@ -206,44 +196,40 @@ class _Descents:
         """Descents without limits from linkages: those that end within them are found."""
         if not linkages or self.work.expired():
             return
-        problem = ProjectedProblem(self.target, chart)
+        problem = GivenProblem(self.target, chart)
         shape = chart.unknowns(np.array([one.links for one in linkages]))
-        unknowns = np.column_stack([shape, [one.start for one in linkages]])
         branch = np.array([float(one.branch) for one in linkages])
-        found = minimise(problem.evaluate, unknowns, branch, _STEPS, 0.0, self.work, residual=problem.residual)
-        closes = np.isfinite(found.cost)
-        ends, branch = found.unknowns[closes], branch[closes]
-        lengths = chart.shape(ends[:, :-1]).lengths
-        self.found += self.kept(assess(self.target, mounted(self.target, lengths, branch, ends[:, -1])))
+        begun = given(shape, branch, np.array([one.start for one in linkages]))
+        found = problem.descended(begun, [Stage(_STEPS)], 0.0, self.work)
+        ends = problem.linkages(FOURBAR, found.take(np.isfinite(found.cost)))
+        self.found += self.kept(assess(self.target, ends))
 
-    def _under_limits(self, way: Bounded, linkage: Linkage, plan: Plan) -> list[Linkage]:
+    def _under_limits(self, way: Bounded, linkage: Linkage, plan: Sequence[Stage]) -> list[Linkage]:
         """Where a descent under the limits ends, moved onto those that it still breaks."""
         if self.work.expired():
             return []
         problem = problem_of(self.target, way)
-        unknowns, branch = self._unknowns(problem, way, linkage), np.array([float(linkage.branch)])
-        found = restored(problem, descend(problem, unknowns, branch, plan, self.work))
+        found = problem.descended(self._placed(problem, linkage), plan, 0.0, self.work)
+        found, _ = problem.moved_onto(found.timed)
         if not np.isfinite(found.cost).all():
             return []
-        linkages = problem.linkages(FOURBAR, found.unknowns, found.branch, self.target)
+        linkages = problem.linkages(FOURBAR, found)
         self.found += self.kept(self.assessed(linkages))
         return linkages
 
-    def _unknowns(self, problem: ShapeProblem, way: Bounded, linkage: Linkage) -> Floats:
-        """The linkage as unknowns of a problem within limits."""
-        lengths, start = np.array([linkage.links]), np.array([linkage.start])
-        if not isinstance(problem, PosedProblem):
-            return np.column_stack([way.chart.unknowns(lengths), start])
-        if not linkage.mounted:
+    def _placed(self, problem: GivenProblem, linkage: Linkage) -> Timed:
+        """The linkage as a candidate of a problem within limits."""
+        if problem.posed and not linkage.mounted:
             linkage = self._mounted(linkage)
-        assert linkage.coupler_point is not None
-        scale, (radius, angle) = self.target.length_scale, linkage.coupler_point
-        pose = Places(
-            np.array([(linkage.pivot_a - problem.middle) / scale]),
-            np.array([linkage.ground_angle]),
-            np.array([radius / scale * np.exp(1j * (angle + linkage.ground_angle))]),
-        )
-        return problem.posed(way.chart.unknowns(np.array([linkage.links]) / scale), start, pose)
+        pose = None
+        if problem.posed:
+            assert linkage.coupler_point is not None
+            scale, (radius, angle) = self.target.length_scale, linkage.coupler_point
+            z1 = linkage.links[0] / scale * np.exp(1j * linkage.ground_angle)
+            z2 = radius / scale * np.exp(1j * (angle + linkage.ground_angle))
+            pose = np.array([[(linkage.pivot_a - self.target.middle) / scale, z1, z2]])
+        shape = problem.chart.unknowns(np.array([linkage.links]))
+        return given(shape, np.array([float(linkage.branch)]), np.array([linkage.start]), pose)
 
 
 # -- crank angles free ---------------------------------------------------------------------------------------------

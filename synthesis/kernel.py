@@ -766,7 +766,7 @@ def apart(rows, reach, kept, start, most):
 
 # -- shapes ----------------------------------------------------------------------------------------------------------
 
-GRASHOF, GRASHOF_SCALED, LENGTHS, ANY, FULL_CRANK = range(5)
+GRASHOF, ANY, FULL_CRANK = range(3)
 """Charts, see `fourbar.charts`."""
 _LEAST = cython.declare(cython.double, 1e-9)
 """Least magnitude of an unknown of a Grashof chart: at change points the slope of theta2 has no limit."""
@@ -784,7 +784,7 @@ class Shape:
 
     def __init__(self, chart):
         self.chart = chart
-        self.size = 4 if chart in (GRASHOF, GRASHOF_SCALED, LENGTHS) else 3
+        self.size = 4 if chart == GRASHOF else 3
         self.loop = Loop()
         self.by = np.zeros((4, 4))
 
@@ -796,15 +796,9 @@ class Shape:
         """Lengths, X0 and Y0 into ``loop``, derivatives by the unknowns into ``by``."""
         loop: Loop = self.loop
         loop.side = side
-        if self.chart <= 1:
+        if self.chart == 0:
             self.grashof(q0, q1, q2, q3)
-        elif self.chart == 2:
-            loop.of_lengths(exp(q0), exp(q1), exp(q2), exp(q3), side)
-            self.by[0, 0] = loop.l1
-            self.by[1, 1] = loop.l2
-            self.by[2, 2] = loop.l3
-            self.by[3, 3] = loop.l4
-        elif self.chart == 3:
+        elif self.chart == 1:
             loop.of_lengths(exp(inside(q0, 16.0)), exp(inside(q1, 16.0)), exp(inside(q2, 16.0)), 1.0, side)
             self.by[0, 0] = loop.l1
             self.by[1, 1] = loop.l2
@@ -895,7 +889,7 @@ def inside(value: cython.double, most: cython.double) -> cython.double:
 # -- descents --------------------------------------------------------------------------------------------------------
 
 ANGLE_ = cython.declare(cython.double, 1e-2)
-TIMED_LINEAR = float(__import__("os").environ.get("TL", "1e-2"))
+LINEAR_ = cython.declare(cython.double, 1e-2)
 """Damping of the crank angles and of the linear unknowns relative to that of the shape."""
 NORMAL_ = cython.declare(cython.double, 1e-9)
 """Damping from which on a step may come from normal equations: the condition of the damped, scaled matrix is below 1e11."""
@@ -944,7 +938,6 @@ class Descent:
     sheet: cython.int
     shortest: cython.double
     base: cython.int
-    linear: cython.double
     crank: cython.double[::1]
     goal: cython.double[::1]
     has_rotation: cython.bint
@@ -1070,7 +1063,6 @@ class Descent:
         self.rho = 1.0
         self.parts = self.has_rotation + 2 * self.has_position
         self.base = self.size + self.timed
-        self.linear = TIMED_LINEAR if self.timed else 1e-2
         self.columns = self.base + 6 * self.has_position + self.has_rotation
         self.flat = self.parts * samples
         rows = self.limits.rows
@@ -1332,12 +1324,7 @@ class Descent:
             if not out[n] <= before:
                 out[n] = before
                 self.take(0, n)
-            self.shape.at(self.q[0, 0], self.q[0, 1], self.q[0, 2], self.q[0, 3], self.side[0])
-            self.cost[0] = float("inf")
-            if self.turned(0, False):
-                self.residual(0, False)
-            if not isfinite(self.cost[0]):
-                self.cost[0] = float("inf")
+            self.evaluate(0, False, 1 if self.pose_is_best else 0, False)
             self.give(0, n)
         return lacked
 
@@ -1398,7 +1385,7 @@ class Descent:
             for c in range(last):
                 self.step[c] = -self.upper[c, last]
             self.upper_solve(self.step)
-            if self.shape.chart > 1 or held:
+            if self.shape.chart > 0 or held:
                 break
             again: cython.bint = False
             for c in range(4):
@@ -1458,7 +1445,7 @@ class Descent:
             return False
         if full:
             self.derivatives(s)
-            if self.shape.chart <= 1:
+            if self.shape.chart == 0:
                 self.hold(s)
         return True
 
@@ -2019,7 +2006,7 @@ class Descent:
             square: cython.double = self.square[c]
             if not square > 0.0:
                 square = 1.0
-            self.ridge[c] = damping * (1.0 if c < self.base else self.linear) * square
+            self.ridge[c] = damping * (1.0 if c < self.base else LINEAR_) * square
         if not (damping > NORMAL_ and self.cholesky()):
             self.orthogonal()
 
@@ -2226,18 +2213,11 @@ class Descent:
         self.offset[t] = self.offset[s]
         if self.has_rotation:
             self.offset[t] += self.step[self.columns - 1]
-        longest: cython.double = 1.0
-        if self.shape.chart == 1:
-            longest = 0.35
-        elif self.shape.chart == 2:
-            longest = 0.5
+        longest: cython.double = 0.35 if self.shape.chart == 0 else 1.0
         for k in range(self.size):
             self.q[t, k] = self.q[s, k] + inside(self.step[k], longest)
-        if self.shape.chart <= 1:
+        if self.shape.chart == 0:
             self.bound(s, t)
-        elif self.shape.chart == 2:
-            for k in range(self.size):
-                self.q[t, k] = inside(self.q[t, k], 30.0)
         if self.timed:
             start: cython.double = self.phi[s, 0] + inside(self.step[self.size], 0.75)
             for i in range(self.samples):
@@ -2258,8 +2238,6 @@ class Descent:
             side: cython.double = copysign(1.0, self.q[s, k])
             self.q[t, k] = side * max(side * self.q[t, k], 1e-300)
             total += fabs(self.q[t, k])
-        if self.shape.chart == 0:
-            total = 1.0
         self.q[t, 0] = copysign(max(fabs(self.q[t, 0] / total), _LEAST), self.q[t, 0])
         for k in range(1, 4):
             self.q[t, k] = max(self.q[t, k] / total, _LEAST)

@@ -14,7 +14,7 @@ sample, and a branch.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,13 +53,6 @@ class Shape(Protocol):
         """Derivatives of the lengths by the chart's unknowns, (n, d, k)."""
 
 
-class Evaluate(Protocol):
-    """A chart made ready for one target: the search's innermost computation."""
-
-    def __call__(self, unknowns: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-        """Angles of candidates (n, k + 1) of branches (n,)."""
-
-
 class Chart(Protocol):
     """Coordinates of shapes for a search."""
 
@@ -89,8 +82,11 @@ class Chart(Protocol):
     def unknowns(self, lengths: ArrayLike) -> Floats:
         """Unknowns (n, k) of lengths (n, d). Law: ``unknowns(shape(x).lengths) == x`` for moderate x."""
 
-    def prepared(self, target: Target) -> Evaluate:
-        """The evaluation of candidates over a target's samples, whose crank turns counter-clockwise."""
+    def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
+        """Unknowns perturbed by noise (n, k) in units of order one."""
+
+    def place(self, unknowns: Floats) -> Floats:
+        """Where shapes lie, whatever their scale, (n, c): shapes in one unit cell are alike."""
 
     def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
         """Angles of shapes (n, k) at crank angles (n, N), each candidate's own; the slope's last row is that by theta1."""
@@ -145,22 +141,8 @@ class Constraints(Protocol):
     def __call__(self, placed: Placed) -> Constrained:
         """The constraints at linkages in that unit."""
 
-
-@runtime_checkable
-class BoundedChart(Chart, Protocol):
-    """A chart whose unknowns have bounds."""
-
-    def stepped(self, unknowns: Floats, step: Floats) -> Floats:
-        """Unknowns (n, k) after a step, cut and projected."""
-
-    def held(self, unknowns: Floats, gradient: Floats) -> Flags:
-        """Which unknowns stand at a bound that descent would push them through, (n, k)."""
-
-    def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
-        """Unknowns perturbed by noise (n, k) in units of order one."""
-
-    def place(self, unknowns: Floats) -> Floats:
-        """Where shapes lie, whatever their scale, (n, c): shapes in one unit cell are alike."""
+    def compiled(self, posed: bool) -> Any:
+        """Them as `kernel.Limits`: for linkages in a place, or for shapes alone."""
 
 
 class Boxes(NamedTuple):
@@ -194,7 +176,7 @@ def _clipped(place: Complexes, box: Box) -> Complexes:
 class Bounded(NamedTuple):
     """One way to look for the best linkages of a target within limits."""
 
-    chart: BoundedChart
+    chart: Chart
     constraints: Constraints
     on_shape: Constraints
     """Those of the limits that concern shape and start alone."""

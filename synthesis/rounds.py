@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from synthesis import kernel
 from synthesis.descents import Pool, Problem, Stage, Timed
-from synthesis.mechanism import BoundedChart
 from synthesis.target import Samples
 from synthesis.work import Work
 
@@ -288,9 +287,9 @@ class Rounds:
         """Candidates moved in shape and timing, with heavy tails, some to the other branch, some to the other family."""
         random, (count, size) = self.random, timed.shape.shape
         noise = width * random.standard_t(3, size=(count, size)) * self.chart.hop[:-1]
-        shape = (self.chart.hopped if isinstance(self.chart, BoundedChart) else np.add)(timed.shape, noise)
+        shape = self.chart.hopped(timed.shape, noise)
         branch = np.where(random.random(count) < _FLIPPED, -timed.branch, timed.branch)
         exchanged = random.random(count) < _EXCHANGED
-        if self._exchanges and self.chart.kind == kernel.GRASHOF_SCALED:  # crank-rockers from double-cranks and back
+        if self._exchanges and self.chart.kind == kernel.GRASHOF:  # crank-rockers from double-cranks and back
             shape[:, 0] *= np.where(exchanged, -1.0, 1.0)
         return timed._replace(shape=shape, angles=self.turned_apart(timed, width), branch=branch)

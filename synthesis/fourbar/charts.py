@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from synthesis import kernel
 from synthesis.fourbar.kinematics import grashof_excesses
-from synthesis.mechanism import BodyAngles, Evaluate
-from synthesis.target import TURN, Interval, Target
+from synthesis.mechanism import BodyAngles
+from synthesis.target import TURN, Interval
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -61,17 +61,14 @@ class Evaluated:
         """Shapes at unknowns (n, k)."""
         raise NotImplementedError
 
-    def prepared(self, target: Target) -> Evaluate:
-        """The evaluation of candidates over a target's samples, whose crank turns counter-clockwise."""
-        turned, interval = np.exp(0.5j * target.crank), target.interval
+    def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
+        """Unknowns moved by noise."""
+        return unknowns + np.clip(noise, -8.0, 8.0)
 
-        def evaluate(unknowns: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-            shape, start = self.shape(unknowns[:, :-1]), unknowns[:, -1:]
-            half = np.exp(0.5j * start) * turned
-            used = None if self.always_closes else interval.after(start[:, 0])
-            return _angles(self, shape, start + target.crank, half, branch[:, None], derivatives, used)
-
-        return evaluate
+    def place(self, unknowns: Floats) -> Floats:
+        """Where shapes lie: logarithms of length ratios, (n, 3)."""
+        lengths = self.shape(unknowns).lengths
+        return np.log(lengths[:, :3] / lengths[:, 3:]) / 0.7
 
     def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
         """Angles at crank angles (n, N) of each candidate's own; the slope's last row is that by theta1."""
@@ -273,12 +270,9 @@ class GrashofChart(Evaluated):
     |l| is the shortest link, the crank where l > 0 (crank-rocker) and the ground where l < 0 (double-crank);
     L2 = |l| + (x + y) / 2, L3 = |l| + (x + z) / 2, and the fourth length is |l| + (y + z) / 2. Then
     X0 = x (4 |l| + x + y + z) and Y0 = y z, without cancellation. The common scale is free: `within` makes
-    the sum of magnitudes one, unless the lengths are actual.
+    the sum of magnitudes one.
     Law: ``unknowns(shape(x).lengths) == within(x)``.
     """
-
-    scaled: bool = True
-    """Whether the sum of magnitudes is kept at one; otherwise lengths are actual."""
 
     LEAST = 1e-9
     """Least magnitude of an unknown: at change points the slope of theta2 has no limit."""
@@ -288,12 +282,7 @@ class GrashofChart(Evaluated):
     cell = np.append(np.full(4, 0.1), FullCrankChart.cell[3])
     hop = np.array([0.4, 0.8, 0.8, 0.8, 0.3])
     """Of the logarithms of the magnitudes, and of the start."""
-    longest_step = 0.35
-
-    @property
-    def kind(self) -> int:
-        """Its code in the compiled kernel."""
-        return kernel.GRASHOF_SCALED if self.scaled else kernel.GRASHOF
+    kind = kernel.GRASHOF
 
     def shape(self, unknowns: Floats) -> FourBarShape:
         """Shapes at unknowns (n, 4); excesses below zero count as zero."""
@@ -321,22 +310,10 @@ class GrashofChart(Evaluated):
 
     def within(self, unknowns: Floats) -> Floats:
         """The nearest unknowns within the bounds, each of its own sign of l, and of scale one."""
-        if self.scaled:
-            unknowns = unknowns / np.sum(np.abs(unknowns), axis=-1, keepdims=True)
+        unknowns = unknowns / np.sum(np.abs(unknowns), axis=-1, keepdims=True)
         out = np.maximum(unknowns, self.LEAST)
         out[..., 0] = np.copysign(np.maximum(np.abs(unknowns[..., 0]), self.LEAST), unknowns[..., 0])
         return out
-
-    def stepped(self, unknowns: Floats, step: Floats) -> Floats:
-        """Unknowns after a step, each component cut by itself; l keeps its sign."""
-        longest = self.longest_step if self.scaled else 1.0
-        side = np.copysign(1.0, unknowns)
-        out = side * (unknowns + np.minimum(np.maximum(step, -longest), longest))
-        return self.within(side * np.maximum(out, 1e-300))  # lifted to the bounds there, once the scale is one
-
-    def held(self, unknowns: Floats, gradient: Floats) -> Flags:
-        """Which unknowns stand at a bound that descent would push them through, (n, 4)."""
-        return (np.abs(unknowns) <= 1.01 * self.LEAST) & (np.copysign(1.0, unknowns) * gradient > 0)
 
     def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
         """Unknowns whose logarithms moved by noise (n, 4); excesses at a bound are lifted off it first."""
@@ -348,43 +325,3 @@ class GrashofChart(Evaluated):
         size = np.log(np.maximum(np.abs(unknowns), 1e-5 * np.sum(np.abs(unknowns), axis=1, keepdims=True)))
         ratios = size[:, :3] - size[:, 3:]
         return np.hstack([2 * np.sign(unknowns[:, :1]), ratios / [0.7, 1.0, 1.0]])
-
-
-@dataclass(frozen=True)
-class LengthsChart(Evaluated):
-    """All four-bars by the logarithms of their lengths, whose common scale is free."""
-
-    LIMIT = 30.0
-    kind = kernel.LENGTHS
-    always_closes = False
-    sheet = 0
-    cell = np.append(np.full(4, 0.7), FullCrankChart.cell[3])
-    hop = np.array([0.4, 0.4, 0.4, 0.4, 0.3])
-    longest_step = 0.5
-
-    def shape(self, unknowns: Floats) -> FourBarShape:
-        """Shapes at unknowns (n, 4)."""
-        lengths = np.exp(unknowns)
-        a, b, c = grashof_excesses(lengths)
-        return FourBarShape(lengths, c * lengths.sum(axis=-1), a * b, lengths[:, :, None] * np.eye(4))
-
-    def unknowns(self, lengths: ArrayLike) -> Floats:
-        """Unknowns (n, 4) of lengths (n, 4)."""
-        return np.log(np.asarray(lengths, dtype=float))
-
-    def stepped(self, unknowns: Floats, step: Floats) -> Floats:
-        """Unknowns after a step, each component cut by itself."""
-        moved = unknowns + np.clip(step, -self.longest_step, self.longest_step)
-        return np.clip(moved, -self.LIMIT, self.LIMIT)
-
-    def held(self, unknowns: Floats, gradient: Floats) -> Flags:
-        """None is held, (n, 4)."""
-        return np.zeros(unknowns.shape, dtype=bool)
-
-    def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
-        """Unknowns moved by noise."""
-        return np.clip(unknowns + np.clip(noise, -8.0, 8.0), -self.LIMIT, self.LIMIT)
-
-    def place(self, unknowns: Floats) -> Floats:
-        """Where shapes lie, whatever their scale: logarithms of length ratios, (n, 3)."""
-        return (unknowns[:, :3] - unknowns[:, 3:]) / 0.7

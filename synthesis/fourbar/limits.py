@@ -333,6 +333,7 @@ class Constraints:
         self, limits: Limits, middle: complex = 0j, scale: float = 1.0, exact: bool = True, smooth: bool = False
     ) -> None:
         self.limits, self.middle, self.scale, self.exact, self.smooth = limits, middle, scale, exact, smooth
+        self._compiled: dict[bool, kernel.Limits] = {}
 
     @property
     def any(self) -> bool:
@@ -341,11 +342,11 @@ class Constraints:
 
     def __call__(self, placed: Placed) -> Constrained:
         """The constraints at linkages."""
-        compiled, table = self.compiled if placed.pivot is not None else self._on_shape
-        count = len(placed.lengths)
+        posed = placed.pivot is not None
+        count, table = len(placed.lengths), self._table(posed)
         nothing = np.zeros(count)
         pivot, turned, coupler = (0.0 if one is None else np.asarray(one) for one in placed[3:])
-        values, slopes = compiled(
+        values, slopes = self.compiled(posed)(
             np.ascontiguousarray(placed.lengths, dtype=float),
             nothing + placed.branch,
             nothing + placed.used.first,
@@ -356,18 +357,12 @@ class Constraints:
         )
         return Constrained(values, slopes, table.equal, table.names)
 
-    @cached_property
-    def compiled(self) -> tuple[kernel.Limits, _Table]:
-        """Them for linkages in a place, as a descent takes them, and what each row is."""
-        return self._compiled(posed=True)
-
-    @cached_property
-    def _on_shape(self) -> tuple[kernel.Limits, _Table]:
-        return self._compiled(posed=False)
-
-    def _compiled(self, posed: bool) -> tuple[kernel.Limits, _Table]:
-        table = self._table(posed)
-        return kernel.Limits(np.array(table.rows).reshape(-1, 8), posed, table.equal), table
+    def compiled(self, posed: bool) -> kernel.Limits:
+        """Them as a descent takes them: for linkages in a place, or for shapes alone."""
+        if posed not in self._compiled:
+            table = self._table(posed)
+            self._compiled[posed] = kernel.Limits(np.array(table.rows).reshape(-1, 8), posed, table.equal)
+        return self._compiled[posed]
 
     def _table(self, posed: bool) -> _Table:
         table, limits, scale = _Table(), self.limits, self.scale

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
+from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.kinematics import coupler_angle, wrap
 from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import assess, four, keeps, mounted, within
-from synthesis.mechanism import Bounded, BoundedChart, Box, Boxes
+from synthesis.mechanism import Bounded, Box, Boxes, Chart
 from synthesis.target import TURN, Samples
 
 Floats = NDArray[np.float64]
@@ -44,9 +44,9 @@ def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bou
         boxes = _boxes(limits, middle, scale)
     constraints = Constraints(limits, middle, scale, exact=False)
     on_shape = Constraints(limits.of_shape if posed else limits)
-    charts: list[BoundedChart] = [GrashofChart(scaled=not posed)]
+    charts: list[Chart] = [GrashofChart()]
     if limits.family == "any":
-        charts.append(LengthsChart())
+        charts.append(AnyChart())
     return [Bounded(chart, constraints, on_shape, boxes) for chart in charts]
 
 

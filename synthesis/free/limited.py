@@ -22,7 +22,7 @@ from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses
 from synthesis.mechanism import Boxes, Chart
-from synthesis.search.problems import PosedProblem
+from synthesis.search.problems import GivenProblem
 from synthesis.search.seeds import Fits, Windows
 from synthesis.target import Target
 from synthesis.work import Work
@@ -48,7 +48,7 @@ def limited_problem(poses: Poses, chart: Chart, limits: Limits) -> JointProblem:
 
 def compiled_limits(poses: Poses, limits: Limits) -> kernel.Limits:
     """The limits over the length scale, places from the poses' mean."""
-    return Constraints(limits, poses.middle, poses.length_scale, exact=False).compiled[0]
+    return Constraints(limits, poses.middle, poses.length_scale, exact=False).compiled(True)
 
 
 def refined_within(poses: Poses, limits: Limits, timed: Timed, work: Work) -> Pool:
@@ -110,14 +110,10 @@ def _seeds(target: Target, limits: Limits, windows: Windows, chart: Chart, sense
     if sense < 0:
         target, limits = target.mirrored(), limits.mirrored()
     way = ways(target, limits, posed=True)[0]
-    problem = PosedProblem(target, way.chart, way.constraints)
-    found = windows.seeds(problem, way.on_shape, way.boxes, _SEEDS)
-    unknowns, branch = found.unknowns[:_SEEDS], found.branch[:_SEEDS]
-    pivot, turned, coupler = problem.pose(unknowns)
-    lengths = way.chart.shape(unknowns[:, : problem.size]).lengths
-    pose = np.stack([pivot, lengths[:, 0] * np.exp(1j * turned), coupler], axis=1)
-    angles = unknowns[:, [problem.size]] + target.crank
-    return Timed(chart.unknowns(lengths), pose, np.zeros(len(branch)), angles, branch)
+    problem = GivenProblem(target, way.chart, way.constraints, posed=True)
+    found = windows.seeds(problem, way.on_shape, way.boxes, _SEEDS).take(slice(0, _SEEDS))
+    shape = chart.unknowns(way.chart.shape(found.shape).lengths)
+    return found._replace(shape=shape, angles=found.angles + target.crank)
 
 
 def _mirrored(timed: Timed, sense: int) -> Timed:

@@ -10,28 +10,28 @@ Data flow of a request::
 Where no linkage may be exact, or limits hold::
 
     windows of a coarse table in the best pose within the limits -> seeds, the first that keep all limits are answers
-      -> descents under constraints, in rounds: seeds first, then further seeds and hops about the best valleys
-      -> the best of each round moved onto the limits that they still break: answers
-      -> the best valleys of all rounds, descended to their end on all samples
+      -> rounds of descents within the limits (`synthesis.rounds`) until they gain nothing
 
-Rounds grow: one runs only where those before it did not reach the tolerance. Their numbers were chosen on
+Rounds without limits grow: one runs only where those before it did not reach the tolerance. Their numbers were chosen on
 the random classes of the acceptance benchmark.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
+from itertools import chain, islice
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.least_squares import minimise
+from synthesis.descents import Pool, Stage, Timed
 from synthesis.mechanism import Bounded, Chart, Limits, Mechanism
 from synthesis.ranking import APART, Status, distinct
-from synthesis.search.problems import Descended, Plan, PosedProblem, ProjectedProblem, descend, problem_of, restored
-from synthesis.search.seeds import Candidates, SeedTables, Windows
+from synthesis.rounds import Found, Rounds
+from synthesis.search.problems import GivenProblem, given, problem_of
+from synthesis.search.seeds import SeedTables, Windows, thinned
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
@@ -79,13 +79,15 @@ class Round(NamedTuple):
     """The round is left out where the least J so far is above it."""
     damping: float = 1e-3
     """Of the first step."""
+    every: bool = False
+    """Whether all descend to their end where one is exact: they are the alternatives."""
 
 
 _GOING_ON = 1e-6
 """Damping of descents that go on where others ended."""
 
 FIRST_LOOK = (
-    Round((Fresh(16),), 15, "half of all reachable motions end here"),
+    Round((Fresh(16),), 15, "half of all reachable motions end here", every=True),
     Round((Best(8),), 60, "narrow valleys: short spans and short cranks", near=1e-4, damping=_GOING_ON),
     Round((Fresh(60), Best(12)), 20, "more valleys, and the best so far go on"),
 )
@@ -102,38 +104,18 @@ TO_THE_END = (
 # -- within limits -------------------------------------------------------------------------------------------------
 
 
-_SAMPLES, _FINE = 16, 48
-"""Samples that descents begin with, and go on with."""
-_SEEDS, _FURTHER = 60, 100
-"""Seeds of the first round, and of each later one."""
+_SAMPLES, _FEWER = 40, 24
+"""Samples up to which descents look at all, and about how many of more."""
+_SEEDS = 50
+"""Seeds of a round."""
 _FIRST = 24
 """Seeds that may be answers at once."""
-_PROMISING, _VALLEYS = 48, 24
-"""Candidates of a round that go on after the first steps, and after those that follow."""
-_ORIGINS, _COPIES = 8, 8
-_ROUNDS = 4
-_GAIN = 2e-3
-"""A round after the first that lowers J by a smaller part ends the search."""
-_EXACT_NEAR = 1e-6
-"""J below which more rounds are of no use: what is left is to refine."""
-_ALIKE = 1e-3
-"""Candidates whose J^2 differ by a smaller part lie in one valley."""
-_SAME_LENGTHS = 0.3
-"""Logarithms of lengths by which candidates of one valley differ at most."""
-_OPTIMA = 14
-_BROKEN = 100.0
-"""What the square of the amount by which a candidate still breaks a limit counts beside J^2."""
-_KEPT = 1e-13
-"""To which an answer must keep equations; other constraints it keeps entirely."""
-
-_TRY = Plan(5, (0.1, 0.3), 3)
-_DOWN = Plan(10, (1.0, 3.0, 10.0), 4)
-_ON = Plan(20, (10.0, 30.0, 100.0, 300.0, 1000.0), 4)
-_TO_THE_END = Plan(80, (10.0, 30.0, 100.0, 300.0, 1000.0), 4)
+_APART = 10.0
+"""Shapes, in their cells, and starts of two valleys differ by this times `rounds.Rounds.signature`."""
 
 
-class LimitedSearch:
-    """The search for a target within limits; the best seeds that keep them are answers at once.
+class GivenRounds(Rounds):
+    """The rounds of a request whose crank angles are given, within limits.
 
     Parameters
     ----------
@@ -141,129 +123,48 @@ class LimitedSearch:
         With a crank that turns counter-clockwise.
     way : Bounded
         The limits, and the chart in which to look.
-    windows : Windows
+    family : str
+    found : Found
     work : Work
-    note : callable
-        Called with J squared of answers as they are found.
     """
 
-    def __init__(
-        self, target: Target, way: Bounded, windows: Windows, work: Work, note: Callable[[Floats], None]
-    ) -> None:
-        self.work, self.note = work, note
-        self.rough, self.fine = (problem_of(target.condensed(samples), way) for samples in (_SAMPLES, _FINE))
-        self.whole = problem_of(target, way)
-        # far random numbers, the same for every request
-        self.random = np.random.default_rng(20)
-        self.seeds = windows.seeds(self.rough, way.on_shape, way.boxes)
-        self.used = 0
-        """How many seeds were taken."""
-        nothing = np.empty(0)
-        self.pool = Descended(np.empty((0, self.rough.unknowns)), nothing, nothing, nothing)
-        self.answers = self.pool
-        self._first_answers()
+    bent_below = 1e-3
+    within: GivenProblem
+    problem: GivenProblem
 
-    def search(self, wanted: int) -> Descended:
-        """Rounds until one gains nothing; the answers, best first, of different valleys, every one within the limits.
+    def __init__(self, target: Target, way: Bounded, family: str, found: Found, work: Work) -> None:
+        thin = target if target.samples <= _SAMPLES else target.condensed(_FEWER)
+        within = problem_of(target, way)
+        problem = within if thin is target else problem_of(thin, way)
+        self._moved = target.off(thin)
+        self.way = way
+        super().__init__(target, thin, (GivenProblem(target, way.chart), within, problem), family, found, work)
 
-        Parameters
-        ----------
-        wanted : int
-            So many of the best are descended to their end.
-        """
-        self.round(*self.fresh(_SEEDS))
-        for number in range(1, _ROUNDS):
-            best = self.least()
-            if self.work.expired() or best < _EXACT_NEAR:
-                break
-            hops, fresh = self.hops(1.0 if number % 2 else 0.5), self.fresh(_FURTHER)
-            self.round(*(np.concatenate(pair) for pair in zip(hops, fresh)))
-            if self.least() > best * (1 - _GAIN) and np.isfinite(best):
-                break
-        return self.optima(wanted)
+    def seeds(self, windows: Windows) -> Iterator[Timed]:
+        """Seeds, some at a time; the best are looked at as answers."""
+        seeds = windows.seeds(self.problem, self.way.on_shape, self.way.boxes)
+        first = self._shifted(seeds.take(slice(0, _FIRST)))
+        self.keep(self.plain.measured(first, posed=not self.within.posed), rounds=4)
+        for k in range(0, len(seeds.branch), _SEEDS):
+            yield seeds.take(slice(k, k + _SEEDS))
 
-    def least(self) -> float:
-        """The best J so far."""
-        return float(np.sqrt(self.answers.cost.min(initial=np.inf)))
+    def signature(self, timed: Timed) -> tuple[Floats, Floats]:
+        """Shape and start."""
+        rows = np.column_stack([self.chart.place(timed.shape), timed.angles[:, 0], 3 * timed.branch])
+        return rows, np.full(len(rows), _APART)
 
-    def fresh(self, count: int) -> tuple[Floats, Floats]:
-        """The next seeds."""
-        part = slice(self.used, self.used + count)
-        self.used += count
-        return self.seeds.unknowns[part], self.seeds.branch[part]
+    def on_all(self, pool: Pool) -> Pool:
+        """Candidates at the few samples, refined on all."""
+        stage = Stage(40, 1e-4, 30.0)
+        return self.within.descended(self._shifted(pool.timed), [stage], 0.1 * self.found.tolerance, self.work)
 
-    def hops(self, width: float) -> tuple[Floats, Floats]:
-        """Perturbed copies of the best valleys."""
-        best = _valleys(self.pool, _ORIGINS, 5 * _ALIKE, slack=_BROKEN)
-        unknowns, branch = np.repeat(best.unknowns, _COPIES, axis=0), np.repeat(best.branch, _COPIES)
-        flipped = self.random.random(len(branch)) < 0.12
-        return self.rough.hopped(unknowns, self.random, width), np.where(flipped, -branch, branch)
+    def turned_apart(self, timed: Timed, width: float) -> Floats:
+        """Another start."""
+        return timed.angles + width * self.chart.hop[-1] * self.random.standard_t(3, size=timed.angles.shape)
 
-    def _first_answers(self) -> None:
-        """The best seeds, where they keep the limits or can be moved onto them."""
-        unknowns, branch = self.seeds.unknowns[:_FIRST], self.seeds.branch[:_FIRST]
-        if len(branch):
-            self.keep(restored(self.whole, Descended(unknowns, branch, np.empty(0), np.empty(0)), 4))
-
-    def round(self, unknowns: Floats, branch: Floats) -> None:
-        """Descents from some candidates; those of the best valleys go on, and are moved onto the limits."""
-        if len(branch):
-            found = descend(self.rough, unknowns, branch, _TRY, self.work)
-            found = _valleys(found, _PROMISING, 0.0, slack=1.0)
-            found = descend(self.rough, found.unknowns, found.branch, _DOWN, self.work)
-            found = _valleys(found, _VALLEYS, _ALIKE, slack=3.0)
-            found = descend(self.fine, found.unknowns, found.branch, _ON, self.work)
-            found = restored(self.whole, found)
-            self.pool = self.pool.joined(found)
-            self.keep(found)
-
-    def optima(self, wanted: int) -> Descended:
-        """The best valleys descended to their end, one of each, with what was found on the way."""
-        best = _valleys(self.pool, max(wanted, _OPTIMA), _ALIKE, slack=_BROKEN)
-        if len(best.branch) and not (self.answers.cost.size and self.work.expired()):
-            plan = _TO_THE_END._replace(awaited=wanted)
-            self.keep(restored(self.whole, descend(self.whole, best.unknowns, best.branch, plan, self.work)))
-        return self._of_each_valley(self.answers)
-
-    def _of_each_valley(self, found: Descended) -> Descended:
-        """The best of those of nearly the same cost and lengths, best first."""
-        found = _valleys(found, len(found.branch), 1e-6)
-        lengths = np.log(self.whole.chart.shape(found.unknowns[:, : self.whole.size]).lengths)
-        if not isinstance(self.whole, PosedProblem):
-            lengths = lengths - lengths.mean(axis=1, keepdims=True)
-        kept: list[int] = []
-        for k in range(len(found.branch)):
-            same = (found.cost[k] <= found.cost[kept] * (1 + 10 * _ALIKE)) & (found.branch[k] == found.branch[kept])
-            if not np.any(same & np.all(np.abs(lengths[k] - lengths[kept]) < _SAME_LENGTHS, axis=1)):
-                kept.append(k)
-        return found.take(np.array(kept, dtype=int))
-
-    def keep(self, found: Descended) -> None:
-        """Take those that keep the limits as answers; of a descent that the time cut short only where there are none yet.
-
-        More time would lead it elsewhere, and an answer must not be lost by that.
-        """
-        if self.answers.cost.size and self.work.expired():
-            return
-        inside = found.take((found.broken <= _KEPT) & np.isfinite(found.cost))
-        self.answers = self.answers.joined(inside)
-        self.note(inside.cost)
-
-
-def _valleys(found: Descended, count: int, alike: float, slack: float = 0.0) -> Descended:
-    """The best candidates of different cost; what breaks limits counts ``slack`` times the square of that beside J^2."""
-    merit = found.cost + slack * found.broken**2
-    order = np.argsort(merit, kind="stable")
-    order = order[np.isfinite(merit[order])]
-    kept: list[int] = []
-    last = -np.inf
-    for place in order.tolist():
-        if len(kept) == count:
-            break
-        if merit[place] > last * (1 + alike) or last < 0:
-            kept.append(place)
-            last = merit[place]
-    return found.take(np.array(kept, dtype=int))
+    def _shifted(self, timed: Timed) -> Timed:
+        """Candidates at the few samples at all: positions count from the mean of their own samples."""
+        return timed._replace(pose=timed.pose + np.array([self._moved, 0, 0]))
 
 
 # -- the search ----------------------------------------------------------------------------------------------------
@@ -274,6 +175,8 @@ SEARCH_SAMPLES = 64
 """Samples that the rounds look at; longer requests are thinned for them and polished on all samples."""
 
 
+_EXACT_NEAR = 1e-6
+"""J below which more rounds are of no use: what is left is to refine."""
 _NEAR, _NEARER, _FINISHED = 1e-2, 1e-5, 12
 """J from which on an exact answer may be near, and how many candidates are then refined to machine precision.
 From the second on it does, in a narrow valley."""
@@ -335,62 +238,66 @@ class _Search:
         self.seeds = 0
         self.screen_seconds = 0.0
         self.random = np.random.default_rng(20)
-        self.screened: Candidates | None = None
+        self.screened: Pool | None = None
         self.taken = 0
         self.use(self.mechanism.charts(limits.family)[0])
 
     def use(self, chart: Chart) -> None:
         """Go on in another chart, with an empty pool."""
         self.chart = chart
-        self.problem = ProjectedProblem(self.thin_target, chart)
-        self.pool = Candidates.none(len(chart.cell))
+        self.problem = GivenProblem(self.thin_target, chart)
+        nothing = np.empty(0)
+        self.pool = Pool(given(np.empty((0, len(chart.cell) - 1)), nothing, nothing), nothing)
 
     # -- seeds --------------------------------------------------------------------------------------------------------
 
-    def draw(self, sources: Sequence[Source]) -> Candidates:
+    def draw(self, sources: Sequence[Source]) -> Timed:
         """The seeds of a round."""
-        return Candidates.none(len(self.chart.cell)).joined(*(self._draw(source) for source in sources))
+        first, *others = (self._draw(source) for source in sources)
+        return first.joined(*others)
 
-    def _draw(self, source: Source) -> Candidates:
+    def _draw(self, source: Source) -> Timed:
         match source:
             case Fresh():
                 return self._fresh(source.most)
             case Best():
-                return self.pool.thinned(source.most)
+                return thinned(self.pool, source.most).timed
             case Edges():
                 return self._edges(source.most)
             case Hops():
-                best = self.pool.thinned(source.origins)
-                size = (len(best.branch) * source.copies, len(self.chart.hop))
-                unknowns = np.repeat(best.unknowns, source.copies, axis=0)
-                noise = self.random.standard_t(3, size=size) * self.chart.hop
+                best = thinned(self.pool, source.origins).timed
+                best = best.take(np.repeat(np.arange(len(best.branch)), source.copies))
+                noise = self.random.standard_t(3, size=(len(best.branch), len(self.chart.hop))) * self.chart.hop
                 if self.target.start is not None:
                     noise[:, -1] = 0.0
-                unknowns = unknowns + noise
-                return Candidates(unknowns, np.repeat(best.branch, source.copies), np.full(len(unknowns), np.inf))
+                return best._replace(
+                    shape=self.chart.hopped(best.shape, noise[:, :-1]), angles=best.angles + noise[:, -1:]
+                )
 
-    def _edges(self, count: int) -> Candidates:
+    def _edges(self, count: int) -> Timed:
         shapes, starts = self.chart.edges, np.arange(_EDGE_STARTS) * (TURN / _EDGE_STARTS)
         if self.target.start is not None:
             starts = np.array([self.target.start % TURN])
-        size = len(shapes) * starts.size
-        each = np.column_stack([np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))])
-        few = ProjectedProblem(self.thin_target.thinned(_EDGE_SAMPLES), self.chart)
-        found = Candidates.none(len(self.chart.cell))
-        for branch in self.mechanism.branches if size else ():
-            side = np.full(size, float(branch))
-            cost = few.evaluate(each, side, derivatives=False).cost.reshape(-1, starts.size)
-            best = cost.argmin(axis=1) + starts.size * np.arange(len(shapes))
-            found = found.joined(Candidates(each[best], side[best], cost.ravel()[best]))
-        best = np.argsort(found.cost, kind="stable")[:count]
-        return found.take(best[np.isfinite(found.cost[best])])
+        if not len(shapes):
+            return self.pool.timed.take(slice(0, 0))
+        each, start = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
+        few, found = GivenProblem(self.thin_target.thinned(_EDGE_SAMPLES), self.chart), []
+        for branch in self.mechanism.branches:
+            pool = few.measured(given(each, np.full(len(each), float(branch)), start))
+            cost = pool.cost.reshape(-1, starts.size)
+            found.append(pool.take(cost.argmin(axis=1) + starts.size * np.arange(len(shapes))))
+        every = found[0]
+        for other in found[1:]:
+            every = every.joined(other)
+        best = np.argsort(every.cost, kind="stable")[:count]
+        return every.timed.take(best[np.isfinite(every.cost[best])])
 
-    def _fresh(self, count: int) -> Candidates:
+    def _fresh(self, count: int) -> Timed:
         if self.screened is None:
             begin = self.work.elapsed
             self.screened = self.tables.best_starts(self.thin_target, self.limits.family)
             self.screen_seconds += self.work.elapsed - begin
-        table, before, self.taken = self.screened, self.taken, count
+        table, before, self.taken = self.screened.timed, self.taken, count
         places = [np.flatnonzero(table.branch == branch)[before:count] for branch in self.mechanism.branches]
         return table.take(np.concatenate(places))
 
@@ -403,18 +310,16 @@ class _Search:
                 continue
             seeds = self.draw(one.sources)
             self.seeds += len(seeds.branch)
-            found = minimise(
-                self.problem.evaluate,
-                seeds.unknowns,
-                seeds.branch,
-                one.iterations,
+            found = self.problem.descended(
+                seeds,
+                [Stage(one.iterations)],
                 0.3 * self.tolerance,
                 self.work,
-                residual=self.problem.residual,
-                damping=one.damping,
+                one.damping,
+                all_of_them=one.every,
                 bent_below=_BENT_BELOW,
             )
-            self.pool = self.pool.joined(Candidates(found.unknowns, seeds.branch, found.cost))
+            self.pool = self.pool.joined(found)
             if self.limits.only_family:
                 self.note(self.pool.cost)
             if self.reached or self.work.expired():
@@ -439,19 +344,14 @@ class _Search:
 
     def polished(self, count: int, iterations: int) -> list[Any]:
         """The best of the pool, refined on all samples of the request, as solutions within the limits."""
-        best = self.pool.thinned(count, 0.02)
+        best = thinned(self.pool, count, 0.02).timed
         if not best.branch.size:
             return []
-        problem = self.problem
-        if self.thin_target is not self.target:
-            problem = ProjectedProblem(self.target, self.chart)
+        problem = self.problem if self.thin_target is self.target else GivenProblem(self.target, self.chart)
         # of few steps none would be worth bending
-        bent = problem.residual if iterations > _FEW_STEPS else None
-        found = minimise(
-            problem.evaluate, best.unknowns, best.branch, iterations, 0.0, self.work, residual=bent
-        ).unknowns
-        lengths = self.chart.shape(found[:, :-1]).lengths
-        linkages = self.mechanism.mounted(self.target, lengths, best.branch, found[:, -1])
+        bent_below = np.inf if iterations > _FEW_STEPS else 0.0
+        found = problem.descended(best, [Stage(iterations)], 0.0, self.work, all_of_them=True, bent_below=bent_below)
+        linkages = problem.linkages(self.mechanism, found)
         return self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, linkages))
 
     # -- within limits, or where none is exact ------------------------------------------------------------------------
@@ -478,29 +378,34 @@ class _Search:
             self.free_search(TO_THE_END)
             return solutions + self.polished(_FINISHED, 30)
         first, solutions = solutions, []
+        found = Found(self.tolerance, lambda least: self.note(np.array([least**2])))
         for chart, way in zip(charts, ways):
             # the first way is that of full cranks alone, so that the larger family is never worse
-            first_of_two = self.limits.family == "any" and way is ways[0]
-            limited = LimitedSearch(
-                self.target, way, windows("full_crank" if first_of_two else self.limits.family), self.work, self.note
-            )
+            family = "full_crank" if self.limits.family == "any" and way is ways[0] else self.limits.family
+            run = GivenRounds(self.target, way, family, found, self.work)
+            seeds = run.seeds(windows(family))
+            begin = list(islice(seeds, 1))
             if not looked:  # one round tells whether an exact answer keeps the limits
                 first, looked = self.look(FIRST_LOOK[:1], top), True
                 self.note(np.array([one.errors.objective for one in first]) ** 2)
                 if Status.of(first, self.tolerance) is Status.REACHED:
                     return first
-            found, problem = limited.search(top + 2), limited.whole
-            self.seeds += limited.used
-            linkages = problem.linkages(self.mechanism, found.unknowns, found.branch, self.target)
+            for one in run.closest(chain(begin, seeds)):
+                self.seeds += len(one.branch)
+                if found.least < _EXACT_NEAR or self.work.expired():
+                    break
+            if way.chart not in found.pools:
+                continue
+            pool = found.pools[way.chart]
+            linkages = run.within.linkages(self.mechanism, pool.take(slice(0, 8 * top + 20)))
             solutions = solutions + self.mechanism.within(
                 self.target, self.limits, self.mechanism.assess(self.target, linkages)
             )
-            near = found.take(found.cost < _NEAR**2)
-            if near.cost.size:  # normal equations lose half of the digits: an exact answer may lie there
+            near = pool.take(pool.cost < _NEAR**2)
+            if near.cost.size:  # in the chart without bounds: an exact answer may lie there
                 self.use(chart)
-                lengths = way.chart.shape(near.unknowns[:, : problem.size]).lengths
-                shape, start = chart.unknowns(lengths), near.unknowns[:, [problem.size]]
-                self.pool = Candidates(np.hstack([shape, start]), near.branch, near.cost)
+                shape = chart.unknowns(way.chart.shape(near.timed.shape).lengths)
+                self.pool = near._replace(timed=near.timed._replace(shape=shape))
                 solutions = solutions + self.polished(_FINISHED, 100)
                 if not self.reached and near.cost.min() < _NEARER**2:
                     self.free_search(TO_THE_END)
@@ -585,5 +490,5 @@ def first_look(tables: SeedTables, target: Target, limits: Limits, count: int, w
     """
     run = _Search(tables, target, limits, DEFAULT_TOLERANCE, work)
     run.free_search(FIRST_LOOK)
-    best = run.pool.thinned(count)
-    return Starts(run.chart.shape(best.unknowns[:, :-1]).lengths, best.branch, best.unknowns[:, -1])
+    best = thinned(run.pool, count).timed
+    return Starts(run.chart.shape(best.shape).lengths, best.branch, best.angles[:, 0])

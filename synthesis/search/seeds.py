@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
+from synthesis.descents import Pool, Timed
 from synthesis.mechanism import Boxes, Constraints, Mechanism, Placed
 from synthesis.pose import whole_turns
-from synthesis.search.problems import Places, PosedProblem, ShapeProblem
+from synthesis.search.problems import GivenProblem, given
 from synthesis.target import TURN, Mean, Target
 
 # -- windows within limits -----------------------------------------------------------------------------------------
@@ -43,13 +44,6 @@ _POSED, _CHECKED = 80, 25
 _SWEEPS = 12
 _SPARE = 1.25
 """A type whose ratios exceed those of the limits by more is not looked at."""
-
-
-class Seeds(NamedTuple):
-    """Starting points, best first."""
-
-    unknowns: Floats
-    branch: Floats
 
 
 class Windows:
@@ -80,17 +74,17 @@ class Windows:
         return before + (after - before) * part[start] + turn[start] * wound[kind][:, None]
 
     def seeds(
-        self, problem: ShapeProblem, on_shape: Constraints, boxes: Boxes | None = None, wanted: int = _WANTED
-    ) -> Seeds:
+        self, problem: GivenProblem, on_shape: Constraints, boxes: Boxes | None = None, wanted: int = _WANTED
+    ) -> Timed:
         """Windows by how well they move and keep the limits, best first, at most one a cell.
 
         Parameters
         ----------
-        problem : ShapeProblem
+        problem : GivenProblem
         on_shape : Constraints
             The limits that concern shape and start alone: windows that break them by far are not looked at.
         boxes : Boxes, optional
-            For a `PosedProblem`.
+            For limits that concern the pose.
         wanted : int
             About so many are of use: the fewer, the fewer windows are looked at closely.
         """
@@ -114,7 +108,7 @@ class Windows:
         window, branch, angle = np.concatenate(windows), np.concatenate(sides), np.concatenate(angles)
         fits = Fits.of(target, angle)
         merit = fits.rotation + fits.least + 3 * miss[window] ** 2
-        if isinstance(problem, PosedProblem):
+        if problem.posed:
             assert boxes is not None and reach is not None
             best = _least(merit, _POSED * wanted)
             window, branch, fits = window[best], branch[best], fits.take(best)
@@ -127,24 +121,21 @@ class Windows:
             best = _least(merit, _CHECKED * wanted)
             window, branch, merit = window[best], branch[best], merit[best]
             pivot, ground, coupler = pivot[best], ground[best], coupler[best]
-            scaled = lengths[window] * (np.abs(ground) / lengths[window, -1])[:, None]
-            pose = Places(pivot, np.angle(ground), coupler)
-            unknowns = problem.posed(problem.chart.unknowns(scaled), start[window], pose)
-            merit = merit + np.sum(problem.constrained(unknowns, branch).lacking ** 2, axis=1)
+            chosen = lengths[window]
+            pose = np.stack([pivot, ground * (chosen[:, 0] / chosen[:, -1]), coupler], axis=1)
+            timed = given(problem.chart.unknowns(chosen), branch, start[window], pose)
+            merit = merit + problem.lacking(timed)[0]
         else:
             best = _least(merit, _CHECKED * wanted)
             window, branch, merit = window[best], branch[best], merit[best]
-            unknowns = np.hstack([problem.chart.unknowns(lengths[window]), start[window, None]])
+            timed = given(problem.chart.unknowns(lengths[window]), branch, start[window])
         order = np.argsort(merit, kind="stable")
         order = order[np.isfinite(merit[order])]
-        place = problem.chart.place(unknowns[:, : problem.size])
-        cells = np.floor(np.hstack([place, unknowns[:, [problem.size]] / 0.6, branch[:, None]])[order]).astype(
-            np.int64
-        )
+        place = np.hstack([problem.chart.place(timed.shape), timed.angles / 0.6, timed.branch[:, None]])
+        cells = np.floor(place[order]).astype(np.int64)
         # one number a cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
-        order = order[np.sort(first)]
-        return Seeds(unknowns[order], branch[order])
+        return timed.take(order[np.sort(first)])
 
 
 def _least(merit: Floats, count: int) -> NDArray[np.intp]:
@@ -270,34 +261,14 @@ _HARMONICS = (6, 20)
 _GIVEN_SAMPLES = 8
 
 
-class Candidates(NamedTuple):
-    """Starting points or results: unknowns of a chart with the start behind them (n, k + 1), branch (n,) and cost (n,)."""
-
-    unknowns: Floats
-    branch: Floats
-    cost: Floats
-
-    @classmethod
-    def none(cls, size: int) -> Candidates:
-        """No candidates, of ``size`` unknowns."""
-        return cls(np.empty((0, size)), np.empty(0), np.empty(0))
-
-    def take(self, index: NDArray[np.generic]) -> Candidates:
-        """The candidates at some places."""
-        return Candidates(*(column[index] for column in self))
-
-    def joined(self, *others: Candidates) -> Candidates:
-        """These and others, in order."""
-        return Candidates(*(np.concatenate(columns) for columns in zip(self, *others)))
-
-    def thinned(self, count: int, cell: float = 0.05) -> Candidates:
-        """The best ``count``, at most one a small cell of shape, start and branch."""
-        best = self.take(np.argsort(self.cost, kind="stable"))
-        best = best.take(np.isfinite(best.cost))
-        start = best.unknowns[:, -1:]
-        place = np.hstack([best.unknowns[:, :-1], np.cos(start), np.sin(start), best.branch[:, None]])
-        _, first = np.unique(np.round(place / cell).astype(np.int64), axis=0, return_index=True)
-        return best.take(np.sort(first)[:count])
+def thinned(pool: Pool, count: int, cell: float = 0.05) -> Pool:
+    """The best ``count``, at most one a small cell of shape, start and branch."""
+    best = pool.take(np.argsort(pool.cost, kind="stable"))
+    best = best.take(np.isfinite(best.cost))
+    timed, start = best.timed, best.timed.angles[:, :1]
+    place = np.hstack([timed.shape, np.cos(start), np.sin(start), timed.branch[:, None]])
+    _, first = np.unique(np.round(place / cell).astype(np.int64), axis=0, return_index=True)
+    return best.take(np.sort(first)[:count])
 
 
 class SeedTable(NamedTuple):
@@ -364,7 +335,7 @@ class SeedTables:
         """Memory of the table."""
         return self.table.scan.nbytes + self.table.unknowns.nbytes + self.table.curves.nbytes
 
-    def best_starts(self, target: Target, family: str) -> Candidates:
+    def best_starts(self, target: Target, family: str) -> Pool:
         """Best start of each type and branch of the table for a target, thinned out over cells of the chart, best first."""
         table = self.table
         scan, shapes = table.scan, table.unknowns
@@ -375,15 +346,17 @@ class SeedTables:
         error[~self.mechanism.in_family(family, scan.lengths)] = np.inf
         best = error.argmin(axis=2)
         cost = np.take_along_axis(error, best[:, :, None], 2)[:, :, 0]
-        chart = self.mechanism.charts(family)[0]
-        parts = Candidates.none(len(chart.cell))
+        chart, parts = self.mechanism.charts(family)[0], []
         for side, branch in enumerate(self.mechanism.branches):
             start = starts[best[:, side]]
-            unknowns = np.hstack([shapes, start[:, None]])
-            parts = parts.joined(Candidates(unknowns, np.full(len(start), float(branch)), cost[:, side]))
-        parts = parts.take(np.isfinite(parts.cost))
-        parts = parts.take(np.argsort(parts.cost, kind="stable"))
-        cells = np.column_stack([np.floor(parts.unknowns / chart.cell), parts.branch]).astype(np.int64)
+            parts.append(Pool(given(shapes, np.full(len(start), float(branch)), start), cost[:, side]))
+        pool = Pool(
+            parts[0].timed.joined(*(one.timed for one in parts[1:])), np.concatenate([one.cost for one in parts])
+        )
+        pool = pool.take(np.isfinite(pool.cost))
+        pool = pool.take(np.argsort(pool.cost, kind="stable"))
+        place = np.hstack([pool.timed.shape, pool.timed.angles]) / chart.cell
+        cells = np.column_stack([np.floor(place), pool.timed.branch]).astype(np.int64)
         # one number a cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
-        return parts.take(np.sort(first))
+        return pool.take(np.sort(first))
