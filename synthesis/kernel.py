@@ -937,7 +937,8 @@ class Descent:
     fixed_offset: cython.bint
     sheet: cython.int
     shortest: cython.double
-    base: cython.int
+    linear: cython.int
+    unknowns: cython.int
     crank: cython.double[::1]
     goal: cython.double[::1]
     has_rotation: cython.bint
@@ -1062,8 +1063,9 @@ class Descent:
         self.pose_is_best = not (self.limited and self.limits.posed)
         self.rho = 1.0
         self.parts = self.has_rotation + 2 * self.has_position
-        self.base = self.size + self.timed
-        self.columns = self.base + 6 * self.has_position + self.has_rotation
+        self.linear = 6 * self.has_position + self.has_rotation
+        self.unknowns = self.size + self.timed
+        self.columns = self.linear + self.unknowns
         self.flat = self.parts * samples
         rows = self.limits.rows
         self.width = -(-(self.flat + rows + 1) // 4) * 4  # a row is left for `loose`
@@ -1224,14 +1226,14 @@ class Descent:
             for c in range(self.columns + 1):
                 self.red[c, self.width - 1] = 0.0
             for k in range(self.size):
-                self.red[k, self.width - 1] = copysign(1.0, self.q[0, k])
+                self.red[self.linear + k, self.width - 1] = copysign(1.0, self.q[0, k])
             self.triangle(1e-12)
             for c in range(self.columns):
                 self.step[c] = normal[n, c]
             self.upper_solve(self.step)
             relative: cython.double = 0.0
             for k in range(self.size):
-                relative = max(relative, fabs(self.step[k]) / (fabs(self.q[0, k]) + 0.02))
+                relative = max(relative, fabs(self.step[self.linear + k]) / (fabs(self.q[0, k]) + 0.02))
             factor: cython.double = far * by[n] / max(relative, 1e-300)
             for c in range(self.columns):
                 self.step[c] *= factor
@@ -1337,7 +1339,6 @@ class Descent:
         j: cython.Py_ssize_t
         rows: cython.int = 0
         held: cython.int
-        unknowns: cython.int = self.base + 6 if self.limits.posed else self.base
         last: cython.int = self.columns
         for c in range(last + 1):
             for j in range(self.width):
@@ -1355,10 +1356,8 @@ class Descent:
                     continue
                 value -= 0.1 * MARGIN_
             self.limit_column(s, row, scale)
-            for c in range(unknowns):
+            for c in range(last):
                 self.red[c, rows] = self.column[c]
-            if self.timed and not self.fixed_start:
-                self.red[self.size, rows] = self.limits.slopes[row, 4] + self.limits.slopes[row, 5]
             self.red[last, rows] = value
             rows += 1
         if rows == 0:
@@ -1375,7 +1374,7 @@ class Descent:
                         self.m[s, c, j] = self.red[c, j]
             largest: cython.double = 0.0
             for c in range(last):
-                if held and c < 4 and self.way[c] != 0.0:
+                if held and c >= self.linear and c < self.linear + 4 and self.way[c - self.linear] != 0.0:
                     for j in range(rows):
                         self.red[c, j] = 0.0
                 largest = max(largest, self.dot(c, c))
@@ -1390,7 +1389,10 @@ class Descent:
             again: cython.bint = False
             for c in range(4):
                 self.way[c] = 0.0
-                if fabs(self.q[s, c]) <= 1.01 * _LEAST and copysign(1.0, self.q[s, c]) * self.step[c] < 0.0:
+                if (
+                    fabs(self.q[s, c]) <= 1.01 * _LEAST
+                    and copysign(1.0, self.q[s, c]) * self.step[self.linear + c] < 0.0
+                ):
                     self.way[c] = 1.0
                     again = True
             if not again:
@@ -1398,7 +1400,7 @@ class Descent:
         for j in range(self.samples):
             self.turn_step[j] = 0.0
         if self.has_rotation:
-            self.step[last - 1] = 0.0
+            self.step[self.linear - 1] = 0.0
         self.move(s, s)
         return True
 
@@ -1699,10 +1701,10 @@ class Descent:
         x: cython.Py_ssize_t = 0
         if self.has_rotation:
             x = n
-            last: cython.int = self.columns - 1
+            last: cython.int = self.linear - 1
             for k in range(self.size):
                 for i in range(n):
-                    self.m[s, k, i] = -self.rotation_root[i] * self.slope[k, i]
+                    self.m[s, self.linear + k, i] = -self.rotation_root[i] * self.slope[k, i]
             for i in range(n):
                 self.m[s, last, i] = 0.0 if self.fixed_offset else -self.rotation_root[i]
                 self.turn[s, i] = -self.rotation_root[i] * self.slope[4, i]
@@ -1710,7 +1712,7 @@ class Descent:
             self.position_derivatives(s, x)
         if self.timed:
             for i in range(self.flat):
-                self.m[s, self.size, i] = 0.0 if self.fixed_start else self.turn[s, i]
+                self.m[s, self.columns - 1, i] = 0.0 if self.fixed_start else self.turn[s, i]
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -1721,7 +1723,6 @@ class Descent:
         n: cython.Py_ssize_t = self.samples
         root: cython.double
         y: cython.Py_ssize_t = x + n
-        a: cython.int = self.base
         ux: cython.double = self.pose[s, 2]
         uy: cython.double = self.pose[s, 3]
         zx: cython.double = self.pose[s, 4]
@@ -1737,22 +1738,22 @@ class Descent:
             ly: cython.double = zx * c2 - zy * s2
             self.room[0, i] = lx
             self.room[1, i] = ly
-            self.m[s, a, x + i] = -root
-            self.m[s, a + 1, y + i] = -root
-            self.m[s, a + 2, x + i] = c1
-            self.m[s, a + 2, y + i] = s1
-            self.m[s, a + 3, x + i] = -s1
-            self.m[s, a + 3, y + i] = c1
-            self.m[s, a + 4, x + i] = c2
-            self.m[s, a + 4, y + i] = s2
-            self.m[s, a + 5, x + i] = -s2
-            self.m[s, a + 5, y + i] = c2
+            self.m[s, 0, x + i] = -root
+            self.m[s, 1, y + i] = -root
+            self.m[s, 2, x + i] = c1
+            self.m[s, 2, y + i] = s1
+            self.m[s, 3, x + i] = -s1
+            self.m[s, 3, y + i] = c1
+            self.m[s, 4, x + i] = c2
+            self.m[s, 4, y + i] = s2
+            self.m[s, 5, x + i] = -s2
+            self.m[s, 5, y + i] = c2
             self.turn[s, x + i] = lx * self.slope[4, i] - (ux * s1 + uy * c1)
             self.turn[s, y + i] = ly * self.slope[4, i] + (ux * c1 - uy * s1)
         for k in range(self.size):
             for i in range(n):
-                self.m[s, k, x + i] = self.room[0, i] * self.slope[k, i]
-                self.m[s, k, y + i] = self.room[1, i] * self.slope[k, i]
+                self.m[s, self.linear + k, x + i] = self.room[0, i] * self.slope[k, i]
+                self.m[s, self.linear + k, y + i] = self.room[1, i] * self.slope[k, i]
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -1804,7 +1805,6 @@ class Descent:
                 first = i
             if self.phi[s, i] > self.phi[s, last]:
                 last = i
-        a: cython.int = self.base
         at: cython.int = 0
         for row in range(limits.rows):
             value: cython.double = self.lacking(row)
@@ -1825,11 +1825,9 @@ class Descent:
             if not finite:
                 continue
             self.limit_column(s, row, scale)
-            for c in range(a + 6 if self.limits.posed else self.size):
+            for c in range(self.columns):
                 self.m[s, c, column] = -root * self.column[c]
             if self.timed:
-                if not self.fixed_start:
-                    self.m[s, self.size, column] = -root * (limits.slopes[row, 4] + limits.slopes[row, 5])
                 continue
             # a limit that hangs on where the crank begins or ends stands beside that sample
             if fabs(limits.slopes[row, 5]) > fabs(limits.slopes[row, 4]):
@@ -1846,7 +1844,6 @@ class Descent:
         """Derivatives of a limit by shape and pose, into ``column``; lengths are the chart's over its crank, times |z1|."""
         c: cython.int
         k: cython.int
-        a: cython.int = self.base
         limits: Limits = self.limits
         loop: Loop = self.shape.loop
         total: cython.double
@@ -1858,13 +1855,15 @@ class Descent:
                 + limits.slopes[row, 2] * loop.l3
                 + limits.slopes[row, 3] * loop.l4
             ) / loop.l1
+        for c in range(self.linear):
+            self.column[c] = 0.0
         for k in range(self.size):
             total = -by_size * self.shape.by[0, k]
             for c in range(4):
                 total += limits.slopes[row, c] * self.shape.by[c, k]
-            self.column[k] = scale * total
+            self.column[self.linear + k] = scale * total
         if self.timed:
-            self.column[self.size] = 0.0
+            self.column[self.columns - 1] = 0.0 if self.fixed_start else limits.slopes[row, 4] + limits.slopes[row, 5]
         if not limits.posed:
             return
         ux: cython.double = self.pose[s, 2]
@@ -1874,12 +1873,12 @@ class Descent:
         ux /= safe
         uy /= safe
         by_turn: cython.double = limits.slopes[row, 8] / safe
-        self.column[a] = limits.slopes[row, 6]
-        self.column[a + 1] = limits.slopes[row, 7]
-        self.column[a + 2] = by_size * ux - by_turn * uy
-        self.column[a + 3] = by_size * uy + by_turn * ux
-        self.column[a + 4] = limits.slopes[row, 9]
-        self.column[a + 5] = limits.slopes[row, 10]
+        self.column[0] = limits.slopes[row, 6]
+        self.column[1] = limits.slopes[row, 7]
+        self.column[2] = by_size * ux - by_turn * uy
+        self.column[3] = by_size * uy + by_turn * ux
+        self.column[4] = limits.slopes[row, 9]
+        self.column[5] = limits.slopes[row, 10]
 
     @cython.cfunc
     @cython.inline
@@ -1903,10 +1902,10 @@ class Descent:
             if fabs(self.q[s, k]) <= 1.01 * _LEAST:
                 toward: cython.double = 0.0
                 for j in range(self.flat + self.active[s]):
-                    toward += self.m[s, k, j] * self.m[s, self.columns, j]
+                    toward += self.m[s, self.linear + k, j] * self.m[s, self.columns, j]
                 if copysign(1.0, self.q[s, k]) * toward > 0.0:
                     for j in range(self.flat + self.active[s]):
-                        self.m[s, k, j] = 0.0
+                        self.m[s, self.linear + k, j] = 0.0
 
     # -- a step -------------------------------------------------------------------------------------------------------
 
@@ -2006,7 +2005,7 @@ class Descent:
             square: cython.double = self.square[c]
             if not square > 0.0:
                 square = 1.0
-            self.ridge[c] = damping * (1.0 if c < self.base else LINEAR_) * square
+            self.ridge[c] = damping * (LINEAR_ if c < self.linear else 1.0) * square
         if not (damping > NORMAL_ and self.cholesky()):
             self.orthogonal()
 
@@ -2088,7 +2087,7 @@ class Descent:
         i: cython.Py_ssize_t
         if self.timed:
             for i in range(self.samples):
-                self.turn_step[i] = step[self.size]
+                self.turn_step[i] = step[self.columns - 1]
             return
         for i in range(self.samples):
             self.turn_step[i] = self.along[self.columns, i] if residual else 0.0
@@ -2137,13 +2136,13 @@ class Descent:
         longest = sqrt(longest)
         ahead: cython.double = min(0.1, 0.01 / max(longest, 1e-300))
         for k in range(self.size):
-            self.q[2, k] = self.q[s, k] + ahead * self.step[k]
+            self.q[2, k] = self.q[s, k] + ahead * self.step[self.linear + k]
         if self.has_position:
             for k in range(6):
-                self.pose[2, k] = self.pose[s, k] + ahead * self.step[self.base + k]
+                self.pose[2, k] = self.pose[s, k] + ahead * self.step[k]
         self.offset[2] = self.offset[s]
         if self.has_rotation:
-            self.offset[2] += ahead * self.step[self.columns - 1]
+            self.offset[2] += ahead * self.step[self.linear - 1]
         self.side[2] = self.side[s]
         for i in range(n):
             self.phi[2, i] = self.phi[s, i] + ahead * self.turn_step[i]
@@ -2198,7 +2197,7 @@ class Descent:
         for c in range(self.columns):
             self.step[c] += self.ridge[c]
         for i in range(n):
-            self.turn_step[i] = self.step[self.size] if self.timed else self.turn_step[i] + self.bend[i]
+            self.turn_step[i] = self.step[self.columns - 1] if self.timed else self.turn_step[i] + self.bend[i]
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -2209,17 +2208,17 @@ class Descent:
         self.side[t] = self.side[s]
         if self.has_position:
             for k in range(6):
-                self.pose[t, k] = self.pose[s, k] + self.step[self.base + k]
+                self.pose[t, k] = self.pose[s, k] + self.step[k]
         self.offset[t] = self.offset[s]
         if self.has_rotation:
-            self.offset[t] += self.step[self.columns - 1]
+            self.offset[t] += self.step[self.linear - 1]
         longest: cython.double = 0.35 if self.shape.chart == 0 else 1.0
         for k in range(self.size):
-            self.q[t, k] = self.q[s, k] + inside(self.step[k], longest)
+            self.q[t, k] = self.q[s, k] + inside(self.step[self.linear + k], longest)
         if self.shape.chart == 0:
             self.bound(s, t)
         if self.timed:
-            start: cython.double = self.phi[s, 0] + inside(self.step[self.size], 0.75)
+            start: cython.double = self.phi[s, 0] + inside(self.step[self.columns - 1], 0.75)
             for i in range(self.samples):
                 self.phi[t, i] = start + self.crank[i]
         elif self.ordered:
@@ -2380,9 +2379,9 @@ class Descent:
             product: cython.double = 0.0
             own: cython.double = 0.0
             last: cython.double = 0.0
-            for k in range(self.base):
-                product += self.straight[k] * self.way[k]
-                own += self.straight[k] * self.straight[k]
+            for k in range(self.unknowns):
+                product += self.straight[self.linear + k] * self.way[k]
+                own += self.straight[self.linear + k] * self.straight[self.linear + k]
                 last += self.way[k] * self.way[k]
             length: cython.double = sqrt(own * last)
             cosine: cython.double = product / (length if length > 0.0 else 1.0)
@@ -2397,8 +2396,8 @@ class Descent:
         if taken:
             self.growth = 2.0
             self.here = t
-            for k in range(self.base):
-                self.way[k] = self.straight[k]
+            for k in range(self.unknowns):
+                self.way[k] = self.straight[self.linear + k]
             if new < self.best_cost:
                 self.best_cost = new
                 self.give(t, self.candidate)
