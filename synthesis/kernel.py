@@ -1380,7 +1380,7 @@ class Descent:
                 largest = max(largest, self.dot(c, c))
             for c in range(last):
                 self.ridge[c] = 1e-18 * largest if largest > 0.0 else 1.0
-            self.orthogonal()
+            self.orthogonal(0.0)
             for c in range(last):
                 self.step[c] = -self.upper[c, last]
             self.upper_solve(self.step)
@@ -2002,21 +2002,24 @@ class Descent:
         """
         c: cython.int
         for c in range(self.columns):
-            square: cython.double = self.square[c]
-            if not square > 0.0:
-                square = 1.0
-            self.ridge[c] = damping * (LINEAR_ if c < self.linear else 1.0) * square
-        if not (damping > NORMAL_ and self.cholesky()):
-            self.orthogonal()
+            self.ridge[c] = damping
+            if self.square[c] > 0.0:
+                self.ridge[c] = 0.0 if self.timed else LINEAR_ * damping * self.square[c]
+        if not (damping > NORMAL_ and self.cholesky(damping)):
+            self.orthogonal(damping)
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def orthogonal(self) -> cython.void:
-        """R by Gram and Schmidt, ``red`` used up."""
+    def orthogonal(self, damping: cython.double) -> cython.void:
+        """R by Gram and Schmidt, ``red`` used up; a damping above 0 is relative to what the linear columns leave of the others."""
         c: cython.int
         k: cython.int
         j: cython.Py_ssize_t
         for c in range(self.columns):
+            if c == self.linear and damping > 0.0:
+                for k in range(c, self.columns):
+                    if self.square[k] > 0.0:
+                        self.ridge[k] = damping * max(self.dot(k, k), 1e-20 * self.square[k])
             norm: cython.double = sqrt(self.dot(c, c) + self.ridge[c])
             self.upper[c, c] = norm
             if not norm > 0.0:
@@ -2026,15 +2029,14 @@ class Descent:
             for k in range(c + 1, self.columns + 1):
                 product: cython.double = self.dot(c, k) / norm
                 self.upper[c, k] = product
-                # v0 = sqrt(ridge) + norm, beta = 1 / (norm v0)
-                product /= norm
+                product /= norm + sqrt(self.ridge[c])
                 for j in range(self.width):
                     self.red[k, j] -= product * self.red[c, j]
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def cholesky(self) -> cython.bint:
-        """R from the normal matrix of the scaled columns; False where that is not positive."""
+    def cholesky(self, damping: cython.double) -> cython.bint:
+        """R from the normal matrix of the scaled columns; False where that is not well conditioned."""
         c: cython.int
         k: cython.int
         j: cython.int
@@ -2046,11 +2048,16 @@ class Descent:
             for k in range(c, count + 1):
                 value = self.square[c] if k == c else self.dot(c, k)
                 value /= self.spare[c] * self.spare[k]
-                if k == c:
-                    value += self.ridge[c] / (self.spare[c] * self.spare[c])
-                for j in range(c):
+                for j in range(c if k > c else min(c, self.linear)):
                     value -= self.upper[j, c] * self.upper[j, k]
                 if k == c:
+                    if c >= self.linear and self.square[c] > 0.0:
+                        if not value > 1e-6:
+                            return False
+                        self.ridge[c] = damping * value * self.square[c]
+                    value += self.ridge[c] / (self.spare[c] * self.spare[c])
+                    for j in range(self.linear, c):
+                        value -= self.upper[j, c] * self.upper[j, c]
                     if not value > 1e-14:
                         return False
                     self.upper[c, c] = sqrt(value)
