@@ -2004,7 +2004,9 @@ class Descent:
         for c in range(self.columns):
             self.ridge[c] = damping
             if self.square[c] > 0.0:
-                self.ridge[c] = 0.0 if self.timed else LINEAR_ * damping * self.square[c]
+                self.ridge[c] = (
+                    0.0 if self.timed else damping * (LINEAR_ if c < self.linear else 1.0) * self.square[c]
+                )
         if not (damping > NORMAL_ and self.cholesky(damping)):
             self.orthogonal(damping)
 
@@ -2016,7 +2018,7 @@ class Descent:
         k: cython.int
         j: cython.Py_ssize_t
         for c in range(self.columns):
-            if c == self.linear and damping > 0.0:
+            if c == self.linear and self.timed and damping > 0.0:
                 for k in range(c, self.columns):
                     if self.square[k] > 0.0:
                         self.ridge[k] = damping * max(self.dot(k, k), 1e-20 * self.square[k])
@@ -2051,7 +2053,7 @@ class Descent:
                 for j in range(c if k > c else min(c, self.linear)):
                     value -= self.upper[j, c] * self.upper[j, k]
                 if k == c:
-                    if c >= self.linear and self.square[c] > 0.0:
+                    if self.timed and c >= self.linear and self.square[c] > 0.0:
                         if not value > 1e-6:
                             return False
                         self.ridge[c] = damping * value * self.square[c]
