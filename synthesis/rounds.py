@@ -43,8 +43,6 @@ _ORIGINS, _COPIES, _WIDTHS = 8, 6, (1.0, 0.5, 0.25)
 """Valleys that a round's hops begin from, hops from each, and their widths in turn."""
 GAIN = 2e-3
 """A round that lowers J by a smaller part gains nothing."""
-_IDLE, _IDLE_SHARE = 24, 0.5
-"""The search ends after so many rounds that gain nothing, or this part of all rounds until then, whichever is more."""
 
 
 class Plan(NamedTuple):
@@ -119,6 +117,8 @@ class Rounds:
 
     bent_below = np.inf
     """J from which on steps are bent."""
+    idle = 24
+    """So many rounds that gain nothing end the search, or half as many as there were before, whichever is more."""
 
     def __init__(
         self,
@@ -186,7 +186,7 @@ class Rounds:
         The first two and every second later one begin from seeds, the others from hops.
         """
         number = last = 0
-        while number - last < max(_IDLE, _IDLE_SHARE * last) and number < most:
+        while number - last < max(self.idle, 0.5 * last) and number < most:
             before = self.found.least
             begin = next(seeds, None) if number < 2 or number % 2 == 0 else None
             if begin is None:

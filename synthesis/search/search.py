@@ -128,7 +128,7 @@ class GivenRounds(Rounds):
     work : Work
     """
 
-    bent_below = 1e-3
+    bent_below, idle = 1e-3, 2
     within: GivenProblem
     problem: GivenProblem
 
