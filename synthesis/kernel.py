@@ -1333,7 +1333,7 @@ class Descent:
                         self.red[c, j] = 0.0
                 largest = max(largest, self.dot(c, c))
             for c in range(last):
-                self.ridge[c] = 1e-18 * largest if largest > 0.0 else 1.0
+                self.ridge[c] = 1e-12 * largest if largest > 0.0 else 1.0
             self.orthogonal()
             for c in range(last):
                 self.step[c] = -self.upper[c, last]
@@ -1898,6 +1898,7 @@ class Descent:
         j: cython.Py_ssize_t
         for c in range(self.columns):
             norm: cython.double = sqrt(self.dot(c, c) + self.ridge[c])
+            root: cython.double = sqrt(self.ridge[c])
             self.upper[c, c] = norm
             if not norm > 0.0:
                 for k in range(c + 1, self.columns + 1):
@@ -1907,7 +1908,7 @@ class Descent:
                 product: cython.double = self.dot(c, k) / norm
                 self.upper[c, k] = product
                 # v0 = sqrt(ridge) + norm, beta = 1 / (norm v0)
-                product /= norm
+                product /= norm + root
                 for j in range(self.width):
                     self.red[k, j] -= product * self.red[c, j]
 
@@ -2092,9 +2093,12 @@ class Descent:
         elif self.shape.chart == 2:
             longest = 0.5
         for k in range(self.size):
+            side: cython.double = copysign(1.0, self.q[s, k])
             self.q[t, k] = self.q[s, k] + inside(self.step[k], longest)
+            if self.shape.chart <= 1:
+                self.q[t, k] = side * max(side * self.q[t, k], 1e-300)
         if self.shape.chart <= 1:
-            self.bound(s, t)
+            self.bound(t)
         elif self.shape.chart == 2:
             for k in range(self.size):
                 self.q[t, k] = inside(self.q[t, k], 30.0)
@@ -2106,13 +2110,11 @@ class Descent:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def bound(self, s: cython.int, t: cython.int) -> cython.void:
-        """The unknowns of a Grashof chart within their bounds, each of its own sign, and of scale one."""
+    def bound(self, t: cython.int) -> cython.void:
+        """The unknowns of a Grashof chart, each of its own sign, within their bounds and of scale one."""
         k: cython.int
         total: cython.double = 0.0
         for k in range(4):
-            side: cython.double = copysign(1.0, self.q[s, k])
-            self.q[t, k] = side * max(side * self.q[t, k], 1e-300)
             total += fabs(self.q[t, k])
         if self.shape.chart == 0:
             total = 1.0
