@@ -16,7 +16,6 @@ from tests.oracles.kernel import uncompiled
 
 CHARTS = [GrashofChart(scaled=False), GrashofChart(), LengthsChart(), AnyChart(), FullCrankChart()]
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
-SAMPLES = 6
 EVERY_KIND = Limits(
     transmission_angle_min=0.6,
     transmission_angle_min_turn=0.3,
@@ -57,16 +56,17 @@ class Descent:
         position: bool = True,
         limited: bool = False,
         ordered: bool = True,
+        samples: int = 6,
     ) -> None:
         random = np.random.default_rng(5)
-        crank = 0.4 + np.sort(random.uniform(0, 3, SAMPLES))
+        crank = 0.4 + np.sort(random.uniform(0, 3, samples))
         turned = chart.at(chart.unknowns(LENGTHS[:1]), crank[None], np.ones(1)).angle[0]
-        place = 0.5 * np.exp(1j * crank) + np.exp(1j * (turned + 0.3)) + 0.05 * random.standard_normal(SAMPLES)
+        place = 0.5 * np.exp(1j * crank) + np.exp(1j * (turned + 0.3)) + 0.05 * random.standard_normal(samples)
         place -= place.mean()
-        root = np.sqrt(random.dirichlet(np.full(SAMPLES, 9.0)))
+        root = np.sqrt(random.dirichlet(np.full(samples, 9.0)))
         limits = limits_of(module, smooth=chart.kind == kernel.LENGTHS) if limited else None
         self.kernel = module.Descent(
-            turned + 0.02 * random.standard_normal(SAMPLES) if rotation else None,
+            turned + 0.02 * random.standard_normal(samples) if rotation else None,
             root,
             np.stack([place.real, place.imag], axis=1) if position else None,
             root,
@@ -166,11 +166,27 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
     "nearest": lambda one: one.kernel.nearest(3),
     "loose": lambda one: one.kernel.loose(one.random.normal(size=(2, one.columns)), np.array([0.5, -2.0]), 0.5),
     "moved": lambda one: one.kernel.moved(
-        3 * one.random.normal(size=(2, one.columns)), one.random.normal(size=(2, SAMPLES))
+        3 * one.random.normal(size=(2, one.columns)), one.random.normal(size=one.arrays[3].shape)
     ),
     "broken": lambda one: one.kernel.broken(),
     "restore": lambda one: one.kernel.restore(3),
 }
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3])
+@pytest.mark.parametrize("limited", [False, True])
+def test_few_samples(samples: int, limited: bool) -> None:
+    """Where there are fewer rows than unknowns; only the source notices what is written beyond an array's end."""
+
+    def work(module: ModuleType) -> list[Any]:
+        descent = Descent(module, CHARTS[2], rotation=True, limited=limited, samples=samples)
+        for task in TASKS.values():
+            task(descent)
+        descent.kernel.descend(3, 1e-3, 1e-9, 0.0, True, not limited)
+        assert descent.kernel.run(100)
+        return [descent.costs] if samples == 3 else []
+
+    same(work, 1e-5)
 
 
 @pytest.mark.parametrize("ordered", [True, False])

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
-from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.fourbar.kinematics import close_loop, coupler_angle
 from synthesis.fourbar.limits import Constraints, Limits, Reach
 from synthesis.free import dyads, joint
 from synthesis.free.joint import JointProblem, Stage, Timed
@@ -138,6 +140,50 @@ def test_rows_and_derivatives_are_those_of_the_general_kinematics(chart: Any, ro
         np.testing.assert_allclose(one["rows"][:-1], by_unknowns[k], atol=2e-8)
         own = by_angles[k].reshape(samples, -1, samples)
         np.testing.assert_allclose(one["turn"].reshape(-1, samples), np.einsum("iri->ri", own), atol=2e-8)
+
+
+@settings(max_examples=150)
+@given(
+    st.sampled_from(EVERY_CHART),
+    st.lists(st.floats(-9, 3), min_size=4, max_size=4),
+    st.sampled_from([-1.0, 1.0]),
+    st.lists(st.floats(-4, 4) | st.sampled_from([0.0, np.pi, -np.pi, 1e-6]), min_size=5, max_size=5),
+)
+def test_the_loop_closes_as_in_the_general_kinematics(
+    chart: Any, magnitudes: list[float], branch: float, crank: list[float]
+) -> None:
+    """Beside change points and dead positions too, with cranks much shorter and longer than the ground."""
+    unknowns = np.array([magnitudes[: len(chart.cell) - 1]])
+    if hasattr(chart, "within"):
+        unknowns = chart.within(np.exp(unknowns) * [branch if crank[0] > 0 else 1.0, 1, 1, 1])
+    lengths, turns = chart.shape(unknowns).lengths, np.array(crank)
+    closure = close_loop(lengths, turns[:, None])
+    wanted = closure.coupler_angle(np.array([branch]))[:, 0]
+    # one sample, so that each crank angle is a candidate of its own, turned back by the angle that is expected
+    problem = JointProblem(Poses(np.zeros(1), None), chart)
+    timed = Timed(
+        np.repeat(unknowns, 5, axis=0),
+        np.zeros((5, 3), dtype=complex),
+        -np.nan_to_num(wanted),
+        turns[:, None],
+        np.full(5, branch),
+    )
+    found = np.sqrt(problem.measured(timed, posed=False).cost)
+    # what rounding of the lengths makes of theta2, which has no slope where the loop folds
+    size = closure.lengths.sum(axis=-1)[:, 0] ** 2
+    root = np.sqrt(closure.excess_x * closure.excess_y)[:, 0]
+    sure = closure.closed[:, 0] & (root > 1e-7 * size)
+    assert np.all(found[sure] < 1e-15 * (16 + 8 * size[sure] / root[sure]))
+    diagonal = np.abs(lengths[0, 3] - lengths[0, 0] * np.exp(1j * turns))
+    beyond = np.maximum(diagonal - lengths[0, 1:3].sum(), np.abs(np.diff(lengths[0, 1:3])) - diagonal)
+    assert np.all(np.isinf(found[beyond > 1e-12 * lengths.sum()]))
+    for k in np.flatnonzero(sure & (root > 1e-5 * size)):
+        (one,) = problem.linearised(timed.take([k]), 1e-3)
+        by = closure.coupler_angle_gradient(np.array([branch]))[k, 0]
+        slope = np.append(by[:4] @ chart.shape(unknowns).jacobian[0], by[4])
+        own = np.append(one["rows"][:-2, 0], one["turn"])
+        held = np.append(own[:-1] == 0, False)
+        np.testing.assert_allclose(own[~held], -slope[~held], rtol=1e-6, atol=1e-6 * np.abs(slope).max())
 
 
 def test_the_best_pose_is_that_of_least_squares() -> None:
