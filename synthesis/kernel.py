@@ -1044,7 +1044,7 @@ class Descent:
         self.straight = np.zeros(self.columns + 1)
         self.step = np.zeros(self.columns + 1)
         self.turn_step = np.zeros(samples)
-        self.spare = np.zeros(max(self.width, samples))
+        self.spare = np.zeros(max(self.width, samples, self.columns + 1))
         self.bend = np.zeros(samples)
         self.way = np.zeros(4)
         self.kept = np.zeros(6)
