@@ -86,11 +86,8 @@ def evolve_poses(position: np.ndarray, rotation: np.ndarray, generations: int, s
             steps = np.cumsum(gaps / gaps.sum(axis=1, keepdims=True), axis=1) * points[:, 4:5]
             angles = points[:, 3:4] + way * np.concatenate([np.zeros((len(points), 1)), steps], axis=1)
             pose, sides = np.zeros((len(points), 3), dtype=complex), np.full(len(points), branch)
-            timed = problem.facing(product.Timed(points[:, :3], pose, np.zeros(len(points)), angles, sides))
-            turned = problem.turned(timed, derivatives=False)
-            with np.errstate(invalid="ignore"):
-                residual = problem.residual(problem.posed(timed, turned), turned)
-            value = np.sum(residual**2, axis=(1, 2))
+            timed = product.Timed(points[:, :3], pose, np.zeros(len(points)), angles, sides)
+            value = problem.measured(timed, facing=True).cost
             value = np.where(np.isfinite(value), value, 1e6)
             return value if unknowns.ndim == 2 else value[0]
 

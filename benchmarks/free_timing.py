@@ -109,7 +109,7 @@ def measure_random(name: str, cases: int) -> dict[str, Any]:
 def truth_polished(case: FreeCase) -> float:
     """J of the true linkage refined on the noisy samples: what a search should not be above."""
     from synthesis.fourbar.charts import FullCrankChart
-    from synthesis.free.joint import JointProblem, Timed, refine
+    from synthesis.free.joint import JointProblem, Stage, Timed
     from synthesis.free.poses import make_poses
 
     problem = JointProblem(make_poses(case.rotation, case.position), FullCrankChart())
@@ -117,7 +117,7 @@ def truth_polished(case: FreeCase) -> float:
     branch, pose = np.array([float(case.branch)]), np.zeros((1, 3), dtype=complex)
     start = Timed(shape, pose, np.zeros(1), case.theta1[None], branch)
     offset = np.angle(np.exp(1j * (case.rotation - problem.turned(start).body.angle)).mean(axis=1))
-    return float(np.sqrt(refine(problem, start._replace(offset=offset), 300).cost[0]))
+    return problem.descended(start._replace(offset=offset), [Stage(300)]).least
 
 
 def measure_baselines() -> list[dict[str, Any]]:

@@ -78,9 +78,9 @@ def heavy_poses(rotation: np.ndarray, position: np.ndarray, starts: int = 1500, 
         seeds[:, -1:] + random.choice([-1, 1], (starts, 1)) * way,
         random.choice(BRANCHES, starts),
     )
-    found = product.refine_timed(problem, problem.facing(timed), 150)
+    found = problem.descended(problem.facing(timed), [product.Stage(150)])
     best = np.argsort(found.cost, kind="stable")[:40]
-    return float(np.sqrt(product.refine_timed(problem, found.timed.take(best), 500).cost.min()))
+    return float(np.sqrt(problem.descended(found.timed.take(best), [product.Stage(500)]).cost.min()))
 
 
 def heavy_within(

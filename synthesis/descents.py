@@ -233,7 +233,7 @@ class Problem:
         tolerance: float = 0.0,
         work: Work | None = None,
         damping: float = 1e-3,
-        all_of_them: bool = False,
+        others: float = 1.0,
         bent_below: float = np.inf,
         between: Callable[[Pool], None] | None = None,
     ) -> Pool:
@@ -245,13 +245,13 @@ class Problem:
             Starting points; where the order is required their angles have it.
         stages : sequence of Stage
         tolerance : float
-            Stop when the square root of the least cost is below it.
+            A candidate's last step is that after which the square root of its cost is below it.
         work : Work, optional
             Once it has expired the descent stops where it is.
         damping : float
             Of each stage's first step, relative to the squares of the derivatives.
-        all_of_them : bool
-            Stop only when the cost of every candidate is below the tolerance.
+        others : float
+            Once one candidate came below the tolerance, the others take at most so many times its steps.
         bent_below : float
             Square root of the cost from which on a candidate's steps are bent.
         between : callable, optional
@@ -273,7 +273,7 @@ class Problem:
                     between(pool.take(np.arange(pool.cost.size)))
                 if self.limited:
                     self._kernel.renew(stage.weight**2)
-            self._kernel.descend(stage.steps, damping, stage.stall, tolerance**2, all_of_them, bent_below**2)
+            self._kernel.descend(stage.steps, damping, stage.stall, tolerance**2, others, bent_below**2)
             while not work.expired() and not self._kernel.run(most):
                 pass
         return pool

@@ -1010,7 +1010,7 @@ class Descent:
     growth: cython.double
     stall: cython.double
     exact: cython.double
-    all_of_them: cython.bint
+    others: cython.double
     bent_below: cython.double
     best_cost: cython.double
     least: cython.double
@@ -1096,7 +1096,7 @@ class Descent:
         self.straight = np.zeros(self.columns + 1)
         self.step = np.zeros(self.columns + 1)
         self.turn_step = np.zeros(samples)
-        self.spare = np.zeros(max(self.width, samples))
+        self.spare = np.zeros(max(self.width, samples, self.columns + 1))
         self.bend = np.zeros(samples)
         self.way = np.zeros(5)
         self.kept = np.zeros(6)
@@ -1379,7 +1379,7 @@ class Descent:
                         self.red[c, j] = 0.0
                 largest = max(largest, self.dot(c, c))
             for c in range(last):
-                self.ridge[c] = 1e-18 * largest if largest > 0.0 else 1.0
+                self.ridge[c] = 1e-12 * largest if largest > 0.0 else 1.0
             self.orthogonal(0.0)
             for c in range(last):
                 self.step[c] = -self.upper[c, last]
@@ -2013,7 +2013,7 @@ class Descent:
     @cython.cfunc
     @cython.exceptval(check=False)
     def orthogonal(self, damping: cython.double) -> cython.void:
-        """R by Gram and Schmidt, ``red`` used up; a damping above 0 is relative to what the linear columns leave of the others."""
+        """R by Gram and Schmidt, ``red`` used up; given timing, damping is relative to what the linear columns leave."""
         c: cython.int
         k: cython.int
         j: cython.Py_ssize_t
@@ -2023,6 +2023,7 @@ class Descent:
                     if self.square[k] > 0.0:
                         self.ridge[k] = damping * max(self.dot(k, k), 1e-20 * self.square[k])
             norm: cython.double = sqrt(self.dot(c, c) + self.ridge[c])
+            root: cython.double = sqrt(self.ridge[c])
             self.upper[c, c] = norm
             if not norm > 0.0:
                 for k in range(c + 1, self.columns + 1):
@@ -2031,7 +2032,8 @@ class Descent:
             for k in range(c + 1, self.columns + 1):
                 product: cython.double = self.dot(c, k) / norm
                 self.upper[c, k] = product
-                product /= norm + sqrt(self.ridge[c])
+                # v0 = sqrt(ridge) + norm, beta = 1 / (norm v0)
+                product /= norm + root
                 for j in range(self.width):
                     self.red[k, j] -= product * self.red[c, j]
 
@@ -2223,9 +2225,12 @@ class Descent:
             self.offset[t] += self.step[self.linear - 1]
         longest: cython.double = 0.35 if self.shape.chart == 0 else 1.0
         for k in range(self.size):
+            side: cython.double = copysign(1.0, self.q[s, k])
             self.q[t, k] = self.q[s, k] + inside(self.step[self.linear + k], longest)
+            if self.shape.chart == 0:
+                self.q[t, k] = side * max(side * self.q[t, k], 1e-300)
         if self.shape.chart == 0:
-            self.bound(s, t)
+            self.bound(t)
         if self.timed:
             start: cython.double = self.phi[s, 0] + inside(self.step[self.columns - 1], 0.75)
             for i in range(self.samples):
@@ -2238,13 +2243,11 @@ class Descent:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def bound(self, s: cython.int, t: cython.int) -> cython.void:
-        """The unknowns of a Grashof chart within their bounds, each of its own sign, and of scale one."""
+    def bound(self, t: cython.int) -> cython.void:
+        """The unknowns of a Grashof chart, each of its own sign, within their bounds and of scale one."""
         k: cython.int
         total: cython.double = 0.0
         for k in range(4):
-            side: cython.double = copysign(1.0, self.q[s, k])
-            self.q[t, k] = side * max(side * self.q[t, k], 1e-300)
             total += fabs(self.q[t, k])
         self.q[t, 0] = copysign(max(fabs(self.q[t, 0] / total), _LEAST), self.q[t, 0])
         for k in range(1, 4):
@@ -2286,13 +2289,13 @@ class Descent:
 
     # -- a run --------------------------------------------------------------------------------------------------------
 
-    def descend(self, iterations, damping, stall, exact, all_of_them, bent_below):
+    def descend(self, iterations, damping, stall, exact, others, bent_below):
         """Say how the candidates are to descend; see `free.joint.refine`."""
         self.iterations = iterations
         self.damping0 = damping
         self.stall = stall
         self.exact = exact
-        self.all_of_them = all_of_them
+        self.others = others
         self.bent_below = bent_below
         self.candidate = 0
         self.begun = False
@@ -2300,8 +2303,8 @@ class Descent:
     def run(self, most):
         """Go on for so many steps; True once all candidates came to their end."""
         left: cython.Py_ssize_t = most
-        done_below: cython.double = max(1e-30, self.exact if self.all_of_them else 0.0)
-        if not self.all_of_them and self.least <= self.exact:
+        done_below: cython.double = max(1e-30, self.exact)
+        if self.others == 0.0 and self.least <= self.exact:
             return True
         while self.candidate < self.count:
             if left <= 0:
@@ -2327,10 +2330,12 @@ class Descent:
             if not ended:
                 ended = self.advance(done_below)
                 self.iteration += 1
-            if self.best_cost < self.least:
-                self.least = self.best_cost
-            if not self.all_of_them and self.least <= self.exact:
-                return True
+            self.least = min(self.least, self.best_cost)
+            if self.best_cost <= self.exact:
+                ended = True
+                if self.others == 0.0:
+                    return True
+                self.iterations = cython.cast(cython.int, min(1.0 * self.iterations, self.others * self.iteration))
             if ended:
                 self.candidate += 1
                 self.begun = False

@@ -602,14 +602,14 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
         if pool.cost.size - near.size < _ENOUGH:
             # dyads of short links lie where places all but coincide: a few steps give back what rounding took
             rest = pool.take(near).best(_ENOUGH)
-            rest = search.problem.descended(rest.timed, [Stage(60)], exact, work, all_of_them=True)
+            rest = search.problem.descended(rest.timed, [Stage(60)], exact, work, others=np.inf)
             pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(rest)
         yield pool
         return
     dyads = linear_dyads(search.body)
     dyads, _ = polished(search.body, dyads) if dyads.radius.size else (dyads, None)
     five = search.full == FEW + 1 and not search.mixed
-    pool = search.problem.descended(search.four_bars(dyads), [Stage(25)], exact, work, all_of_them=five)
+    pool = search.problem.descended(search.four_bars(dyads), [Stage(25)], exact, work, others=np.inf if five else 1.0)
     yield pool
     if pool.least < tolerance or (work.expired() and np.isfinite(pool.least)):
         return

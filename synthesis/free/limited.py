@@ -57,7 +57,7 @@ def refined_within(poses: Poses, limits: Limits, timed: Timed, work: Work) -> Po
     for weight, steps, most in _PLAN:
         if not timed.branch.size or work.expired():
             break
-        found = problem.descended(timed, [Stage(steps, _STALL, weight)], 0.0, work, all_of_them=True)
+        found = problem.descended(timed, [Stage(steps, _STALL, weight)], 0.0, work, others=np.inf)
         timed = found.best(most).timed
     return problem.moved_onto(timed)[0]
 

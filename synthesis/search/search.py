@@ -316,7 +316,7 @@ class _Search:
                 0.3 * self.tolerance,
                 self.work,
                 one.damping,
-                all_of_them=one.every,
+                others=np.inf if one.every else 0.0,
                 bent_below=_BENT_BELOW,
             )
             self.pool = self.pool.joined(found)
@@ -350,7 +350,7 @@ class _Search:
         problem = self.problem if self.thin_target is self.target else GivenProblem(self.target, self.chart)
         # of few steps none would be worth bending
         bent_below = np.inf if iterations > _FEW_STEPS else 0.0
-        found = problem.descended(best, [Stage(iterations)], 0.0, self.work, all_of_them=True, bent_below=bent_below)
+        found = problem.descended(best, [Stage(iterations)], 0.0, self.work, others=np.inf, bent_below=bent_below)
         linkages = problem.linkages(self.mechanism, found)
         return self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, linkages))
 

@@ -120,7 +120,8 @@ def test_the_practical_preset_holds_where_crank_angles_are_free() -> None:
     wide = la.synthesize(**asked)
     assert wide.best.verdict.practical and wide.best.transmission_angle_min >= 35 - 1e-9
     none = la.synthesize(**asked, limits={"preset": "none"})
-    assert none.best.errors.objective <= wide.best.errors.objective * 1.01
+    # below the tolerance all are alike
+    assert none.best.errors.objective <= max(wide.best.errors.objective * 1.01, 1e-10)
 
 
 def test_the_preset_is_off_where_crank_angles_are_given() -> None:

@@ -1,28 +1,219 @@
-"""The compiled kernel against its own source run as Python, and against LAPACK."""
+"""The compiled kernel against its own source run as Python; what it computes is checked at its doors (`free.joint`)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
 import numpy as np
 import pytest
-from scipy.linalg import solve_triangular
 
 from synthesis import kernel
+from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
+from synthesis.fourbar.limits import Constraints, Limits, Reach
 from tests.oracles.kernel import uncompiled
 
+CHARTS = [GrashofChart(scaled=False), GrashofChart(), LengthsChart(), AnyChart(), FullCrankChart()]
+LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
+EVERY_KIND = Limits(
+    transmission_angle_min=0.6,
+    transmission_angle_min_turn=0.3,
+    link_min=0.2,
+    link_max=0.9,
+    link_ratio_max=3.0,
+    links=(0.5, None, None, None),
+    pivot_a=0.3 + 0.1j,
+    pivot_b_box=(1.0, -0.2, 2.0, 0.1),
+    pivot_reach=Reach(0.1 - 0.2j, 0.4, 0.5),
+    keep_out=((-0.5, -0.4, 0.2, 0.5), (1.2, -1.0, 2.0, 1.0)),
+    coupler_radius_max=0.4,
+    envelope=(-1.0, -0.9, 1.1, 0.8),
+)
 
-@pytest.mark.parametrize("size", [1, 2, 9])
-def test_triangle_compiled_as_source_and_as_lapack(size: int) -> None:
-    random = np.random.default_rng(size)
-    columns = np.tril(random.normal(size=(size, size)), -1) + np.diag(random.uniform(1, 2, size))
-    b = random.normal(size=size)
-    found, same = np.empty(size), np.empty(size)
-    assert kernel.back_substitute(columns, b, found) and uncompiled().back_substitute(columns, b, same)
-    np.testing.assert_allclose(found, same, rtol=1e-14)
-    np.testing.assert_allclose(found, solve_triangular(columns.T, b), rtol=1e-13)
+
+@pytest.fixture(autouse=True)
+def as_c_does():
+    """Nothing is said of a division by zero."""
+    with np.errstate(all="ignore"):
+        yield
 
 
-def test_triangle_without_solution() -> None:
-    columns, x = np.eye(3), np.full(3, 7.0)
-    columns[1, 1] = 0
-    for module in (kernel, uncompiled()):
-        assert not module.back_substitute(columns, np.ones(3), x) and (x == 7).all()
+def limits_of(module: ModuleType, smooth: bool, posed: bool = True) -> Any:
+    """Limits of every kind, the family and the ratios in the form that they have over all length ratios, or not."""
+    table = Constraints(EVERY_KIND, exact=False, smooth=smooth)._table(posed)
+    return module.Limits(np.array(table.rows), posed, table.equal)
+
+
+class Descent:
+    """Two candidates, a crank-rocker and a double-crank, some way off poses that a linkage nearly makes."""
+
+    def __init__(
+        self,
+        module: ModuleType,
+        chart: Any,
+        rotation: bool,
+        position: bool = True,
+        limited: bool = False,
+        ordered: bool = True,
+        samples: int = 6,
+    ) -> None:
+        random = np.random.default_rng(5)
+        crank = 0.4 + np.sort(random.uniform(0, 3, samples))
+        turned = chart.at(chart.unknowns(LENGTHS[:1]), crank[None], np.ones(1)).angle[0]
+        place = 0.5 * np.exp(1j * crank) + np.exp(1j * (turned + 0.3)) + 0.05 * random.standard_normal(samples)
+        place -= place.mean()
+        root = np.sqrt(random.dirichlet(np.full(samples, 9.0)))
+        limits = limits_of(module, smooth=chart.kind == kernel.LENGTHS) if limited else None
+        self.kernel = module.Descent(
+            turned + 0.02 * random.standard_normal(samples) if rotation else None,
+            root,
+            np.stack([place.real, place.imag], axis=1) if position else None,
+            root,
+            chart.kind,
+            ordered,
+            6.0,
+            limits,
+        )
+        self.arrays = [
+            chart.unknowns(LENGTHS * random.uniform(0.9, 1.1, (2, 4))),
+            random.normal(size=(2, 6)),
+            random.normal(size=2),
+            np.stack([crank, crank[::-1]]) + 0.1 * random.uniform(-1, 1, (2, 1)),
+            np.array([1.0, -1.0]),
+            0.01 * random.uniform(size=(2, limits.count_rows if limits else 0)),
+        ]
+        self.columns = self.arrays[0].shape[1] + 6 * position + rotation
+        self.random, self.costs = random, self.kernel.begin(*self.arrays, 0.3)
+
+    @property
+    def state(self) -> list[np.ndarray]:
+        """Where the candidates are."""
+        return [*self.arrays, self.costs]
+
+
+def same(work: Callable[[ModuleType], list[Any]], tolerance: float = 1e-12) -> None:
+    """Both do the same."""
+    one, other = work(kernel), work(uncompiled())
+    assert len(one) == len(other)
+    for found, source in zip(one, other):
+        size = np.abs(np.asarray(source, dtype=float))
+        size = size[np.isfinite(size)].max(initial=0.0)
+        np.testing.assert_allclose(found, source, rtol=tolerance, atol=tolerance * size)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("posed", [False, True])
+def test_limits_of_every_kind(smooth: bool, posed: bool) -> None:
+    random = np.random.default_rng(2)
+    lengths = np.concatenate(
+        [LENGTHS, [[0.3, 0.1, 0.2, 0.3], [1.0, 0.1, 0.1, 5.0]]]
+    )  # of part of a turn; that never closes
+    first, pivot = random.uniform(0, 6, 4), random.normal(size=(4, 2))
+    where = first, first + random.uniform(-3, 3, 4), pivot, random.uniform(-3, 3, 4), random.normal(size=(4, 2))
+    side = np.array([1.0, -1.0, 1.0, 1.0])
+    kinds = {int(row[0]) for row in Constraints(EVERY_KIND, smooth=smooth)._table(posed).rows}
+    ours = {kernel.USED, kernel.OVER_TURN, kernel.LENGTH} | (
+        {kernel.FAMILY, kernel.RATIOS} if smooth else {kernel.RATIO}
+    )
+    assert kinds == ours | (set(range(kernel.AT, kernel.ENVELOPE + 1)) if posed else set())
+    same(lambda module: list(limits_of(module, smooth, posed)(lengths, side, *where)))
+
+
+@pytest.mark.parametrize("limited", [False, True])
+@pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: str(chart.kind))
+def test_rows_and_steps(chart: Any, limited: bool) -> None:
+    def work(module: ModuleType) -> list[Any]:
+        told = []
+        for damping in (1e-2, 1e-12):  # by normal equations and by reflections
+            descent = Descent(module, chart, rotation=True, limited=limited)
+            told += [value for n in range(2) for value in descent.kernel.linearised(n, damping).values()]
+        return told
+
+    same(work, 1e-10)
+
+
+@pytest.mark.parametrize(("rotation", "position"), [(True, True), (False, True), (True, False)])
+@pytest.mark.parametrize("bent", [False, True])
+def test_descents(rotation: bool, position: bool, bent: bool) -> None:
+    def work(module: ModuleType) -> list[Any]:
+        descent = Descent(module, CHARTS[1], rotation, position)
+        descent.kernel.look(True, rotation)
+        descent.kernel.descend(4, 1e-3, 1e-9, 0.0, True, bent)
+        assert not descent.kernel.run(3) and descent.kernel.run(100)
+        return [*descent.state, descent.kernel.steps]
+
+    same(work, 1e-9)
+
+
+@pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: str(chart.kind))
+def test_descents_within_limits(chart: Any) -> None:
+    def work(module: ModuleType) -> list[Any]:
+        descent = Descent(module, chart, rotation=True, limited=True)
+        descent.kernel.look(False, False)
+        for weight in (0.3, 3.0):
+            descent.kernel.renew(weight)
+            descent.kernel.descend(2, 1e-3, 1e-9, 0.0, True, False)
+            assert descent.kernel.run(100)
+        return [*descent.state, *descent.kernel.broken()]
+
+    same(work, 1e-9)
+
+
+TASKS: dict[str, Callable[[Descent], Any]] = {
+    "look": lambda one: one.kernel.look(False, False),
+    "look, posed": lambda one: one.kernel.look(True, True),
+    "nearest": lambda one: one.kernel.nearest(3),
+    "loose": lambda one: one.kernel.loose(one.random.normal(size=(2, one.columns)), np.array([0.5, -2.0]), 0.5),
+    "moved": lambda one: one.kernel.moved(
+        3 * one.random.normal(size=(2, one.columns)), one.random.normal(size=one.arrays[3].shape)
+    ),
+    "broken": lambda one: one.kernel.broken(),
+    "restore": lambda one: one.kernel.restore(3),
+}
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3])
+@pytest.mark.parametrize("limited", [False, True])
+def test_few_samples(samples: int, limited: bool) -> None:
+    """Where there are fewer rows than unknowns; only the source notices what is written beyond an array's end."""
+
+    def work(module: ModuleType) -> list[Any]:
+        descent = Descent(module, CHARTS[2], rotation=True, limited=limited, samples=samples)
+        for task in TASKS.values():
+            task(descent)
+        descent.kernel.descend(3, 1e-3, 1e-9, 0.0, True, not limited)
+        assert descent.kernel.run(100)
+        return [descent.costs] if samples == 3 else []
+
+    same(work, 1e-5)
+
+
+@pytest.mark.parametrize("ordered", [True, False])
+@pytest.mark.parametrize("task", TASKS)
+def test_what_else_is_asked(task: str, ordered: bool) -> None:
+    def work(module: ModuleType) -> list[Any]:
+        told = []
+        for chart in (CHARTS[0], CHARTS[2]):
+            descent = Descent(module, chart, rotation=True, limited=True, ordered=ordered)
+            answer = TASKS[task](descent)
+            told += [*descent.state, *([] if answer is None else [answer])]
+        return told
+
+    # where limits contradict one another, rounding moves candidates along the common scale of their lengths
+    same(work, 1e-5 if task == "restore" else 1e-9)
+
+
+def test_rows_that_are_apart() -> None:
+    random = np.random.default_rng(4)
+    rows, reach = random.uniform(size=(60, 3)), random.uniform(0.1, 0.4, 60)
+    same(lambda module: [kept := module.apart(rows, reach, (), 0, 20), module.apart(rows, reach, kept[:5], 30, 12)])
+    kept: list[int] = []
+    for n, row in enumerate(rows):
+        if all(np.abs(rows[k] - row).max() >= reach[n] for k in kept):
+            kept.append(n)
+    assert (
+        kernel.apart(rows, reach, (), 0, 100).tolist() == kept
+        and kernel.apart(rows, reach, (), 0, 3).tolist() == kept[:3]
+    )
+    assert kernel.apart(rows, reach, (7, 9), 60, 100).tolist() == [7, 9]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from synthesis.errors import FieldError
 from synthesis.fourbar.charts import GrashofChart
 from synthesis.fourbar.kinematics import close_loop, transmission_angle_over
-from synthesis.fourbar.limits import Constraints, Limits, Reach
+from synthesis.fourbar.limits import Constraints, Limits, Reach, in_family
 from synthesis.mechanism import Placed
 from synthesis.target import Interval, Target
 
@@ -83,6 +83,33 @@ def test_derivatives_are_those_of_central_differences(name) -> None:
             continue
         # a kink where two sides change places
         assert np.quantile(gap, 0.97) < (1e-4 if name == "envelope" else 1e-6), column
+
+
+@pytest.mark.parametrize("family", ["full_crank", "crank_rocker", "double_crank"])
+def test_limits_in_the_form_of_all_length_ratios_are_smooth_and_say_the_same(family) -> None:
+    """The family and the ratio of the lengths are functions there, and the turn's transmission angle is one of any linkage."""
+    limits = Limits(family, transmission_angle_min_turn=0.3, link_ratio_max=3.0)
+    smooth, step = Constraints(limits, smooth=True), 1e-6
+    random = np.random.default_rng(6)
+    linkages = placed(5, 200)
+    linkages = linkages._replace(lengths=np.concatenate([random.uniform(0.2, 1.5, (100, 4)), linkages.lengths[:100]]))
+    found = smooth(linkages)
+    for column in range(11):
+        ahead, behind = (smooth(moved(linkages, column, sign * step)).values for sign in (1, -1))
+        np.testing.assert_allclose(found.slopes[:, :, column], (ahead - behind) / (2 * step), atol=1e-6)
+    named = {name: found.values[:, [one == name for one in found.names]] for name in found.names}
+    assert {name: values.shape[1] for name, values in named.items()} == {
+        "family": 3, "transmission_angle_min_turn": 2, "link_ratio_max": 12,
+    }  # fmt: skip
+    lengths = linkages.lengths
+    np.testing.assert_array_equal(np.all(named["family"] > 0, axis=1), in_family(family, lengths))
+    ratio = lengths.max(axis=1) / lengths.min(axis=1)
+    np.testing.assert_allclose(named["link_ratio_max"].min(axis=1), np.log(3.0 / ratio), atol=1e-12)
+    own = Constraints(limits)(linkages)
+    turn = own.values[:, [one == "transmission_angle_min_turn" for one in own.names]]
+    full = in_family("full_crank", lengths)
+    np.testing.assert_array_equal(turn[full], named["transmission_angle_min_turn"][full])
+    assert np.all(turn[~full] == 1.0), "of a crank that does not turn fully nothing is asked"
 
 
 @LAW

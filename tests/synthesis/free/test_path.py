@@ -14,10 +14,10 @@ from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution
-from synthesis.free.joint import JointProblem
+from synthesis.free.joint import JointProblem, Stage
 from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, PathScreen
-from synthesis.free.search import EXACT_SAMPLES, Found, Plan, Rounds, Stage, nearest, path_screens, search_free
+from synthesis.free.search import EXACT_SAMPLES, Found, Plan, Rounds, path_screens, search_free
 from synthesis.work import Work
 
 CHART = GrashofChart()
@@ -80,11 +80,11 @@ def test_the_few_samples_of_the_rounds_lead_to_all_of_them(screens) -> None:
     # once A stayed counted from the mean of the few: the polish had to find the path again, and sometimes did not
     poses = request(DOUBLE, 40, 320)
     run = Rounds(poses, Limits(), CHART, Found(1e-10, lambda _: None), Work(), EXACT_SAMPLES, limited=False)
-    run.round(screens("full_crank")[0].seeds(run.thin, CHART).take(slice(0, 100)), Plan((Stage(0.0, 100, 1e-2),)))
+    run.round(screens("full_crank")[0].seeds(run.thin, CHART).take(slice(0, 100)), Plan((Stage(100, 1e-2),)))
     assert run.least < 1e-10
     problem = JointProblem(poses, CHART)
-    timed = nearest(problem, run.spread(run.best(1)), 6)
-    assert np.sqrt(problem.evaluate(timed, problem.turned(timed)).cost[0]) < 1e-8
+    timed = problem.nearest(run.spread(run.best(1)), 6)
+    assert problem.measured(timed, posed=False).least < 1e-8
 
 
 @pytest.mark.parametrize("samples", [12, 40])
