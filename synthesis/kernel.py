@@ -37,8 +37,14 @@ def pair_difference(a: cython.double, b: cython.double, c: cython.double, d: cyt
 @cython.final
 @cython.cclass
 class Loop:
-    """A four-bar at a crank angle: L1..L4, and X0, Y0 of the closure (see `fourbar.kinematics`)."""
+    """A linkage at a crank angle, whose coupler is guided in one of two ways.
 
+    On a circle (guide 0), a four-bar: L1..L4, and X0, Y0 of the closure (see `fourbar.kinematics`). On a line through its own
+    point at distance l2 from the crank pin (guide 1), a slider-crank: crank l1, rod l2, offset l3, sin theta2 =
+    (l3 - l1 sin theta1) / l2.
+    """
+
+    guide: cython.int
     l1: cython.double
     l2: cython.double
     l3: cython.double
@@ -79,6 +85,8 @@ class Loop:
     @cython.exceptval(check=False)
     def turn(self, theta1: cython.double) -> cython.bint:
         """Crank and coupler directions at a crank angle; False where the loop does not close."""
+        if self.guide == 1:
+            return self.slide(theta1)
         s: cython.double = sin(0.5 * theta1)
         c: cython.double = cos(0.5 * theta1)
         square: cython.double = s * s
@@ -120,10 +128,25 @@ class Loop:
         return True
 
     @cython.cfunc
+    @cython.exceptval(check=False)
+    def slide(self, theta1: cython.double) -> cython.bint:
+        """The same of a slider-crank."""
+        self.cos1 = cos(theta1)
+        self.sin1 = sin(theta1)
+        self.sin2 = (self.l3 - self.l1 * self.sin1) / self.l2
+        square: cython.double = (1.0 - self.sin2) * (1.0 + self.sin2)
+        if not square > 0.0:
+            return False
+        self.cos2 = sqrt(square)
+        return True
+
+    @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
     def angle(self, theta1: cython.double) -> cython.double:
         """theta2 where the loop was turned to, continuous over the turn."""
+        if self.guide == 1:
+            return atan2(self.sin2, self.cos2)
         gap: cython.double = self.l4 - self.l1
         twice: cython.double = 2.0 * min(self.l1, self.l4)
         angle: cython.double = self.side * atan2(self.root, self.across)
@@ -135,6 +158,14 @@ class Loop:
     @cython.exceptval(check=False)
     def slopes(self) -> cython.void:
         """Derivatives of theta2 by the lengths and theta1, where the loop was turned to."""
+        if self.guide == 1:
+            rod: cython.double = self.l2 * self.cos2
+            self.by_l1 = -self.sin1 / rod
+            self.by_l2 = -self.sin2 / rod
+            self.by_l3 = 1.0 / rod
+            self.by_l4 = 0.0
+            self.by_crank = -self.l1 * self.cos1 / rod
+            return
         cos3: cython.double = (self.l1 * self.cos1 + self.l2 * self.cos2 - self.l4) / self.l3
         sin3: cython.double = (self.l1 * self.sin1 + self.l2 * self.sin2) / self.l3
         # one over L2 sin(theta2 - theta3); bounded, so that a dead position stops a step and not the program
@@ -766,8 +797,8 @@ def apart(rows, reach, kept, start, most):
 
 # -- shapes ----------------------------------------------------------------------------------------------------------
 
-GRASHOF, ANY, FULL_CRANK = range(3)
-"""Charts, see `fourbar.charts`."""
+GRASHOF, ANY, FULL_CRANK, SLIDER_CRANK = range(4)
+"""Charts, see `fourbar.charts`; of slider-cranks, of crank 1: ln(rod - 1 - |offset|), offset."""
 _LEAST = cython.declare(cython.double, 1e-9)
 """Least magnitude of an unknown of a Grashof chart: at change points the slope of theta2 has no limit."""
 
@@ -779,12 +810,14 @@ class Shape:
 
     chart: cython.int
     size: cython.int
+    guide: cython.int
     loop: Loop
     by: cython.double[:, ::1]
 
     def __init__(self, chart):
         self.chart = chart
-        self.size = 4 if chart == GRASHOF else 3
+        self.size = {GRASHOF: 4, SLIDER_CRANK: 2}.get(chart, 3)
+        self.guide = 1 if chart == SLIDER_CRANK else 0
         self.loop = Loop()
         self.by = np.zeros((4, 4))
 
@@ -796,7 +829,15 @@ class Shape:
         """Lengths, X0 and Y0 into ``loop``, derivatives by the unknowns into ``by``."""
         loop: Loop = self.loop
         loop.side = side
-        if self.chart == 0:
+        loop.guide = self.guide
+        if self.chart == 3:
+            loop.l1 = 1.0
+            loop.l2 = 1.0 + fabs(q1) + exp(inside(q0, 20.0))
+            loop.l3 = q1
+            self.by[1, 0] = exp(inside(q0, 20.0))
+            self.by[1, 1] = copysign(1.0, q1)
+            self.by[2, 1] = 1.0
+        elif self.chart == 0:
             self.grashof(q0, q1, q2, q3)
         elif self.chart == 1:
             loop.of_lengths(exp(inside(q0, 16.0)), exp(inside(q1, 16.0)), exp(inside(q2, 16.0)), 1.0, side)
@@ -1490,7 +1531,7 @@ class Descent:
         """Whether the loop closes at theta1 = 0 and pi where the motion passes them: the diagonal is least or most there."""
         i: cython.Py_ssize_t
         loop: Loop = self.shape.loop
-        if loop.x0 > 0.0 and loop.y0 > 0.0:
+        if loop.guide == 1 or (loop.x0 > 0.0 and loop.y0 > 0.0):
             return True
         first: cython.double = self.phi[s, 0]
         last: cython.double = first

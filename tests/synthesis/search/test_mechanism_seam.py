@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from synthesis import kernel
 from synthesis.atlas import window_search
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.atlas.windows import Windows, best_of, joined
-from synthesis.mechanism import BodyAngles
 from synthesis.pose import fit_positions, objective
 from synthesis.ranking import Errors, motion_errors
 from synthesis.search.search import search
@@ -38,26 +38,18 @@ class Chart:
 
     cell, hop = np.array([0.7, 0.5, 0.6]), np.array([0.7, 0.5, 0.4])
     edges = np.empty((0, 2))
+    kind, sheet = kernel.SLIDER_CRANK, 0
 
     def shape(self, unknowns: np.ndarray) -> Any:
         excess, e = np.exp(np.clip(unknowns[:, 0], -20, 20)), unknowns[:, 1]
-        one, zero = np.ones_like(e), np.zeros_like(e)
-        jacobian = np.stack([[zero, zero], [excess, np.sign(e)], [zero, one]]).transpose(2, 0, 1)
-        return SimpleNamespace(lengths=np.stack([one, 1 + np.abs(e) + excess, e], axis=1), jacobian=jacobian)
+        return SimpleNamespace(lengths=np.stack([np.ones_like(e), 1 + np.abs(e) + excess, e], axis=1))
 
     def unknowns(self, lengths: Any) -> np.ndarray:
         r, l, e = np.asarray(lengths, dtype=float).T  # noqa: E741
         return np.stack([np.log((l - r - np.abs(e)) / r), e / r], axis=1)
 
-    def prepared(self, target: Target) -> Any:
-        def evaluate(unknowns: np.ndarray, branch: np.ndarray, derivatives: bool = True) -> BodyAngles:
-            shape = self.shape(unknowns[:, :2])
-            angle, by_length = body_angle(shape.lengths, unknowns[:, 2:] + target.crank)
-            by_shape = np.einsum("nmi,nik->nkm", by_length[..., :3], shape.jacobian)
-            slope = np.concatenate([by_shape, by_length[..., 3][:, None]], axis=1)
-            return BodyAngles(angle, np.exp(1j * angle), slope, True)
-
-        return evaluate
+    def hopped(self, unknowns: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        return unknowns + noise
 
 
 @dataclass(frozen=True)
