@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,13 +20,13 @@ import linkage_atlas as la
 from benchmarks import baselines, report
 from benchmarks.heavy import heavy_poses
 from benchmarks.report import Times
-from tests.oracles.free_classes import FreeCase, free_case, recompute_free
+from tests.oracles.free_classes import FreeCase, free_case, free_request, recompute_free
 
 REACHED = 1e-9
 MOTION = (5, 6, 8, 10, 15, 30, 60, 100)
 FEW, MIXED, SWINGING = (2, 3, 4), (5, 6, 8, 10, 15, 30, 60, 100), (5, 6, 10, 30)
 PATHS = (6, 8, 9, 10, 12, 15, 20, 30, 60, 100)
-NOISY, NOISE = (6, 10, 20, 60), 1e-3
+NOISY = (6, 10, 20, 60)
 KINDS = {"motion": MOTION, "few": FEW, "mixed": MIXED, "any family": SWINGING, "noise": NOISY, "path": PATHS}
 CLASSES = tuple(f"{kind} {samples}" for kind, sizes in KINDS.items() for samples in sizes)
 RANDOM = (6, 10, 20)
@@ -36,29 +35,12 @@ BASELINE_POSES, BASELINE_CASES, PYLINKAGE_POSES = (3, 4, 5, 8), 30, 5
 GENERATIONS = 300
 
 
-def asked(case: FreeCase, kind: str, seed: int) -> tuple[FreeCase, dict[str, Any]]:
-    """The samples that are asked for, and the request in degrees."""
-    random = np.random.default_rng([77, seed])
-    rotation: Any = None if kind == "path" else case.rotation.copy()
-    if kind == "mixed":
-        rotation[random.permutation(rotation.size)[: rotation.size // 2]] = np.nan
-    if kind == "noise":
-        size = np.max(np.abs(case.position - case.position.mean()))
-        off = random.standard_normal((3, rotation.size)) * NOISE / np.sqrt([[1], [2], [2]])
-        rotation = rotation + off[0]
-        case = replace(case, position=case.position + size * (off[1] + 1j * off[2]))
-    told = None if rotation is None else [None if np.isnan(turn) else float(np.rad2deg(turn)) for turn in rotation]
-    request: dict[str, Any] = {"rotation": told, "position": case.position, "timing": "free"}
-    request["limits"] = {"preset": "none", "family": "any" if kind == "any family" else "full_crank"}
-    return replace(case, rotation=rotation), request
-
-
 def measure_class(name: str, cases: int) -> dict[str, Any]:
     """One class: recomputed J of the best solution that keeps the order, and milliseconds."""
     kind, samples = name.rsplit(" ", 1)
     times, objective, reference, many, failures = Times(), [], [], [], []
     for seed in range(cases):
-        case, request = asked(free_case(seed, int(samples), swinging=kind == "any family"), kind, seed)
+        case, request = free_request(free_case(seed, int(samples), swinging=kind == "any family"), kind, seed)
         found = times.run(la.synthesize, **request)
         told = [one.to_dict() for one in found.solutions]
         done = [recompute_free(case.position, case.rotation, one) for one in told]
@@ -133,7 +115,7 @@ def measure_baselines() -> list[dict[str, Any]]:
         if "pylinkage" not in skipped and samples <= PYLINKAGE_POSES:
             found["pylinkage 1.3"] = Times(), []
         for seed in range(BASELINE_CASES):
-            case, request = asked(free_case(seed, samples), "motion", seed)
+            case, request = free_request(free_case(seed, samples), "motion", seed)
             poses = case.position, case.rotation
             for name, (times, best) in found.items():
                 if name == "pylinkage 1.3":
