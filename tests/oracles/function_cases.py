@@ -150,15 +150,22 @@ def random_function(seed: int) -> dict[str, Any]:
     return request | {"limits": limits[random.integers(len(limits))]}
 
 
-def largest_error(request: Mapping[str, Any], solution: Mapping[str, Any]) -> float:
-    """Largest error in degrees at even places of a function by its name, whole turns left out; infinite where it opens."""
-    asked, share = request["function"], np.linspace(0, 1, PLACES)
-    x = asked["x"][0] + share * (asked["x"][1] - asked["x"][0])
+def wanted_output(asked: Mapping[str, Any]) -> np.ndarray:
+    """The output of a function by its name in degrees, from 0 on, at even places of its interval."""
+    x = np.linspace(*asked["x"], PLACES)
     y = x ** asked["exponent"] if asked["name"] == "power" else NAMED[asked["name"]](x)
-    wanted = asked["output_span"] * (y - y[0]) / (y[-1] - y[0])
+    high = np.ptp(y)
+    way = -1 if y[0] - y[-1] > 1e-9 * high else 1  # the sign of the span is that from the first to the last
+    return way * asked["output_span"] * (y - y[0]) / high
+
+
+def largest_error(request: Mapping[str, Any], solution: Mapping[str, Any]) -> float:
+    """Largest error in degrees at the places, whole turns left out; infinite where the linkage opens."""
     links = [solution["links"][name] for name in LINKS]
-    crank = (solution["start_angle"] + share * request["crank_span"]) * _DEGREE
+    crank = (solution["start_angle"] + np.linspace(0, request["crank_span"], PLACES)) * _DEGREE
     _, pin = close(links, solution["branch"], crank)
-    gap = wanted - np.unwrap(np.angle(pin - links[3])) / _DEGREE - solution["output_offset"]
+    gap = (
+        wanted_output(request["function"]) - np.unwrap(np.angle(pin - links[3])) / _DEGREE - solution["output_offset"]
+    )
     error = float(np.abs(gap - 360 * np.round(gap[0] / 360)).max())
     return error if np.isfinite(error) else np.inf
