@@ -52,7 +52,7 @@ RUNS = ("before", "parts")
 """Names of the run that others are held against, and of the newest, in the result file."""
 FAR = 0.95
 """Part of the requests whose J is at most as far off as the picture shows."""
-QUICK, QUICK_BUDGETS = 10, (100,)
+QUICK, QUICK_BUDGETS = 10, (100, 300)
 CASES = Path("../shared/cases")
 
 
@@ -231,6 +231,8 @@ APPROXIMATE = tuple(name for name, one in CLASSES.items() if not one.exact)
 REFERENCE = report.RESULTS / "engine_reference.json"
 SHIFTS = (0.003, 0.01, 0.03)
 """Noise on the samples, over their size, from whose answers a heavy search descends."""
+HEAVY = 10
+"""Seconds of a heavy search."""
 TRY = 1.0
 """Seconds of each try but the first."""
 
@@ -333,12 +335,12 @@ def measure_class(
         replies = {"cost": times.run(case.ask)}
         if not kind.exact:
             replies |= {f"cost_{budget}": case.ask(budget / 1000) for budget in budgets}
-        costs = {which: first_cost(case, reply) for which, reply in replies.items()}
+        found = {which: first_cost(case, reply) for which, reply in replies.items()}
         out["seed"].append(seed)
-        for which, cost in costs.items():
+        for which, cost in found.items():
             out[which].append(report.finite(float(f"{cost:.7g}")))
         if keep and not kind.exact:
-            references.improve(name, seed, case.mark, min(costs.values()))
+            references.improve(name, seed, case.mark, min(found.values()))
     return {"cases": len(out["seed"]), **out, "ms": [round(1000 * one, 3) for one in times.processor]}
 
 
@@ -347,14 +349,18 @@ def first_cost(case: Case, reply: Any) -> float:
     return case.cost(reply.solutions[0].to_dict()) if reply.solutions else np.inf
 
 
+def costs(part: Mapping[str, Any], which: str) -> np.ndarray:
+    """Each J; infinite where there was none."""
+    return np.array([np.inf if cost is None else cost for cost in part[which]])
+
+
 def over(name: str, part: Mapping[str, Any], which: str, references: References) -> np.ndarray:
     """Each J over its reference, or over `EXACT` in exact classes; NaN where there is no reference."""
-    costs = np.array([np.inf if cost is None else cost for cost in part[which]])
     if CLASSES[name].exact:
-        return costs / EXACT
+        return costs(part, which) / EXACT
     known = [references.known.get(name, {}).get(str(seed), (0, None, 0))[1] for seed in part["seed"]]
     best = np.array([np.nan if cost is None else cost for cost in known])
-    return np.maximum(costs, EXACT) / np.maximum(best, EXACT)
+    return np.maximum(costs(part, which), EXACT) / np.maximum(best, EXACT)
 
 
 def row(name: str, part: Mapping[str, Any], references: References) -> dict[str, Any]:
@@ -374,8 +380,8 @@ def row(name: str, part: Mapping[str, Any], references: References) -> dict[str,
     }
     budgets = [which for which in part if which.startswith("cost_")]
     out |= {which.replace("cost", "good"): share(over(name, part, which, references)) for which in budgets}
-    every = [[np.inf if cost is None else cost for cost in part[which]] for which in (*budgets, "cost")]
-    fewer = [np.maximum(one, EXACT) > NEAR * np.maximum(least, EXACT) for least, one in pairwise(every)]
+    every = [np.maximum(costs(part, which), EXACT) for which in (*budgets, "cost")]
+    fewer = [more > NEAR * less for less, more in pairwise(every)]
     return out | {"less_for_more": int(np.sum(fewer))}
 
 
@@ -386,24 +392,29 @@ def share(ratio: np.ndarray) -> float | None:
 
 
 def compare(names: Sequence[str], before: Mapping[str, Any]) -> None:
-    """Print how the first cases of each class do, beside the same ones of a run that is kept."""
-    references = References()
-    print(f"{'class':16}{'ms':>9}{'before':>9}{'ratio':>7}   {'good':>6}{'before':>7}   100 ms before   worst seeds")
+    """Print how the first cases of each class do, each number beside that of the same ones in a run that is kept."""
+    references, heads = (
+        References(),
+        "ms, before, ratio|good, before|100 ms, before|300 ms, before|better, worse|worst seeds",
+    )
+    print("".join(f"{head:20}" for head in ("class", *heads.split("|"))))
     for name in names:
-        now = measure_class(name, QUICK, QUICK_BUDGETS, references, keep=False)
-        then = before.get(name, {"seed": []})
+        now, then = measure_class(name, QUICK, QUICK_BUDGETS, references, keep=False), before.get(name, {"seed": []})
         places = [then["seed"].index(seed) for seed in now["seed"] if seed in then["seed"]]
+        if len(places) < len(now["seed"]):
+            print(f"{name:20}is not in the run that is kept")
+            continue
         old = {which: [values[k] for k in places] for which, values in then.items() if isinstance(values, list)}
-        new, was = row(name, now, references), row(name, old, references) if places else {}
-        ratio = new["median"] / was["median"] if was else np.nan
-        words = [f"{name:16}{new['median']:9.1f}{was.get('median', np.nan):9.1f}{ratio:7.2f}"]
-        words += [f"{percent(new['good']):>6}{percent(was.get('good')):>7}"]
-        words += [f"{percent(new.get('good_100')):>6}{percent(was.get('good_100')):>7}"]
-        print("   ".join([*words, " ".join(new["worst"])]), flush=True)
+        new, was = row(name, now, references), row(name, old, references)
+        mine, theirs = (np.maximum(costs(part, "cost"), EXACT) for part in (now, old))
+        words = [f"{ms(new['median'])}  {ms(was['median'])}  {new['median'] / was['median']:.2f}"]
+        words += [f"{percent(new.get(one))}  {percent(was.get(one))}" for one in ("good", "good_100", "good_300")]
+        words += [f"{np.sum(mine * NEAR < theirs)}  {np.sum(mine > NEAR * theirs)}"]
+        print("".join(f"{word:20}" for word in (name, *words)) + "  ".join(new["worst"]), flush=True)
 
 
 def percent(value: float | None) -> str:
-    return "-" if value is None else f"{report.significant(100 * value, 3 if value > 0.99 else 2)} %"
+    return "-" if value is None else report.percent(value, 3)
 
 
 def ms(value: float) -> str:
@@ -466,7 +477,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
             one = told.get(name)
             row_[run] = "not measured yet" if one is None else f"{ms(one['median'])} / {ms(one['p99'])}"
             row_[f"{run}_good"] = "-" if one is None else percent(one["good"])
-            row_[f"{run}_cases"] = 0 if one is None else one["cases"]
+            row_[f"{run}_cases"] = "-" if one is None else f"{one['cases']:,}"
         rows.append(row_)
     newest = [both[1].get(name, both[0].get(name)) for name in CLASSES]
     soon = [one for one in newest if one and not CLASSES[one["class"]].exact]
@@ -480,7 +491,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     public = (results.get("published_parts") or results.get("published_before") or {"rows": []})["rows"]
     tables = report.tables("engine", {"classes": rows, "soon": soon, "worst": worst, "published": public})
     return tables | {
-        "references": f"{len(known):,} requests have a reference, of {report.ends(known, 0)} s of heavy search",
+        "references": f"{len(known):,} requests have a reference, {sum(one >= HEAVY for one in known):,} of them such a search",
         "state": "" if "parts" in results else "The search after it is rebuilt is not measured yet at this commit.",
         "made": report.made_text([part["made"] for part in parts]),
     }
@@ -533,6 +544,7 @@ def measure(
     kept = report.known("engine")
     if heavy:
         search_heavily([name for name in classes if name in APPROXIMATE], cases, heavy)
+        report.render(["engine"])
         return
     if quick:
         compare(classes, kept.get("before", {}))
