@@ -26,16 +26,8 @@ def best_rows(
 ) -> tuple[list[Solution], ScanReport]:
     """The best rows by the joint objective over rotation and position.
 
-    Parameters
-    ----------
-    scan : Scan
-    target : Target
-    limits : Limits
-    top : int
-    work : Work, optional
-        Once it has expired the scan ends with the best found so far.
-    tolerance : float
-        As good a row is good enough: once the best is, the scan goes no further for the others, see `Scan.best`.
+    ``work``: once it has expired the scan ends with the best found so far. ``tolerance``: as good a row is good enough:
+    once the best is, the scan goes no further for the others, see `Scan.best`.
 
     Returns
     -------

@@ -72,15 +72,7 @@ class Left(NamedTuple):
 
 
 class Descent:
-    """A request's matrices for the cells of a group.
-
-    Parameters
-    ----------
-    cells : Cells
-    arcs : Arcs
-    matrices : Matrices
-    phasors : Phasors, or None where no position is requested
-    """
+    """A request's matrices for the cells of a group."""
 
     def __init__(self, cells: Cells, arcs: Arcs, matrices: Matrices, phasors: Phasors | None) -> None:
         self.cells = cells

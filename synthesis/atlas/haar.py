@@ -35,11 +35,7 @@ def _block_roots(samples: int) -> Floats:
 def features(curve: ArrayLike, normalisation: str = "mean") -> tuple[Floats, Floats]:
     """Average and details of curves.
 
-    Parameters
-    ----------
-    curve : array_like, shape (..., 2^j)
-        Samples in any unit.
-    normalisation : {"mean", "orthonormal"}
+    ``curve`` (..., 2^j): samples in any unit. ``normalisation``: one of {"mean", "orthonormal"}.
 
     Returns
     -------
@@ -82,10 +78,7 @@ def curve_from_features(average: ArrayLike, details: ArrayLike, normalisation: s
 def resample(crank_angle: ArrayLike, curve: ArrayLike) -> tuple[Floats, Floats]:
     """A curve at evenly spaced crank angles, as many as the next power of two.
 
-    Parameters
-    ----------
-    crank_angle : array_like, shape (N,), strictly monotonic
-    curve : array_like, shape (..., N), N >= 3
+    ``crank_angle`` (N,): strictly monotonic. ``curve`` (..., N), N >= 3.
 
     Returns
     -------

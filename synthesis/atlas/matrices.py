@@ -39,14 +39,7 @@ def _phases(highest: int, starts: int) -> Complexes:
 class Matrices:
     """What one request multiplies the series of an atlas with; what groups share is made once, when first asked for.
 
-    Parameters
-    ----------
-    target : Target
-    highest : int
-        Highest harmonic of any series or square.
-    starts : int
-    branches : int
-        Of the mechanism: 2, or 1.
+    ``highest``: highest harmonic of any series or square. ``branches``: of the mechanism: 2, or 1.
     """
 
     def __init__(self, target: Target, highest: int, starts: int, branches: int = 2) -> None:
@@ -156,16 +149,9 @@ class Matrices:
 class RotationMatrix:
     """What the series of types are multiplied with to give mean squared errors and slopes, one row a window.
 
-    Attributes
-    ----------
-    columns : ndarray, shape (windows, 6H)
-        The means over p^2 (4H), then -2 times those over p times the target (2H).
-    variance : float
-        Of the target.
-    slopes : ndarray, shape (windows, 2H)
-        The means over p times the line.
-    slope : float
-        The mean of the target times the line.
+    ``columns`` (windows, 6H): the means over p^2 (4H), then -2 times those over p times the target (2H). ``variance``:
+    of the target. ``slopes`` (windows, 2H): the means over p times the line. ``slope``: the mean of the target times
+    the line.
     """
 
     columns: Floats
@@ -187,14 +173,9 @@ class RotationMatrix:
     def of_windows(self, series: Floats, windows: Ints) -> Floats:
         """D, less the type's ``mean_square`` and the variance, of some windows of some groups of types.
 
-        Parameters
-        ----------
-        series : ndarray, shape (groups, types, 6H)
-        windows : ndarray of int, shape (groups, windows)
+        ``series`` (groups, types, 6H). ``windows`` (groups, windows).
 
-        Returns
-        -------
-        ndarray, shape (groups, types, windows)
+        Shape (groups, types, windows).
         """
         return self._error(series, gather(self.columns, windows).transpose(0, 2, 1))
 
@@ -244,11 +225,7 @@ class PositionMatrices:
     def of_windows(self, phasors: Phasors, places: Ints, windows: Ints) -> Floats:
         """The same of some windows of some groups of types, (groups, types, windows).
 
-        Parameters
-        ----------
-        phasors : Phasors
-        places : ndarray of int, shape (groups, types)
-        windows : ndarray of int, shape (groups, windows)
+        ``places`` (groups, types). ``windows`` (groups, windows).
         """
         series = gather(phasors.series, places)
         along = [series @ gather(columns, windows).transpose(0, 2, 1) for columns in self.columns]

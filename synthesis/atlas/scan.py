@@ -239,7 +239,6 @@ class Scan:
         ----------
         target : Target
             With rotation: its rms error after the best offset; with positions the joint objective, see `pose.objective`.
-        top : int
         exact : callable, optional
             ``exact(windows) -> error``, the exact error of windows: never below the rms error or the objective, infinite for
             windows that are no answer. Default: `errors`.
