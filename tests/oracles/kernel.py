@@ -1,14 +1,21 @@
-"""The source of `synthesis.kernel`, not compiled: the same lines run as plain Python, slowly."""
+"""The source of `synthesis.kernel`: as it is, not compiled, it runs as plain Python, slowly."""
 
 from __future__ import annotations
 
 import importlib.util
+from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 
 from synthesis import kernel
 
-SOURCE = Path(kernel.__file__).with_name("kernel.py")
+LIBRARY = Path(kernel.__file__)
+SOURCE = LIBRARY.with_name("kernel.py")
+
+
+def compiled_from(source: Path, library: Path) -> bool:
+    """Whether a library was compiled from a source as it is now: setup.py puts the source's hash into it."""
+    return sha256(source.read_bytes()).hexdigest().encode() in library.read_bytes()
 
 
 def uncompiled() -> ModuleType:

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_triangular
 
 from synthesis import kernel
-from tests.oracles.kernel import uncompiled
+from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from, uncompiled
+
+
+def test_a_library_of_another_source_is_noticed(tmp_path: Path) -> None:
+    other = tmp_path / "kernel.py"
+    other.write_text(SOURCE.read_text() + "\n")
+    assert compiled_from(SOURCE, LIBRARY) and not compiled_from(other, LIBRARY) and not compiled_from(SOURCE, SOURCE)
+
+
+def test_the_library_runs_without_cython() -> None:
+    code = "import sys, synthesis.kernel; sys.exit('cython' in sys.modules or 'Cython' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=SOURCE.parents[1])
 
 
 @pytest.mark.parametrize("size", [1, 2, 9])
