@@ -19,9 +19,8 @@ from app.settings import Settings
 from benchmarks.report import Times
 from linkage_atlas.limits import read_limits
 from linkage_atlas.motions import Motion
-from synthesis.atlas.best import best_rows
 from synthesis.atlas.file import load_atlas
-from synthesis.atlas.scan import STARTS, Scan
+from synthesis.atlas.scan import STARTS, Scan, best_rows
 from synthesis.atlas.table import Atlas, Table, make_table
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.errors import FieldError
