@@ -28,7 +28,7 @@ help:
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
-	@echo "make engine     every kind of search beside the best known answers: docs/engine.md (an hour and a half)"
+	@echo "make engine     every kind of search beside the best known answers: docs/engine.md (three quarters of an hour)"
 	@echo "make poses      poses without crank angles, noise and other programs: docs/free_timing.md (a quarter of an hour)"
 	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
 	@echo "make function   named functions and other programs: docs/function.md (half an hour)"
