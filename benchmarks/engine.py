@@ -50,6 +50,8 @@ HAND, OFF = 1.5, 0.01
 """How far a hand wobbles, of some 200 units, and the noise of a curve over its size."""
 RUNS = ("before", "parts")
 """Names of the run that others are held against, and of the newest, in the result file."""
+ALLOWED = tuple(f"cost_{budget}" for budget in BUDGETS)
+TICKS = (30, 50, 100, 200, 500, 1000, 3000)
 FAR = 0.95
 """Part of the requests whose J is at most as far off as the picture shows."""
 QUICK, QUICK_BUDGETS = 10, (100, 300)
@@ -378,7 +380,7 @@ def row(name: str, part: Mapping[str, Any], references: References) -> dict[str,
         "worst": [f"{part['seed'][k]} ({ratio[k]:.3g})" for k in order[:5]],
         "none": sum(cost is None for cost in part["cost"]),
     }
-    budgets = [which for which in part if which.startswith("cost_")]
+    budgets = [which for which in ALLOWED if which in part]
     out |= {which.replace("cost", "good"): share(over(name, part, which, references)) for which in budgets}
     every = [np.maximum(costs(part, which), EXACT) for which in (*budgets, "cost")]
     fewer = [more > NEAR * less for less, more in pairwise(every)]
@@ -499,35 +501,28 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 def draw(results: dict[str, Any]) -> None:
     """Share of the requests near their reference, and how far the others are, against run time."""
-    references, look = References(), {"before": {"ls": "--", "alpha": 0.55}, "parts": {"ls": "-"}}
-    with figure("engine.svg", 1, 2) as (drawing, (shares, errors)):
+    references, newest = References(), RUNS[-1] if RUNS[-1] in results else RUNS[0]
+    with figure("engine.svg", 1, 2) as (drawing, panels):
         for name, colour in zip(APPROXIMATE, (BLUE, GREEN, ORANGE, PURPLE)):
             for run in RUNS:
                 part = results.get(run, {}).get(name)
                 if part is None:
                     continue
-                which = [f"cost_{budget}" for budget in BUDGETS] + ["cost"]
-                ratio = np.array([over(name, part, one, references) for one in which])
+                ratio = np.array([over(name, part, which, references) for which in (*ALLOWED, "cost")])
                 ratio = ratio[:, ~np.isnan(ratio).any(axis=0)]
-                at = [*BUDGETS, float(np.median(part["ms"]))]
-                order = np.argsort(at)
-                at, ratio = np.array(at)[order], ratio[order]
-                label = name if run == RUNS[-1] or "parts" not in results else None
-                style = {"color": colour, "marker": "o", "markersize": 4, **look[run]}
-                shares.plot(at, 100 * np.mean(ratio <= NEAR, axis=1), label=label, **style)
-                far = np.quantile(ratio, FAR, axis=1, method="higher")
-                errors.plot(at, np.maximum(100 * (far - 1), 0.01), **style)
-        clock = "processor time of a request, one core (ms)"
-        shares.set(xscale="log", ylim=(-3, 103), xlabel=clock, ylabel="requests within 1 % of the best known J (%)")
-        errors.set(
-            xscale="log",
-            yscale="log",
-            xlabel=clock,
-            ylabel=f"J above the best known, {100 * FAR:.0f} % of the requests (%)",
-        )
-        if shares.lines:
-            shares.legend(loc="lower right")
-        drawing.suptitle("Requests without an exact answer" + ("; dashed: before" if "parts" in results else ""))
+                far = 100 * (np.quantile(ratio, FAR, axis=1, method="higher") - 1)
+                style = {"color": colour} | ({} if run == newest else {"alpha": 0.45, "linestyle": "--"})
+                for axes, y in zip(panels, (100 * np.mean(ratio <= NEAR, axis=1), np.maximum(far, 0.01))):
+                    axes.plot(BUDGETS, y[:-1], label=name if run == newest else None, marker="o", ms=4, **style)
+                    axes.plot(np.median(part["ms"]), y[-1], marker="*", ms=11, **style)
+        for axes in panels:
+            axes.set(xscale="log", xlabel="processor time allowed (ms); star: without a budget, at its median")
+            axes.set_xticks(TICKS, [f"{tick:,}" for tick in TICKS], minor=False)
+            axes.minorticks_off()
+        panels[0].set(ylim=(-3, 103), ylabel="requests within 1 % of the best known J (%)")
+        panels[1].set(yscale="log", ylabel=f"J above the best known, {100 * FAR:.0f} % of the requests (%)")
+        drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        drawing.suptitle("Requests without an exact answer" + ("; dashed: before" if newest == RUNS[-1] else ""))
 
 
 def measure(
