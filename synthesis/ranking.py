@@ -10,11 +10,9 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.pose import rotation_residual
 from synthesis.target import Mean, Target
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 SAME = 1e-6
 """Linkages whose numbers agree to this, relative to their size, are the same linkage."""

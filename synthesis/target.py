@@ -9,10 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 TURN = 2 * np.pi
 MIN_SAMPLES, MAX_SAMPLES = 3, 1024

@@ -28,6 +28,7 @@ from data_build.executors import local_executor
 from synthesis.atlas.file import encode_atlas, generator_versions
 from synthesis.atlas.table import Atlas, AtlasRule, compute_rows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
+from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from
 
 if (
     signal.getsignal(signal.SIGINT) == signal.SIG_IGN
@@ -39,6 +40,12 @@ settings.register_profile(
     "suite", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=False
 )
 settings.load_profile("suite")
+
+
+def pytest_configure() -> None:
+    """What is tested is what can be read."""
+    if not compiled_from(SOURCE, LIBRARY):
+        raise pytest.UsageError(f"{SOURCE} is not what is compiled: python setup.py build_ext --inplace --force")
 
 
 def some_of(cases: Sequence[Any], default: int) -> list[Any]:

@@ -34,8 +34,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from synthesis.atlas.matrices import start_angles
-from synthesis.atlas.series import Floats, Ints, New, SeriesGroup, gather
+from synthesis.arrays import Floats, Ints
+from synthesis.atlas.series import New, SeriesGroup, gather, start_angles
 from synthesis.target import TURN, Target
 
 Bounds = NDArray[np.float32]

@@ -45,10 +45,9 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.atlas.series import Floats, New, SeriesGroup
+from synthesis.arrays import Floats, Singles
+from synthesis.atlas.series import New, SeriesGroup
 from synthesis.target import TURN
-
-Singles = NDArray[np.float32]
 
 PARTS = (
     (-1.0, 1.0),
@@ -137,16 +136,6 @@ them have no sample in the part by which a sharp entry is kept, and all such ent
 
 
 # -- Legendre coefficients ---------------------------------------------------------------------------------------------
-
-
-def polynomials(v: Floats, terms: int) -> Floats:
-    """P_1 .. P_terms at points in [-1, 1]; shape (..., terms). Law: P_k(1) = 1, and |P_k| <= 1 (DLMF 18.9.1)."""
-    result = np.empty((*v.shape, terms))
-    before, now = np.ones_like(v), v
-    for k in range(1, terms + 1):
-        result[..., k - 1] = now
-        before, now = now, ((2 * k + 1) * v * now - k * before) / (k + 1)
-    return result
 
 
 @lru_cache(maxsize=512)

@@ -42,18 +42,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.atlas.series import Floats, Ints, gather
-from synthesis.atlas.window_index import (
-    CHILDREN,
-    CODES,
-    LEAF,
-    NO_ENTRY,
-    Intervals,
-    RTree,
-    Singles,
-    WindowIndex,
-    polynomials,
-)
+from synthesis.arrays import Floats, Ints, Singles
+from synthesis.atlas.series import gather
+from synthesis.atlas.window_index import CHILDREN, CODES, LEAF, NO_ENTRY, Intervals, RTree, WindowIndex
 from synthesis.atlas.windows import TIE, BestWindows, Windows
 from synthesis.target import TURN, Target
 
@@ -282,6 +273,16 @@ class Request:
 
         left, share = left[which] * (1 - 2e-6), np.sqrt(share)[which] * (1 + 1e-6)
         return Queries(single(rows), single(np.abs(rows)), *map(single, (y, slack, left, share)))
+
+
+def polynomials(v: Floats, terms: int) -> Floats:
+    """P_1 .. P_terms at points in [-1, 1]; shape (..., terms). Law: P_k(1) = 1, and |P_k| <= 1 (DLMF 18.9.1)."""
+    result = np.empty((*v.shape, terms))
+    before, now = np.ones_like(v), v
+    for k in range(1, terms + 1):
+        result[..., k - 1] = now
+        before, now = now, ((2 * k + 1) * v * now - k * before) / (k + 1)
+    return result
 
 
 def _substituted(scale: Floats, shift: Floats, terms: int) -> Floats:

@@ -13,14 +13,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import Interval
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 CURVE_STEP = np.deg2rad(1.0)
 """Largest step of the crank in a curve over an interval."""

@@ -19,14 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.kinematics import EXCESSES, close_loop, coupler_angle, grashof_excesses
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four, placed_linkages
 from synthesis.target import Mean, Target
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 FREE = 1e3
 """A relative uncertainty of a length above this says that the motion does not determine it at all."""

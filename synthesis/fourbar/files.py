@@ -10,16 +10,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import curve_over
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Joints, Linkage
 from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
 from synthesis.target import Interval, Target
-
-Complexes = NDArray[np.complex128]
 
 FARTHEST = 1e9
 """Largest distance from the origin, in longest links, at which coordinates still hold the shape."""

@@ -25,9 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.arrays import Floats
 from synthesis.target import TURN, Interval
-
-Floats = NDArray[np.float64]
 
 
 class Family(StrEnum):

@@ -31,6 +31,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.fourbar.kinematics import Closure, close_loop, grashof_excesses
 from synthesis.fourbar.limits import (
     LINK_RATIO,
@@ -42,10 +43,6 @@ from synthesis.fourbar.limits import (
 )
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Samples
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Flags = NDArray[np.bool_]
 
 TIE = 1e-9
 """Crank angles closer than this, in radians, are the same place: they are in order either way round."""

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.determination import derivative_matrix, residuals
 from synthesis.fourbar.kinematics import close_loop, wrap
 from synthesis.fourbar.limits import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, Limits
@@ -37,9 +38,6 @@ from synthesis.mechanism import Placed
 from synthesis.pose import rotation_residual
 from synthesis.target import TURN, Target
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 # the choice of lengths
 GRID_TRIES = 300

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.arrays import Floats
 from synthesis.fourbar.kinematics import (
     FULL_CRANK,
     Family,
@@ -23,8 +24,6 @@ from synthesis.mechanism import Placed
 from synthesis.pose import DEGENERATE, fit_positions
 from synthesis.ranking import Errors, motion_errors
 from synthesis.target import TURN, Interval, Samples, Target
-
-Floats = NDArray[np.float64]
 
 _KEPT = 1e-12
 """To which, over the largest number involved, an answer must keep a given length or place."""

@@ -12,16 +12,13 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Linkage
 from synthesis.pose import whole_turns
 from synthesis.target import TURN
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 SHARES = (0.05, 0.50, 0.95)
 """The quantiles that a study gives: as many of all linkages made are at most so far off."""

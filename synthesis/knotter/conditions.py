@@ -8,7 +8,7 @@ NaN under a mask that says so.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -158,23 +158,6 @@ class Clearance:
         leading = order[np.searchsorted(item[order], every)]
         worst = depth[leading]
         return Reach(worst < 0, -worst, value, worst, driver[leading])
-
-
-@dataclass(frozen=True)
-class Scalar:
-    """A number made from the parameters must be positive."""
-
-    name: str
-    function: Callable[[Mapping[str, Floats | float]], Floats | float]
-    """Takes the mapping of parameters; vectorised over them."""
-
-    def check(self, mechanism: Mechanism) -> None:
-        """A number needs no law and no point."""
-
-    def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> Result:
-        """The verdict for each item."""
-        value = np.broadcast_to(self.function(mechanism.parameters), (items,)).astype(float)
-        return Result(value > 0, value)
 
 
 Evaluated = TypeVar("Evaluated", bound=Result)

@@ -1,10 +1,11 @@
-"""The source of `synthesis.kernel`, not compiled: the same lines run as plain Python, slowly."""
+"""The source of `synthesis.kernel`: as it is, not compiled, it runs as plain Python, slowly."""
 
 from __future__ import annotations
 
 import importlib.util
 import sys
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 from unittest.mock import patch
@@ -14,7 +15,8 @@ import numpy as np
 
 from synthesis import kernel
 
-SOURCE = Path(kernel.__file__).with_name("kernel.py")
+LIBRARY = Path(kernel.__file__)
+SOURCE = LIBRARY.with_name("kernel.py")
 C_FUNCTIONS = {
     **{
         name: getattr(np, name)
@@ -23,6 +25,11 @@ C_FUNCTIONS = {
     "atan2": np.arctan2,
 }
 """As numpy has them: where Python's raise, C's and these give NaN or infinity."""
+
+
+def compiled_from(source: Path, library: Path) -> bool:
+    """Whether a library was compiled from a source as it is now: setup.py puts the source's hash into it."""
+    return sha256(source.read_bytes()).hexdigest().encode() in library.read_bytes()
 
 
 @cache

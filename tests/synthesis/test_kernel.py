@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -12,7 +15,19 @@ import pytest
 from synthesis import kernel
 from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
 from synthesis.fourbar.limits import Constraints, Limits, Reach
-from tests.oracles.kernel import uncompiled
+from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from, uncompiled
+
+
+def test_a_library_of_another_source_is_noticed(tmp_path: Path) -> None:
+    other = tmp_path / "kernel.py"
+    other.write_text(SOURCE.read_text() + "\n")
+    assert compiled_from(SOURCE, LIBRARY) and not compiled_from(other, LIBRARY) and not compiled_from(SOURCE, SOURCE)
+
+
+def test_the_library_runs_without_cython() -> None:
+    code = "import sys, synthesis.kernel; sys.exit('cython' in sys.modules or 'Cython' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=SOURCE.parents[1])
+
 
 CHARTS = [GrashofChart(scaled=False), GrashofChart(), LengthsChart(), AnyChart(), FullCrankChart()]
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
