@@ -117,7 +117,7 @@ class Rounds:
 
     bent_below = np.inf
     """J from which on steps are bent."""
-    idle = 24
+    idle = 8
     """So many rounds that gain nothing end the search, or half as many as there were before, whichever is more."""
 
     def __init__(
