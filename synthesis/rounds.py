@@ -33,8 +33,10 @@ _FLIPPED, _EXCHANGED, _LOOSE_HOP = 0.15, 0.1, 0.5
 """Parts of the hops that change the branch, and the family, and the width of hops along flat directions."""
 _TIRED = 2.0
 """A valley stands back by this factor of e in J squared for each time that hops started from it."""
-_ON_ALL, _MOVED = 4, 30
-"""Candidates that are refined on all samples, and that are moved onto the limits."""
+_ON_ALL, _VALLEYS, _MOVED = 4, 12, 30
+"""Candidates that are refined on all samples, those of the last pool, and those that are moved onto the limits."""
+_BETTER = 1.4
+"""Candidates are refined on all samples where J squared on the few is at most this part of the least known."""
 _EXACT_NEAR = 1e-2
 """J below which an answer that no limit holds is refined in its best pose: an exact one may lie there."""
 _KEPT = 1e-13
@@ -198,6 +200,11 @@ class Rounds:
             if self.found.least < (1 - GAIN) * before:
                 last = number
             yield begin
+        if self.pool is not None and self.thin is not self.whole:
+            self._answer(self.pool, _VALLEYS)
+            if self.chart in self.found.pools:
+                best = self.found.pools[self.chart].timed.take(slice(0, _ON_ALL))
+                self.keep(self.within.descended(best, FEW_TO_THEIR_END.end, 0.3 * self.found.tolerance, self.work))
 
     # -- a round ----------------------------------------------------------------------------------------------------
 
@@ -206,19 +213,19 @@ class Rounds:
         found = self._descended(seeds, plan.first)
         if plan.on:
             going = self.valleys(found, plan.going, _POOL_APART)
-            self._answer(going)
-            found = self._descended(going.timed, plan.on, answers=True)
+            self._first_answer(going)
+            found = self._descended(going.timed, plan.on)
         self._take(found)
         assert self.pool is not None
         best = [k for k in range(min(plan.ended, self.pool.cost.size)) if self.pool.cost[k] not in self._ended]
         if best and not (self.found.reached or self.work.expired()):
             before = set(self.pool.cost[best])
-            found = self._descended(self.pool.take(best).timed, plan.end, answers=True)
+            found = self._descended(self.pool.take(best).timed, plan.end)
             self._ended |= before | set(found.cost)
             self._take(found)
 
-    def _descended(self, timed: Timed, stages: tuple[Stage, ...], answers: bool = False) -> Pool:
-        exact, between = 0.3 * self.found.tolerance, self._answer if answers else None
+    def _descended(self, timed: Timed, stages: tuple[Stage, ...]) -> Pool:
+        exact, between = 0.3 * self.found.tolerance, self._answer if len(stages) > 2 else None
         return self.problem.descended(timed, stages, exact, self.work, bent_below=self.bent_below, between=between)
 
     def _take(self, found: Pool) -> None:
@@ -230,11 +237,20 @@ class Rounds:
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
-    def _answer(self, pool: Pool) -> None:
-        """Candidates at the few samples, on all samples, to `keep`."""
-        if pool.cost.size and self._counts:
-            best = pool.take(np.argsort(pool.cost, kind="stable")[:_ON_ALL])
-            self.keep(pool if self.thin is self.whole else self.on_all(best))
+    def _first_answer(self, pool: Pool) -> None:
+        """What a stage led to, where nothing is known yet."""
+        if not np.isfinite(self.found.least):
+            self._answer(pool)
+
+    def _answer(self, pool: Pool, most: int = _ON_ALL) -> None:
+        """Candidates at the few samples, on all, to `keep`: at most so many, of those that may be better than what is known."""
+        if not (pool.cost.size and self._counts):
+            return
+        if self.thin is not self.whole:
+            pool = pool.take(np.argsort(pool.cost, kind="stable")[:most])
+            pool = pool.take(pool.cost <= (np.inf if most > _ON_ALL else _BETTER) * self.found.least**2)
+            pool = self.on_all(pool) if pool.cost.size else pool
+        self.keep(pool)
 
     @property
     def _counts(self) -> bool:
