@@ -15,6 +15,8 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -59,14 +61,12 @@ def some_of(cases: Sequence[Any], default: int) -> list[Any]:
 
 
 def changed(body: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """A copy of a request with other values at some places, such as ``design.l2``; None removes one."""
+    """A copy of a request with other values at some places, such as ``design.l2``; ``-design.l2`` removes it."""
     body = copy.deepcopy(body)
     for path, value in changes.items():
-        *parents, last = path.split(".")
-        at = body
-        for name in parents:
-            at = at[name]
-        if value is None:
+        *parents, last = path.removeprefix("-").split(".")
+        at = reduce(getitem, parents, body)
+        if path.startswith("-"):
             at.pop(last, None)
         else:
             at[last] = value

@@ -132,7 +132,7 @@ def test_a_bound_that_the_published_design_breaks_is_the_reason(client) -> None:
 
 def test_batch_rows_are_single_answers_and_errors_stay_in_their_row(client) -> None:
     cylinders = [{"length": 220, "speed": 100}, {"length": 220, "speed": 0}, {"length": 9000, "speed": 100}]
-    body = {**changed(OPTIMIZE, {"cylinder": None}), "cylinders": cylinders}
+    body = {**changed(OPTIMIZE, {"-cylinder": 0}), "cylinders": cylinders}
     rows = client.post("/v1/lift/batch", json=body).json()["rows"]
     one = client.post("/v1/lift/optimize", json=OPTIMIZE).json()
     assert rows[0]["design"] == one["design"] and rows[0]["objective"] == one["objective"]
@@ -141,7 +141,7 @@ def test_batch_rows_are_single_answers_and_errors_stay_in_their_row(client) -> N
 
 
 def test_batch_limits_its_work(client) -> None:
-    body = {**changed(OPTIMIZE, {"cylinder": None}), "objective": {"kind": "discrete", "n": models.MAX_STEPS}}
+    body = {**changed(OPTIMIZE, {"-cylinder": 0}), "objective": {"kind": "discrete", "n": models.MAX_STEPS}}
     body["cylinders"] = [{"length": 200 + k, "speed": 100} for k in range(models.MAX_CYLINDERS)]
     row = client.post("/v1/lift/batch", json=body).json()["errors"][0]
     assert row["constraint"] == "batch_steps" and row["pointer"] == "#/objective/n"
@@ -235,7 +235,7 @@ def test_the_default_constraints_give_a_lift_that_can_be_built(client) -> None:
     assert reply["published"] is None
     # the source's optimum of the same objective, and the constraints that it breaks
     beside = reply["unconstrained"]
-    source = client.post("/v1/lift/optimize", json=changed(BUILDABLE, {"constraints": None})).json()
+    source = client.post("/v1/lift/optimize", json=changed(BUILDABLE, {"-constraints": 0})).json()
     assert beside["objective"] == source["objective"] and beside["design"] == source["design"]
     assert {row["name"] for row in beside["breaks"]} >= {"extension", "dead_point", "acceleration", "jerk", "y_min"}
     assert reply["cost"] == pytest.approx(reply["objective"] / source["objective"] - 1)

@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,7 +14,6 @@ from app import cli
 from app.replies import json_of, reply_model
 from app.scenes import scene_queries
 from synthesis.work import Cancelled, Work
-from tests.conftest import changed
 
 EXAMPLES = [(query, name) for query in scene_queries() for name in query.examples]
 
@@ -73,26 +71,6 @@ def test_numbers_that_are_none(query, literal, client) -> None:
     content = re.sub(r"(?<=[\[ ])-?[0-9.]+(?=[,}\]])", lambda _: literal, text, count=1)
     reply = client.post(query.path, content=content, headers={"content-type": "application/json"})
     assert content != text and 400 <= reply.status_code < 500 and reply.json()["errors"]
-
-
-REFUSALS = json.loads((Path(__file__).parent / "refusals.json").read_text())
-"""Of each question a body that is answered, and changes with which it is not: where the error points, what else it says."""
-REFUSED = [(path, table["body"], *row) for path, table in REFUSALS.items() for row in table["refused"]]
-
-
-@pytest.mark.parametrize("row", REFUSED, ids=lambda row: f"{row[0]} {json.dumps(row[2])[:60]}")
-def test_what_cannot_be_answered_is_named(row, client) -> None:
-    path, body, change, pointer, *said = row
-    reply = client.post(f"/v1/{path}", json=changed(body, change))
-    assert reply.status_code == 422, reply.text
-    assert reply.headers["content-type"] == "application/problem+json"
-    error = reply.json()["errors"][0]
-    assert error["pointer"] == "#" + pointer
-    for name, wanted in said[0].items() if said else ():
-        if name == "detail":
-            assert wanted in error["detail"]
-        else:
-            assert error[name] == (pytest.approx(wanted, rel=1e-6, abs=1e-4) if name == "amount" else wanted)
 
 
 class Leaving:
