@@ -11,7 +11,7 @@ PORT ?= 8000
 export PIP_CONSTRAINT := constraints.txt
 export PIP_BUILD_CONSTRAINT := constraints.txt
 
-.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday poses function limits stability studies bench docs scenes clean setup
+.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -28,9 +28,10 @@ help:
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
-	@echo "make poses      poses and paths without crank angles: docs/free_timing.md (an hour)"
+	@echo "make engine     every kind of search beside the best known answers: docs/engine.md (three quarters of an hour)"
+	@echo "make poses      poses without crank angles, noise and other programs: docs/free_timing.md (a quarter of an hour)"
 	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
-	@echo "make function   function generation: docs/function.md (an hour)"
+	@echo "make function   named functions and other programs: docs/function.md (half an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
@@ -134,6 +135,9 @@ accept: $(READY)
 
 everyday: $(READY)
 	$(BIN)/python -m benchmarks.everyday
+
+engine: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.engine
 
 poses: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'

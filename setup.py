@@ -18,18 +18,9 @@ if found := compiler():
     os.environ["CC"] = found
 elif importlib.util.find_spec("ziglang"):
     # The target is named, as zig else compiles for this very processor; Debian's Python.h includes from its parent folder.
-    headers = Path(sysconfig.get_path("include")).parent
-    zig = [
-        sys.executable,
-        "-m",
-        "ziglang",
-        "cc",
-        "-target",
-        sysconfig.get_config_var("MULTIARCH"),
-        "-idirafter",
-        headers,
-    ]
-    os.environ["CC"] = shlex.join(map(str, zig))
+    python, headers = shlex.quote(sys.executable), shlex.quote(str(Path(sysconfig.get_path("include")).parent))
+    target = sysconfig.get_config_var("MULTIARCH")
+    os.environ["CC"] = f"{python} -m ziglang cc -target {target} -idirafter {headers}"
     os.environ["LDSHARED"] = os.environ["CC"] + " -shared"
 
 kernel = Extension(

@@ -31,11 +31,7 @@ from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.rounding import best_from_stock
 from synthesis.fourbar.solution import Solution, assess, mounted
-from synthesis.free.joint import JointProblem, Timed
-from synthesis.free.joint import refine as refine_timed
-from synthesis.free.poses import make_poses
 from synthesis.least_squares import Minima, minimise
-from synthesis.mechanism import Chart
 from synthesis.pose import fit_positions, objective
 from synthesis.search.problems import Places, Plan, ProjectedProblem, descend, problem_of, restored
 from synthesis.search.search import DEFAULT_TOLERANCE, search
