@@ -1,14 +1,17 @@
 # First stage: the environment and the atlas. Second stage: both, and nothing that builds.
 FROM python:3.12-slim@sha256:78387bc3881b8273120a12ebe6c1ab22b018ccc2c9adf565ae1ac9b536e184ea AS build
 WORKDIR /src
-COPY pyproject.toml requirements.lock README.md LICENSE ./
+COPY pyproject.toml setup.py requirements.lock build.lock README.md LICENSE ./
+COPY build_backend build_backend
 COPY synthesis synthesis
 COPY data_build data_build
 COPY linkage_atlas linkage_atlas
 COPY app app
 RUN python -m venv /opt/linkage-atlas \
  && /opt/linkage-atlas/bin/pip install --no-cache-dir --disable-pip-version-check --require-hashes -r requirements.lock \
- && /opt/linkage-atlas/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps .
+ && pip install --no-cache-dir --disable-pip-version-check --require-hashes -r build.lock \
+ && pip wheel --no-cache-dir --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir /wheel . \
+ && /opt/linkage-atlas/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps /wheel/*.whl
 RUN /opt/linkage-atlas/bin/linkage-atlas build --out /opt/linkage-atlas/atlas.h5 \
  && /opt/linkage-atlas/bin/linkage-atlas verify /opt/linkage-atlas/atlas.h5 \
  && /opt/linkage-atlas/bin/linkage-atlas index --atlas /opt/linkage-atlas/atlas.h5

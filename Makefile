@@ -1,4 +1,4 @@
-# Needs Python 3.11+ and make; everything else is set up in .venv by the targets themselves.
+# Needs Python 3.11+ with its headers and make; everything else is set up in .venv by the targets themselves.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -7,7 +7,11 @@ ATLAS ?= atlas.h5
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help run test tests fault audit parts lock lint style types map report accept everyday poses function limits stability studies bench docs scenes clean setup
+# Of what is installed, and of what a build needs: the second name from pip 25.3 on.
+export PIP_CONSTRAINT := constraints.txt
+export PIP_BUILD_CONSTRAINT := constraints.txt
+
+.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -18,14 +22,16 @@ help:
 	@echo "make fault      what it withstands: kills, bit flips, changed bodies, hostile clients: docs/reliability.md (hours)"
 	@echo "make audit      known weaknesses of the locked parts (asks a database over the network)"
 	@echo "make parts      the list of parts as CycloneDX: parts.cdx.json"
-	@echo "make lock       the parts of the container with their hashes: requirements.lock"
+	@echo "make lock       the parts of the container and of its build with their hashes: requirements.lock, build.lock"
+	@echo "make wheel      a wheel for this version of Python on this kind of machine, to install without a compiler: dist/"
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
-	@echo "make poses      poses and paths without crank angles: docs/free_timing.md (an hour)"
+	@echo "make engine     every kind of search beside the best known answers: docs/engine.md (three quarters of an hour)"
+	@echo "make poses      poses without crank angles, noise and other programs: docs/free_timing.md (a quarter of an hour)"
 	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
-	@echo "make function   function generation: docs/function.md (an hour)"
+	@echo "make function   named functions and other programs: docs/function.md (half an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
@@ -35,10 +41,11 @@ help:
 
 setup: $(READY)
 
-$(READY): pyproject.toml constraints.txt
+$(READY): pyproject.toml constraints.txt setup.py build_backend/__init__.py synthesis/kernel.py
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("linkage-atlas needs Python 3.11 or newer, $(PYTHON) is " + sys.version.split()[0] + "; set PYTHON=")'
+	@$(PYTHON) -c 'import os, sys, sysconfig; os.path.exists(sysconfig.get_path("include") + "/Python.h") or sys.exit("linkage-atlas needs Python.h to compile its kernel: on Debian and Ubuntu the package python3-dev")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs]'
 	@touch $@
 
 $(ATLAS): | $(READY)
@@ -65,18 +72,24 @@ fault: $(READY) $(ATLAS)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.reliability --atlas $(ATLAS)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.memory --atlas $(ATLAS)
 
+wheel: $(READY)
+	rm -rf build
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+
 lock: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
 	$(BIN)/uv pip compile --quiet pyproject.toml -c constraints.txt --generate-hashes --universal --python-version 3.11 \
 	  --no-header --no-annotate -o requirements.lock
+	grep -E '^(setuptools|cython|ziglang)=' constraints.txt | $(BIN)/uv pip compile --quiet - --generate-hashes --universal \
+	  --python-version 3.11 --no-header --no-annotate -o build.lock
 
 audit: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[audit]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[audit]'
 	$(BIN)/python -m pip check
-	$(BIN)/pip-audit --require-hashes --disable-pip -r requirements.lock
+	$(BIN)/pip-audit --require-hashes --disable-pip -r requirements.lock -r build.lock
 
 parts: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[audit]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[audit]'
 	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible -o parts.cdx.json requirements.lock
 
 lint: style types
@@ -95,7 +108,7 @@ map: $(READY)
 bench: $(READY) $(ATLAS)
 	@echo "Needs 17 GB of memory (the flat index), 45 GB of disk for temporary files, the packages of the extra 'baselines',"
 	@echo "over an hour, and a machine that does nothing else."
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,baselines]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)
 	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
@@ -114,7 +127,7 @@ scenes: $(READY)
 	$(BIN)/python -m benchmarks.machines
 
 report: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,baselines]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
 	$(BIN)/python -m benchmarks.error_vs_runtime
 
 accept: $(READY)
@@ -123,8 +136,11 @@ accept: $(READY)
 everyday: $(READY)
 	$(BIN)/python -m benchmarks.everyday
 
+engine: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.engine
+
 poses: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs,baselines]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.free_timing
 
 limits: $(READY)
@@ -140,4 +156,4 @@ studies: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.studies
 
 clean:
-	rm -rf $(VENV) build *.egg-info $(ATLAS)
+	rm -rf $(VENV) build dist *.egg-info synthesis/kernel.c synthesis/kernel.*.so $(ATLAS)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self, get_args
 
 from pydantic import (
@@ -185,6 +188,16 @@ FILES = {**FORMATS, "json": Format("application/json", ("json",))}
 """Formats of files by their names."""
 MEDIA_TYPES = {known.endings[0]: known.media_type for known in FILES.values()}
 """Content types over HTTP by the ending of a route."""
+
+
+@cache
+def _requests() -> dict[str, Any]:
+    return json.loads(files("app").joinpath("examples/requests.json").read_text())
+
+
+def bundled(command: str) -> dict[str, Any]:
+    """The bundled requests of a question, by name."""
+    return _requests()[command]
 
 
 @dataclass(frozen=True)

@@ -15,18 +15,17 @@ from typing import Annotated, Any
 import numpy as np
 
 from benchmarks import report
-from benchmarks.heavy import heavy_objective, heavy_within
+from benchmarks.heavy import heavy_within
 from benchmarks.product import ServiceResources, answer, counter_clockwise, limits_of, prepared_service, target_of
 from benchmarks.report import Times
-from tests.oracles.classes import EXACT, HARD, NAMES, UNREACHABLE, limited_case, make_case
+from tests.oracles.classes import CLASSES, EXACT, HARD, limited_case, make_case
 from tests.oracles.recompute import REACHED, broken_limits, compare, recompute
 
 EPSILON = float(np.finfo(float).eps)
 LIMITS = "limits"
-PARTS = (*NAMES, LIMITS)
-FEWER = {"noise": 200, UNREACHABLE: 60, LIMITS: 200}
+PARTS = (*CLASSES, LIMITS)
+FEWER = {"noise": 200, LIMITS: 200}
 """At most so many cases of what takes long."""
-UNREACHABLE_MARGIN = 1.01
 TITLES = {
     "plain": "plain crank-rocker, 30..360 degrees",
     "any order": "any order, crank shortest",
@@ -35,7 +34,6 @@ TITLES = {
     "change point": "within 1e-8..1e-1 of a change point",
     "offset 1e6": "positions 1e6 times their size away",
     "noise": "noise of 1e-3 on everything",
-    UNREACHABLE: "motions that no four-bar performs",
     LIMITS: "random limits",
 }
 
@@ -44,7 +42,7 @@ def wanted_share(kind: str) -> float:
     """The share of a class's cases that must reach the goal."""
     if kind in HARD:
         return 0.99
-    return {"noise": 1.0, UNREACHABLE: 0.95}.get(kind, 0.999)
+    return 1.0 if kind == "noise" else 0.999
 
 
 def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[str, Any]:
@@ -64,11 +62,8 @@ def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[st
         if kind in EXACT:
             reached = best < REACHED
         else:
-            if kind == UNREACHABLE:
-                references.append(heavy_objective(target_of(case.request)))
-            else:
-                references.append(recompute(case.request, case.truth).objective)
-            reached = best <= references[-1] * (UNREACHABLE_MARGIN if kind == UNREACHABLE else 1.0)
+            references.append(recompute(case.request, case.truth).objective)
+            reached = best <= references[-1]
         objective.append(best)
         goals.append(reached)
         if not reached:
@@ -124,8 +119,7 @@ def outcome(part: str, result: dict[str, Any]) -> str:
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of section 10 of docs/method.md; each row with its own number of cases."""
-    told = [part for part in PARTS if part != UNREACHABLE]  # those stand in docs/limits.md, beside other methods
-    parts = {part: results["parts"][part] for part in told if part in results["parts"]}
+    parts = {part: results["parts"][part] for part in PARTS if part in results["parts"]}
     rows = [
         {
             "class": TITLES.get(part, part),

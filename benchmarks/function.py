@@ -1,9 +1,9 @@
-"""Function generation: exact functions of random linkages, least largest errors of named functions, and baselines.
+"""Function generation: least largest errors of named functions, and baselines.
 
-``python -m benchmarks.function`` measures all; ``--parts`` some of it, the rest stays as it is. J of exact cases is recomputed
-from the reply's numbers by `tests.oracles.function_cases`; largest errors are those at 2,001 even places, from the
-reply's numbers too. Baselines: scipy's differential evolution over the same five unknowns, and pylinkage's function generation
-through 3 to 5 precision points at every pair of dial zeros of a grid, its best answer.
+``python -m benchmarks.function`` measures all; ``--parts`` some of it, the rest stays as it is. Largest errors are those
+at 2,001 even places, recomputed from the reply's numbers by `tests.oracles.function_cases`. Baselines: scipy's
+differential evolution over the same five unknowns, and pylinkage's function generation through 3 to 5 precision points
+at every pair of dial zeros of a grid, its best answer. Exact functions: `benchmarks.engine`.
 """
 
 from __future__ import annotations
@@ -20,17 +20,12 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import baselines, report
 from benchmarks.report import Times
-from linkage_atlas.functions import read_dials
 from synthesis.fourbar.solution import keeps
 from synthesis.mechanism import Placed
 from synthesis.target import Target
 from tests.oracles.free_classes import close
-from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept
+from tests.oracles.function_cases import PLACES, largest_error, wanted_output
 
-REACHED = 1e-9
-SAMPLES = (5, 8, 32, 200)
-FIXED_SAMPLES = (5, 32)
-PLACES = 2001
 RUNS = 10
 RATIO = 20.0
 ZERO_STEP = 10.0
@@ -73,7 +68,7 @@ FUNCTIONS = (
     Asked("ln x, 1..3", _named("ln", 1, 3, 90), 90, None, {"transmission_angle_min": 30, "link_ratio_max": 5}),
     Asked("1/x, 1..2", _named("reciprocal", 1, 2, 90), 90, None, {"family": "full_crank"}),
 )
-PARTS = ("classes", "functions", "evolution", "pylinkage")
+PARTS = ("functions", "evolution", "pylinkage")
 
 
 def answer(request: dict[str, Any]) -> la.FunctionResult:
@@ -81,61 +76,7 @@ def answer(request: dict[str, Any]) -> la.FunctionResult:
     return la.function(**request)
 
 
-# -- exact functions --------------------------------------------------------------------------------------------------
-
-
-def measure_class(kind: str, samples: int, zeros: str, cases: int) -> dict[str, Any]:
-    """One class: recomputed J of the best solution, whether it keeps the zeros, and milliseconds."""
-    times, objective, failures = Times(), [], []
-    for seed in range(cases):
-        request = function_case(kind, samples, zeros, seed)
-        found = times.run(answer, request)
-        best = found.solutions[0].to_dict() if found.solutions else None
-        value = np.inf if best is None else recompute_rms(request, best)
-        if best is not None and not zeros_kept(request, best):
-            value = np.inf
-        objective.append(value)
-        if value >= REACHED:
-            failures.append({"seed": seed, "objective": report.finite(value)})
-    return {
-        "kind": kind,
-        "samples": samples,
-        "zeros": zeros,
-        "cases": cases,
-        "reached": float(np.mean(np.array(objective) < REACHED)),
-        "worst_objective": report.finite(max(objective)),
-        "failures": failures[:20],
-        **times.summary(),
-    }
-
-
-def class_list() -> list[tuple[str, int, str]]:
-    """Kinds, samples and zeros of all classes."""
-    free = [(kind, samples, "free") for kind in CLASSES for samples in SAMPLES]
-    return free + [
-        (kind, samples, zeros)
-        for kind in CLASSES
-        for zeros in ("input", "output", "both")
-        for samples in FIXED_SAMPLES
-    ]
-
-
 # -- least largest errors ---------------------------------------------------------------------------------------------
-
-
-class Dense(NamedTuple):
-    """A function at `PLACES` places, radians."""
-
-    crank: np.ndarray
-    output: np.ndarray
-
-
-def dense(asked: Asked) -> Dense:
-    """The function at even places of the interval."""
-    dials = read_dials({**asked.function, "samples": 1024}, np.deg2rad(asked.crank_span), True)
-    crank = np.deg2rad(np.linspace(0, asked.crank_span, PLACES))
-    assert dials.exact is not None
-    return Dense(crank, dials.exact(crank))
 
 
 def made(links: np.ndarray, branch: int, crank: np.ndarray) -> np.ndarray:
@@ -145,13 +86,9 @@ def made(links: np.ndarray, branch: int, crank: np.ndarray) -> np.ndarray:
         return np.unwrap(np.angle(pin - links[3]))
 
 
-def largest_error(asked: Asked, solution: dict[str, Any]) -> float:
-    """Largest error in degrees at the places, from a reply's numbers."""
-    wanted = dense(asked)
-    links = np.array([solution["links"][name] for name in ("crank", "coupler", "rocker", "ground")])
-    angle = made(links, solution["branch"], np.deg2rad(solution["start_angle"]) + wanted.crank)
-    gap = np.rad2deg(wanted.output - angle) - solution["output_offset"]
-    return float(np.abs(gap - 360 * np.round(gap[0] / 360)).max())
+def dense(asked: Asked) -> tuple[np.ndarray, np.ndarray]:
+    """Crank angles and outputs in radians at even places of the interval."""
+    return np.deg2rad(np.linspace(0, asked.crank_span, PLACES)), np.deg2rad(wanted_output(asked.function))
 
 
 def measure_function(asked: Asked) -> dict[str, Any]:
@@ -167,7 +104,7 @@ def measure_function(asked: Asked) -> dict[str, Any]:
         "spans": f"{asked.crank_span:g}/{asked.function['output_span']:g}",
         "limits": ", ".join(f"{name} {value}" for name, value in asked.limits.items()) or "none",
         "known": asked.known,
-        "error": largest_error(asked, best),
+        "error": largest_error(request, best),
         "told": best["errors"]["max"],
         "error_y": best["errors"]["max_y"],
         "alternations": best["errors"]["alternations"],
@@ -186,19 +123,19 @@ def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
 
     from linkage_atlas.limits import read_function_limits
 
-    wanted = dense(asked)
-    target = Target(wanted.output, None, crank=wanted.crank)
+    crank, output = dense(asked)
+    target = Target(output, None, crank=crank)
     limits = read_function_limits(asked.limits, target, True).over(1.0)
     some = slice(None, None, 10)
-    crank, output = wanted.crank[some], wanted.output[some]
+    few, aims = crank[some], output[some]
     best, times = (np.inf, None), Times()
 
     def errors(unknowns: np.ndarray, branch: int) -> np.ndarray:
         ratios, start = np.exp(unknowns[:3]), unknowns[3]
         links = np.concatenate([ratios, np.ones((1, ratios.shape[1]))])[:, :, None]
         with np.errstate(invalid="ignore", divide="ignore"):
-            _, pin = close(links, branch, start[:, None] + crank)
-            gap = output - np.unwrap(np.angle(pin - 1), axis=1)
+            _, pin = close(links, branch, start[:, None] + few)
+            gap = aims - np.unwrap(np.angle(pin - 1), axis=1)
         size = (gap.max(axis=1) - gap.min(axis=1)) / 2
         shapes = Placed(links[:, :, 0].T, np.full(start.shape, float(branch)), target.interval.after(start))
         kept = keeps(target, limits, shapes)
@@ -224,8 +161,8 @@ def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
     if best[1] is None or best[0] >= 10:
         return {"evolution": None, "evolution_s": sum(times.processor)}
     (x, branch) = best[1]
-    angle = made(np.append(np.exp(x[:3]), 1.0), branch, x[3] + wanted.crank)
-    gap = np.rad2deg(wanted.output - angle)
+    angle = made(np.append(np.exp(x[:3]), 1.0), branch, x[3] + crank)
+    gap = np.rad2deg(output - angle)
     return {"evolution": float(np.ptp(gap) / 2), "evolution_s": sum(times.processor)}
 
 
@@ -235,17 +172,16 @@ def measure_pylinkage(asked: Asked) -> dict[str, Any]:
         return {}
     from pylinkage.synthesis import function_generation
 
-    wanted = dense(asked)
+    crank, output = dense(asked)
     zeros = np.deg2rad(np.arange(0.0, 360.0, ZERO_STEP))
     found: dict[str, Any] = {}
     for points in (3, 4, 5):
         share = (1 - np.cos((2 * np.arange(points) + 1) * np.pi / (2 * points))) / 2
-        crank = share * wanted.crank[-1]
-        output = np.interp(share, np.linspace(0, 1, PLACES), wanted.output)
+        inputs, outputs = share * crank[-1], np.interp(share, np.linspace(0, 1, PLACES), output)
         times, best, answers = Times(), np.inf, 0
         for start in zeros:
             for first in zeros:
-                pairs = [(float(start + a), float(first + b)) for a, b in zip(crank, output)]
+                pairs = [(float(start + a), float(first + b)) for a, b in zip(inputs, outputs)]
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     result = times.run(function_generation, pairs, require_grashof=False)
@@ -253,7 +189,7 @@ def measure_pylinkage(asked: Asked) -> dict[str, Any]:
                     answers += 1
                     links = np.array([one.crank_length, one.coupler_length, one.rocker_length, one.ground_length])
                     for branch in (1, -1):
-                        gap = wanted.output + first - made(links, branch, start + wanted.crank)
+                        gap = output + first - made(links, branch, start + crank)
                         size = np.abs(gap - 2 * np.pi * np.round(gap[0] / (2 * np.pi))).max()
                         best = min(best, np.rad2deg(size)) if np.isfinite(size) else best
         found |= {
@@ -278,20 +214,16 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         }
         for row in results["functions"]
     ]
-    medians = [row["median_processor_ms"] for row in results["classes"]]
     bytes_same = all(row["same_bytes"] for row in results["functions"])
     return report.tables("function", {"functions": functions}) | {
-        "reached": report.percent(min(row["reached"] for row in results["classes"]), 4),
-        "median": report.significant(float(np.median(medians))),
         "runs": f"{RUNS} runs give the same bytes for {'every' if bytes_same else 'not every'} function",
     }
 
 
 def measure(
-    cases: Annotated[int, "of each class"] = 1000,
     parts: Annotated[str, "of the run; the others stay as they are", PARTS] = PARTS,
 ) -> Iterator[dict[str, Any]]:
-    """The classes in turn, then the functions, then each baseline."""
+    """The functions, then each baseline."""
     threadpool_limits(1, "blas")
     la.prepare()
     stamp = report.stamp()
@@ -299,7 +231,7 @@ def measure(
     def with_others(**own: Any) -> dict[str, Any]:
         """What is measured now, and of the rest what the file holds."""
         path = report.RESULTS / "function.json"
-        kept = report.load("function") if path.exists() else {"classes": [], "functions": []}
+        kept = report.load("function") if path.exists() else {"functions": []}
         return {**kept, **own, "made": stamp}
 
     la.function([0, 1, 3], 30)
@@ -312,12 +244,6 @@ def measure(
             rows.append({k: v for k, v in before.items() if k.startswith(("evolution", "pylinkage"))} | row)
             print(json.dumps(row), flush=True)
         yield with_others(functions=rows)
-    if "classes" in parts:
-        rows = []
-        for kind, samples, zeros in class_list():
-            rows.append(measure_class(kind, samples, zeros, cases))
-            print(json.dumps(rows[-1]), flush=True)
-            yield with_others(classes=rows)
     for part, work in (("pylinkage", measure_pylinkage), ("evolution", measure_evolution)):
         if part in parts:
             rows = with_others()["functions"]

@@ -13,7 +13,7 @@ from scipy.optimize import differential_evolution, minimize
 from threadpoolctl import threadpool_limits
 
 from benchmarks import product, report
-from benchmarks.heavy import heavy_objective, heavy_within
+from benchmarks.heavy import heavy_within
 from benchmarks.report import Times
 from tests.oracles.classes import UNREACHABLE, make_case
 from tests.oracles.limited_classes import make_limited
@@ -144,7 +144,7 @@ def measure_kind(kind: str, cases: int) -> list[dict[str, Any]]:
         for name, method in (
             (f"SLSQP, {SLSQP_STARTS} starts", slsqp),
             ("differential evolution", evolution),
-            ("heavy search", heavy_within if kind != UNREACHABLE else lambda t, _: heavy_objective(t)),
+            ("heavy search", heavy_within),
         ):
             _, times = methods.setdefault(name, ([], Times()))
             value = times.run(method, target, limits)

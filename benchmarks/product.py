@@ -19,9 +19,8 @@ from app.settings import Settings
 from benchmarks.report import Times
 from linkage_atlas.limits import read_limits
 from linkage_atlas.motions import Motion
-from synthesis.atlas.best import best_rows
 from synthesis.atlas.file import load_atlas
-from synthesis.atlas.scan import STARTS, Scan
+from synthesis.atlas.scan import STARTS, Scan, best_rows
 from synthesis.atlas.table import Atlas, Table, make_table
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.errors import FieldError
@@ -32,11 +31,7 @@ from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.rounding import best_from_stock
 from synthesis.fourbar.solution import Solution, assess, mounted
-from synthesis.free.joint import JointProblem, Timed
-from synthesis.free.joint import refine as refine_timed
-from synthesis.free.poses import make_poses
 from synthesis.least_squares import Minima, minimise
-from synthesis.mechanism import Chart
 from synthesis.pose import fit_positions, objective
 from synthesis.search.problems import Places, Plan, ProjectedProblem, descend, problem_of, restored
 from synthesis.search.search import DEFAULT_TOLERANCE, search

@@ -301,6 +301,11 @@ def load(name: str) -> Any:
     return json.loads((RESULTS / f"{name}.json").read_text())
 
 
+def names() -> list[str]:
+    """All results; ``NAME_reference.json`` is no result, but what a benchmark holds its own against."""
+    return sorted(path.stem for path in RESULTS.glob("*.json") if not path.stem.endswith("_reference"))
+
+
 def known(name: str) -> dict[str, Any]:
     """The same for a benchmark that measures a part and keeps the rest; nothing where nothing was saved."""
     return load(name) if (RESULTS / f"{name}.json").exists() else {}
@@ -338,14 +343,14 @@ def parts(name: str) -> dict[str, str]:
     return {"made": made_text([results["made"]]), **module.blocks(results)}
 
 
-def render(names: Sequence[str] | None = None, pictures: bool = True) -> None:
+def render(some: Sequence[str] | None = None, pictures: bool = True) -> None:
     """Draw the pictures and fill the markers of some results, or of all, from their files."""
-    names = sorted(path.stem for path in RESULTS.glob("*.json")) if names is None else names
-    for name in names:
+    some = names() if some is None else some
+    for name in some:
         module = importlib.import_module(f"benchmarks.{name}")
         if pictures and hasattr(module, "draw"):
             module.draw(load(name))
-    found = {name: parts(name) for name in names}
+    found = {name: parts(name) for name in some}
     for path in DOCUMENTS:
         path.write_text(fill(path.read_text(), found))
 
@@ -354,7 +359,7 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
     """Measure with the options of the command line, and `save` and `render` all that comes.
 
     An option is a parameter of ``measure`` with its default: ``Annotated[type, help]``, or ``Annotated[type, help, choices]``;
-    of a tuple, several values.
+    of a tuple, several values; of a bool, a flag.
     """
     name = Path(inspect.getfile(measure)).stem
     words = sys.modules[measure.__module__].__doc__
@@ -366,6 +371,9 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
         several = {"nargs": "+"} if isinstance(parameter.default, tuple) else {}
         several |= {"choices": choices[0]} if choices else {}
         flag, words = f"--{option.replace('_', '-')}", f"{words} (%(default)s)"
+        if kind is bool:
+            parser.add_argument(flag, action="store_true", help=words)
+            continue
         parser.add_argument(flag, type=kind, default=parameter.default, help=words, **several)
     for results in measure(**vars(parser.parse_args(arguments))):
         save(results, name)

@@ -100,9 +100,7 @@ def _pieces(path: Path) -> Iterator[bytes]:
 def _parts_folder(out: Path) -> Iterator[Path]:
     """The folder of finished shards, locked for this process; a kill frees the lock and keeps the shards.
 
-    Raises
-    ------
-    BuildLocked
+    Raises `BuildLocked`.
     """
     folder = out.with_name(out.name + ".parts")
     while True:
@@ -186,23 +184,12 @@ def build_atlas(
 ) -> Built:
     """Build an atlas and write it to a file.
 
-    Parameters
-    ----------
-    rule : AtlasRule
-    out : Path
-        Replaced atomically when everything is done; its folder must exist. A symbolic link is followed: what it points to is
-        replaced.
-    executor : concurrent.futures.Executor
-        Runs `compute_shard`; processes, threads or a cluster's.
-    progress : callable
-        ``progress(done, total)`` after each shard.
-    stopped : callable
-        Asked a few times a second; once it is true the build ends with KeyboardInterrupt, and the shards are kept.
+    ``out``: replaced atomically when everything is done; its folder must exist. A symbolic link is followed: what it
+    points to is replaced. ``executor``: runs `compute_shard`; processes, threads or a cluster's. ``progress``:
+    ``progress(done, total)`` after each shard. ``stopped``: asked a few times a second; once it is true the build ends
+    with KeyboardInterrupt, and the shards are kept.
 
-    Returns
-    -------
-    Built
-        Law: the file has the same bytes for every executor, and after any number of kills and resumes.
+    Law: the file has the same bytes for every executor, and after any number of kills and resumes.
 
     Raises
     ------

@@ -90,11 +90,7 @@ def _taken(under_way: deque[Future[bytes]], stopped: Callable[[], bool]) -> byte
 def answer_file(path: Path) -> Iterator[AnswerFile]:
     """A file of answers, open and locked for this process.
 
-    Raises
-    ------
-    StudyLocked
-    FieldError
-        It is no regular file.
+    Raises `StudyLocked`. Raises `FieldError`: it is no regular file.
     """
     if os.path.lexists(path) and not path.is_file():
         raise FieldError("/out", f"{path} exists and is no regular file")
@@ -120,10 +116,7 @@ class AnswerFile:
     def keep(self, questions: Iterator[Question]) -> Iterator[bytes]:
         """The answers that are there, each to the next of the questions; what was cut off in writing is removed.
 
-        Raises
-        ------
-        FieldError
-            A line is no answer to its question: another file, other requests, another version.
+        Raises `FieldError`: a line is no answer to its question: another file, other requests, another version.
         """
         good = 0
         with self.path.open("rb") as file:

@@ -14,7 +14,7 @@ import numpy as np
 
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
-from linkage_atlas.records import KEPT, Floats, Record, Values, names_of
+from linkage_atlas.records import KEPT, Record, Values, names_of
 from linkage_atlas.studies import (
     STUDIES,
     Analysis,
@@ -25,6 +25,7 @@ from linkage_atlas.studies import (
     share_of,
     studied,
 )
+from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as search
 from synthesis.fourbar.determination import Sensitivity, determinations, determinations_within, sensitivities

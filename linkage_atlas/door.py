@@ -21,10 +21,9 @@ from linkage_atlas.cache import default_atlas
 from linkage_atlas.limits import read_limits, what_excludes
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number
-from linkage_atlas.records import Floats
 from linkage_atlas.studies import STUDIES, check_rows, read_studies, study_notes
-from synthesis.atlas.best import best_rows
-from synthesis.atlas.scan import Scan
+from synthesis.arrays import Floats
+from synthesis.atlas.scan import Scan, best_rows
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import wrap
 from synthesis.fourbar.limits import Limits, Reach
@@ -191,16 +190,9 @@ def synthesize(
         raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
     if effort == "atlas" and refine_from is not None:
         raise FieldError("/refine_from", "rows of the atlas are not refined: only effort 'refine' does that")
-    if effort == "atlas" and more.get("timing") is not None:
-        raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     check_top(top)
     check_above_zero(budget=budget)
     tolerance = number("tolerance", tolerance, 0.0)
-    # made once, by whoever asks first: no part of this request's time
-    source: SeedTables | Scan | Start
-    source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
-    watch = work(budget)
-
     named: dict[str, Any] = dict(more)
     asked = {name: named.pop(name) for name in STUDIES if name in named}
     given: tuple[Any, ...] = motion
@@ -212,6 +204,10 @@ def synthesize(
         wanted = Motion(*given, **named)
     if effort == "atlas" and wanted.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
+    # made once, by whoever asks first: no part of this request's time
+    source: SeedTables | Scan | Start
+    source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
+    watch = work(budget)
     notes, kept, studies = wanted.notes(), read_limits(limits, wanted), read_studies(asked, wanted)
     if refine_from is not None:
         source = read_start(refine_from, wanted.degrees)

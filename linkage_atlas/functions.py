@@ -15,7 +15,8 @@ from linkage_atlas.door import LOCAL, NOWHERE, Start, StartingLinkage, pointing_
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
 from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number, radians_in
-from linkage_atlas.records import KEPT, Floats, Record, Values, names_of
+from linkage_atlas.records import KEPT, Record, Values, names_of
+from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.determination import determinations, sensitivities
 from synthesis.fourbar.limits import Limits

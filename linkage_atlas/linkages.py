@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.exports import kind_of, text_of
 from linkage_atlas.motions import Motion, column, number, radians_in
-from linkage_atlas.records import Floats, plain
+from linkage_atlas.records import plain
 from linkage_atlas.studies import Analysis, ToleranceStudy, analysed, read_drive, read_manufacture, studied
+from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage, are_cognates
 from synthesis.target import TURN, Interval, Target

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.records import Floats
 from linkage_atlas.tables import decoded, request_from_csv
+from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.linkage import Linkage

@@ -13,9 +13,9 @@ from math import isfinite
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from synthesis.arrays import Floats
+
 Values = Annotated[Floats, list[float | None]]
 """(n,): null where a value is not finite."""
 Vectors = Annotated[Floats, list[tuple[float, float] | None]]

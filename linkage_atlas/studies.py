@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.motions import MOST_STOCK, Motion, check_above_zero, column, number
-from linkage_atlas.records import Floats, Record, Values, Vectors, plain
+from linkage_atlas.records import Record, Values, Vectors, plain
+from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import Load, curve_over, forces, rates
 from synthesis.fourbar.linkage import Linkage

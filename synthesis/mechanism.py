@@ -19,13 +19,11 @@ from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.target import Interval, Target
 
-Floats = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 """xmin, ymin, xmax, ymax"""
-Complexes = NDArray[np.complex128]
-Flags = NDArray[np.bool_]
 
 
 class BodyAngles(NamedTuple):

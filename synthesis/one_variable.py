@@ -27,14 +27,9 @@ def bisect(
 ) -> tuple[Floats, Floats]:
     """The places between which a condition changes, by halving.
 
-    Parameters
-    ----------
-    holds : callable
-        ``holds(x) -> mask`` for places of shape (n,); true at ``inside``, false at ``outside``.
-    inside, outside : ndarray, shape (n,)
-        In either order; of double or extended precision, in which the halving is done.
-    steps : int, optional
-        Halvings. Default: until nothing lies between the two, for intervals that do not begin at zero.
+    ``holds``: ``holds(x) -> mask`` for places of shape (n,); true at ``inside``, false at ``outside``. ``inside``,
+    ``outside`` (n,): in either order; of double or extended precision, in which the halving is done. ``steps``:
+    halvings. Default: until nothing lies between the two, for intervals that do not begin at zero.
 
     Returns
     -------
@@ -59,19 +54,10 @@ def rising_root(
 ) -> Floats:
     """Roots of functions that rise from negative at ``low`` to positive at ``high``: Newton, kept in bounds by halving.
 
-    Parameters
-    ----------
-    function : callable
-        ``function(x) -> (value, slope)``; a slope of NaN means that there is none, and halves.
-    low, high, guess : array_like
-        Broadcast; NaN stays NaN.
-    noise : array_like
-        The value that rounding alone can make.
+    ``function``: ``function(x) -> (value, slope)``; a slope of NaN means that there is none, and halves. ``low``,
+    ``high``, ``guess``: broadcast; NaN stays NaN. ``noise``: the value that rounding alone can make.
 
-    Returns
-    -------
-    ndarray
-        Within ``low .. high``.
+    Within ``low .. high``.
     """
     low, high, x = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (low, high, guess)))
     # a hair of room, so that a root at the very end is stepped onto and not halved towards
@@ -102,12 +88,8 @@ def secant(
 ) -> Callable[[Floats], tuple[Floats, Floats]]:
     """A function of one member without a derivative, for `rising_root`: the slope is that from the place before.
 
-    Parameters
-    ----------
-    function : callable
-        ``function(x) -> value``, both of shape (1,).
-    place, value : float
-        A place where the function is known, other than the first one that is asked for.
+    ``function``: ``function(x) -> value``, both of shape (1,). ``place``, ``value``: a place where the function is
+    known, other than the first one that is asked for.
     """
     before, known = np.array([place]), np.array([value])
 
@@ -126,13 +108,8 @@ def closer_looks(
 ) -> tuple[Floats, Floats]:
     """The least values of functions over intervals, by closer and closer looks at evenly spaced nodes.
 
-    Parameters
-    ----------
-    function : callable
-        ``function(x) -> values``, both of shape (n, nodes): row i belongs to interval i.
-    left, right : ndarray, shape (n,)
-    nodes : tuple of int
-        Nodes of each look; the next one looks between the neighbours of the best node.
+    ``function``: ``function(x) -> values``, both of shape (n, nodes): row i belongs to interval i. ``left``, ``right``
+    (n,). ``nodes``: nodes of each look; the next one looks between the neighbours of the best node.
 
     Returns
     -------
@@ -156,13 +133,7 @@ def golden_section(
 
     For functions that are slow to evaluate and may have kinks; `closer_looks` takes fewer and larger steps.
 
-    Parameters
-    ----------
-    function : callable
-        ``function(x) -> values``, both of the shape of ``left``.
-    left, right : ndarray
-    steps : int
-        Each leaves 0.618 of an interval.
+    ``function``: ``function(x) -> values``, both of the shape of ``left``. ``steps``: each leaves 0.618 of an interval.
 
     Returns
     -------

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from synthesis.arrays import Floats
 
 _ITERATIONS = 30
 _SHARE = 0.995

@@ -10,11 +10,9 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.pose import rotation_residual
 from synthesis.target import Mean, Target
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 SAME = 1e-6
 """Linkages whose numbers agree to this, relative to their size, are the same linkage."""
@@ -86,13 +84,8 @@ class Status(StrEnum):
 def motion_errors(target: Target, angle: Floats, points: Complexes | None) -> tuple[list[float | None], list[Errors]]:
     """Best offsets of the rotation, and errors, of linkages.
 
-    Parameters
-    ----------
-    target : Target
-    angle : ndarray, shape (n, N)
-        theta2 at the samples.
-    points : ndarray of complex, shape (n, N), or None
-        The body point at the samples; needed where the target has positions.
+    ``angle`` (n, N): theta2 at the samples. ``points`` (n, N): the body point at the samples; needed where the target
+    has positions.
 
     Returns
     -------
@@ -164,16 +157,8 @@ def distinct(
 def spread(answers: Sequence[A], top: int, loss: float, floor: float) -> list[A]:
     """Answers as different from one another as can be, the best of them first, the rest by objective.
 
-    Parameters
-    ----------
-    answers : sequence
-        Best first.
-    top : int
-        At most so many.
-    loss : float
-        None has an objective above this many times the best.
-    floor : float
-        Objectives below count as this.
+    ``answers``: best first. ``top``: at most so many. ``loss``: none has an objective above this many times the best.
+    ``floor``: objectives below count as this.
     """
     if not answers:
         return []

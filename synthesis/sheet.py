@@ -36,16 +36,8 @@ class Sheet:
 
     It is written about its own corner, because viewers hold coordinates in single precision.
 
-    Parameters
-    ----------
-    points : ndarray of complex
-        What must be on the page, x + i y.
-    margin : float
-        Room on each side, as a share of the larger extent.
-    size : float, optional
-        The larger side of the page; default: the drawing's own unit is kept.
-    digits : int
-        Digits of a coordinate.
+    ``points``: what must be on the page, x + i y. ``margin``: room on each side, as a share of the larger extent.
+    ``size``: the larger side of the page; default: the drawing's own unit is kept. ``digits``: digits of a coordinate.
     """
 
     def __init__(
@@ -88,11 +80,7 @@ class Sheet:
 def dxf_document(layers: Mapping[str, int], unit: int) -> Any:
     """An empty DXF document (R2010) with layers by AutoCAD colour index.
 
-    Parameters
-    ----------
-    layers : mapping
-    unit : int
-        $INSUNITS: 4 millimetres, 0 none (the user's own).
+    ``unit``: $INSUNITS: 4 millimetres, 0 none (the user's own).
     """
     from ezdxf.filemanagement import new
 

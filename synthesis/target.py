@@ -9,10 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 TURN = 2 * np.pi
 MIN_SAMPLES, MAX_SAMPLES = 3, 1024
@@ -41,11 +39,7 @@ class Interval(NamedTuple):
 class Mean:
     """The mean over the samples of a motion, weighted where the request weighs its samples.
 
-    Parameters
-    ----------
-    samples : int
-    weights : ndarray, shape (N,), optional
-        At least 0, at least one above; a sample of weight 0 is missing. Default: all alike.
+    ``weights`` (N,): at least 0, at least one above; a sample of weight 0 is missing. Default: all alike.
     """
 
     def __init__(self, samples: int, weights: Floats | None = None) -> None:
@@ -85,16 +79,9 @@ class Mean:
 class Samples:
     """What a body must do at the samples of a motion, in radians and the user's unit of length.
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (N,), or None
-        Rotation of the body.
-    position : ndarray of complex, shape (N,), or None
-        A point of the body, x + i y.
-    length_scale : float
-        l of the objective; 1 without positions.
-    rotation_weights, position_weights : ndarray, shape (N,), or None
-        Weight of each sample, 0 for one that is missing; None: all alike.
+    ``rotation`` (N,): rotation of the body. ``position`` (N,): a point of the body, x + i y. ``length_scale``: l of the
+    objective; 1 without positions. ``rotation_weights``, ``position_weights`` (N,): weight of each sample, 0 for one
+    that is missing; None: all alike.
     """
 
     rotation: Floats | None
@@ -129,18 +116,11 @@ class Samples:
 class Target(Samples):
     """A requested motion: samples with the crank angle that belongs to each. Rotations are continuous as they are given.
 
-    Attributes
-    ----------
-    crank : ndarray, shape (N,)
-        Crank angle from the first sample on; ``crank[0] == 0``, strictly rising or strictly falling (clockwise). Where they
-        were found and not given, the samples may be passed in another order.
-    start : float, optional
-        theta1 at the first sample, where it is given.
-    offset : float, optional
-        What is added to theta2 to give the rotation, where it is given; whole turns do not count.
-    found : bool
-        Whether the crank angles were found together with a linkage; then crank and rotation may have leading axes, one
-        linkage each.
+    ``crank`` (N,): crank angle from the first sample on; ``crank[0] == 0``, strictly rising or strictly falling
+    (clockwise). Where they were found and not given, the samples may be passed in another order. ``start``: theta1 at
+    the first sample, where it is given. ``offset``: what is added to theta2 to give the rotation, where it is given;
+    whole turns do not count. ``found``: whether the crank angles were found together with a linkage; then crank and
+    rotation may have leading axes, one linkage each.
     """
 
     crank: Floats
@@ -251,6 +231,8 @@ def make_target(
 ) -> Target:
     """A checked `Target`.
 
+    Raises `FieldError`: naming the field and the sample.
+
     Parameters
     ----------
     rotation, position : ndarray, shape (N,), optional
@@ -263,15 +245,6 @@ def make_target(
         Default: the largest distance of a position from the mean position.
     rotation_weights, position_weights : ndarray, shape (N,), optional
         At least 0 and somewhere above it; a sample of weight 0 is missing, whatever its value. Default: all alike.
-
-    Returns
-    -------
-    Target
-
-    Raises
-    ------
-    FieldError
-        Naming the field and the sample.
     """
     part, given = read_samples(
         rotation, position, length_scale, rotation_weights, position_weights, crank_angle=crank_angle

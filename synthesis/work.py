@@ -22,14 +22,8 @@ class Work:
     Long computations ask between their steps: `expired` where the best found so far is an answer, `go_on` where there
     is none yet.
 
-    Parameters
-    ----------
-    budget : float, optional
-        Seconds; default: no limit.
-    cancelled : callable, optional
-        True once the answer is no longer wanted; asked at every look at the time.
-    clock : callable
-        Seconds of a monotonic clock.
+    ``budget``: seconds; default: no limit. ``cancelled``: true once the answer is no longer wanted; asked at every look
+    at the time. ``clock``: seconds of a monotonic clock.
     """
 
     def __init__(

@@ -226,9 +226,9 @@ def test_the_dockerfile_copies_what_exists() -> None:
     for path in copied:
         assert (ROOT / path).exists() and allowed_in_context(path), path
     project = (ROOT / "pyproject.toml").read_text()
-    for needed in ("linkage_atlas", "synthesis", "data_build", "app", "README.md", "LICENSE", "pyproject.toml"):
-        assert needed in copied
-        assert needed == "pyproject.toml" or needed in project
+    for needed in ("linkage_atlas", "synthesis", "data_build", "app", "build_backend", "README.md", "LICENSE"):
+        assert needed in copied and needed in project
+    assert {"pyproject.toml", "setup.py"} <= {*copied}
     assert all(words.startswith("--from=build /opt/") for name, words in final if name == "COPY")
 
 

@@ -14,7 +14,11 @@ from docs import map as layout
 
 ROOT = layout.ROOT
 PRODUCT = layout.sources(*layout.FLOORS)
-SOLE_IMPORTERS = {"h5py": "synthesis/atlas/file.py", "pywt": "synthesis/atlas/haar.py"}
+SOLE_IMPORTERS = {
+    "cython": "synthesis/kernel.py",
+    "h5py": "synthesis/atlas/file.py",
+    "pywt": "synthesis/atlas/haar.py",
+}
 WEB = {"fastapi", "starlette", "uvicorn", "pydantic", "pydantic_settings"}
 
 

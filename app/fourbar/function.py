@@ -29,6 +29,7 @@ from app.query import (
     Query,
     RequestModel,
     Resources,
+    bundled,
 )
 from linkage_atlas.limits import FUNCTION_LIMITS
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES
@@ -167,17 +168,8 @@ FUNCTION_FILES = Files(
     "A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
     FunctionExportRequest,
     _function_file,
-    {
-        "request": {"input": [0, 20, 50], "output": [0, 10, 30]},
-        "solution": {
-            "links": {"crank": 1, "coupler": 3, "rocker": 2.5, "ground": 3.2},
-            "branch": 1,
-            "start_angle": 40,
-            "output_offset": 0,
-        },
-    },
+    bundled("export_function"),
 )
-LOGARITHM = {"name": "log10", "x": [1, 2], "output_span": 90}
 QUERIES = (
     Query(
         "/v1/function",
@@ -187,25 +179,7 @@ QUERIES = (
         la.FunctionResult,
         solve_function,
         function_table,
-        {
-            "logarithm": {
-                "function": LOGARITHM,
-                "crank_span": 60,
-                "objective": "max",
-                "limits": {"transmission_angle_min": 30},
-                "top": 3,
-            },
-            "five_pairs": {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90], "top": 3},
-            "square_on_given_ground": {
-                "function": {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90},
-                "crank_span": 90,
-                "limits": {"preset": "practical", "links": {"ground": 100}},
-                "round_to": 0.5,
-                "sensitivity": True,
-                "curves": True,
-                "top": 3,
-            },
-        },
+        bundled("function"),
         exports_of(
             ("csv", "svg", "dxf", "mjcf"),
             lambda request, resources, kind: solve_function(request, resources).render(kind),

@@ -21,6 +21,7 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
+    bundled,
 )
 from app.replies import reply_model
 from app.tables import DEGREES, Units, table
@@ -698,21 +699,7 @@ TOLERANCE = Query(
     answer=answer_tolerance,
     table=table_tolerance,
     shows_units=True,
-    examples={
-        "published": {"pitch": 131, "links": 16, "upper_radius": 181.78},
-        "with_reserve": {
-            "pitch": 131,
-            "links": 16,
-            "upper_radius": 181.78,
-            "lower_radius": 381.6,
-            "tolerances": {
-                "wheel_radius": 0.005,
-                "upper_radius": 0.005,
-                "lower_radius": 0.005,
-                "eccentricity": 0.005,
-            },
-        },
-    },
+    examples=bundled("chain tolerance"),
     exports={"csv": lambda *asked: csv_text(wear_columns(answer_tolerance(*asked))).encode()},
     is_long=lambda request: len(request.pitch_errors) > 20,
 )
@@ -910,26 +897,7 @@ QUERIES = (
         answer=answer_slot,
         table=table_slot,
         shows_units=True,
-        examples={
-            "published": {"pitch": 131, "links": 16, "upper_radius": 181.78, "samples": 91},
-            "as-printed": {
-                "pitch": 131,
-                "links": 16,
-                "upper_radius": 181.78,
-                "wheel_radius": 92.63,
-                "lower_radius": 381.5,
-                "eccentricity": 90.22,
-                "fit": {"kind": "polynomial", "order": 8},
-            },
-            "roller": {
-                "pitch": 131,
-                "links": 16,
-                "upper_radius": 181.78,
-                "roller_radius": 20,
-                "include": ["outline"],
-            },
-            "pins": {"pitch": 131, "links": 16, "upper_radius": 181.78, "samples": 19, "include": ["pins"]},
-        },
+        examples=bundled("chain slot"),
         exports=EXPORTS,
         is_long=is_long,
     ),
@@ -942,19 +910,7 @@ QUERIES = (
         answer=answer_track,
         table=table_track,
         shows_units=True,
-        examples={
-            "stadium": {"pitch": 50, "links": 16, "stadium": {"radius": 60}},
-            "four-arcs": {
-                "pitch": 20,
-                "segments": [
-                    {"kind": "line", "start": [0, 0], "end": [300, 0]},
-                    {"kind": "arc", "centre": [300, 80], "radius": 80, "start_angle": -90, "sweep": 180},
-                    {"kind": "line", "start": [300, 160], "end": [0, 160]},
-                    {"kind": "arc", "centre": [0, 80], "radius": 80, "start_angle": 90, "sweep": 180},
-                ],
-                "fit": {"kind": "spline", "order": 90},
-            },
-        },
+        examples=bundled("chain track"),
         exports=EXPORTS,
         is_long=is_long,
     ),

@@ -23,6 +23,7 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
+    bundled,
 )
 from app.replies import reply_model
 from app.tables import DEGREES, Units, table
@@ -703,11 +704,7 @@ CURVES = Query(
     answer=answer_curves,
     table=curves_table,
     shows_units=True,
-    examples={
-        "chosen_pair": {"alpha1": 10, "alpha3": 25},
-        "fails_to_wrap": {"alpha1": 0, "alpha3": 20},
-        "meets_the_disc": {"alpha1": 0, "alpha3": 25},
-    },
+    examples=bundled("knotter curves"),
     exports={"csv": lambda *asked: curves_csv(answer_curves(*asked))},
     is_long=lambda request: request.samples > 1000,
 )
@@ -944,17 +941,6 @@ def fit_table(reply: PatternFitReply, units: Units = DEGREES) -> str:
     return "\n".join(lines)
 
 
-REFERENCE = {
-    "d1": 136,
-    "D": 20,
-    "beta.lead": 23.5,
-    "beta.ratio": 0.5,
-    "S1.j": 14,
-    "S5.k": 0,
-    "S10.i": 59,
-    "S10.k": 31.5,
-}
-
 FIT = Query(
     path="/v1/knotter/fit",
     command="knotter fit",
@@ -964,17 +950,7 @@ FIT = Query(
     answer=answer_fit,
     table=fit_table,
     shows_units=True,
-    examples={
-        "published_pattern": {"seed": 1},
-        "defaults": {
-            "draws": 0,
-            "descents": 0,
-            "unknowns": [
-                {"name": name, "low": low, "high": high, "start": REFERENCE[name]}
-                for name, (low, high) in DEFAULT_RANGES.items()
-            ],
-        },
-    },
+    examples=bundled("knotter fit"),
     is_long=lambda request: True,
 )
 
@@ -1072,10 +1048,7 @@ TOLERANCE = Query(
     answer=answer_tolerance,
     table=tolerance_table,
     shows_units=True,
-    examples={
-        "chosen_pair": {"alpha1": 10, "alpha3": 25},
-        "coarse": {"alpha1": 10, "alpha3": 25, "lengths": 0.5, "angles": 0.5},
-    },
+    examples=bundled("knotter tolerance"),
     is_long=lambda request: request.samples > 500,
 )
 
@@ -1286,11 +1259,7 @@ QUERIES = (
         answer=answer_scan,
         table=scan_table,
         shows_units=True,
-        examples={
-            "reference": {},
-            "wrap_only": {"conditions": ["wrap"], "grid": {"alpha1": [10], "alpha3": [20, 25, 30]}},
-            "finite_disc": {"conditions": ["clearance"], "clearance": {"disc_radius": 35, "hook": "moving"}},
-        },
+        examples=bundled("knotter scan"),
         exports={"csv": lambda *asked: scan_csv(answer_scan(*asked)).encode()},
         is_long=lambda request: math.prod(map(len, given_fields(request.grid).values())) > LONG_PAIRS,
     ),
@@ -1303,10 +1272,7 @@ QUERIES = (
         answer=answer_limit,
         table=limit_table,
         shows_units=True,
-        examples={
-            "reference": {},
-            "bill_angle": {"condition": "clearance", "parameter": "alpha3", "between": [15, 35]},
-        },
+        examples=bundled("knotter limit"),
         is_long=lambda request: request.samples > LONG_SAMPLES,
     ),
     Query(
@@ -1318,7 +1284,7 @@ QUERIES = (
         answer=answer_needle,
         table=needle_table,
         shows_units=True,
-        examples={"reference": {}, "steep": {"alpha2": 9, "d5": 57.8}},
+        examples=bundled("knotter needle"),
     ),
     FIT,
     TOLERANCE,

@@ -22,6 +22,7 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
+    bundled,
 )
 from app.replies import reply_model
 from linkage_atlas import FieldError, Work
@@ -739,12 +740,6 @@ def _motion_drawn(draw: Callable[[Design, float], str]) -> Callable[[MotionReque
     return render
 
 
-INITIAL_DESIGN = {"l2": 300.0, "l3": 180.0, "l4": 240.0, "l5": 330.0, "b": 480.0}
-OPTIMUM_DESIGN = {"l2": 351.9, "l3": 162.8, "l4": 351.9, "l5": 347.2, "b": 535.8}
-BUILDABLE_DESIGN = {"l2": 130.5, "l3": 165.5, "l4": 223.5, "l5": 344.5, "b": 560.3}
-"""The optimum within the default constraints, rounded to 0.1 mm."""
-CYLINDER = {"length": 220.0, "speed": 100.0}
-
 QUERIES = (
     Query(
         path="/v1/lift/motion",
@@ -754,27 +749,7 @@ QUERIES = (
         reply=MotionReply,
         answer=answer_motion,
         table=motion_table,
-        examples={
-            "forces": {
-                "design": BUILDABLE_DESIGN,
-                "cylinder": {"length": 482.2, "speed": 100.0},
-                "samples": 51,
-                "pneumatics": {"load": 1000.0, "mass": 20.0, "bore": 63.0, "rod": 20.0, "pressure": 6.0},
-            },
-            "initial": {"design": INITIAL_DESIGN, "cylinder": CYLINDER, "samples": 21},
-            "published": {
-                "design": OPTIMUM_DESIGN,
-                "cylinder": CYLINDER,
-                "times": [0.0, 0.5, 1.0, 3.0, 5.0, 7.0],
-                "include": ["angles", "residual", "assemblies"],
-            },
-            "lowering": {
-                "design": INITIAL_DESIGN,
-                "cylinder": {"length": 220.0, "speed": -120.0, "acceleration": 10.0},
-                "samples": 11,
-                "include": ["points"],
-            },
-        },
+        examples=bundled("lift motion"),
         exports={
             "csv": motion_csv,
             "svg": _motion_drawn(design_svg),
@@ -796,22 +771,7 @@ QUERIES = (
             "svg": _optimum_drawn(design_svg),
             "dxf": _optimum_drawn(design_dxf),
         },
-        examples={
-            "buildable": {
-                "cylinder": CYLINDER,
-                "stroke": [200.0, 510.0],
-                "objective": {"kind": "normalized"},
-                "upper_bound": 600.0,
-                "constraints": {"extension_max": 1.8, "dead_point_min": 0.05},
-            },
-            "published": {
-                "cylinder": CYLINDER,
-                "stroke": [200.0, 510.0],
-                "objective": {"kind": "discrete", "n": 310},
-                "upper_bound": 600.0,
-            },
-            "even": {"cylinder": CYLINDER, "stroke": [200.0, 510.0], "objective": {"kind": "normalized"}},
-        },
+        examples=bundled("lift optimize"),
     ),
     Query(
         path="/v1/lift/batch",
@@ -822,16 +782,6 @@ QUERIES = (
         answer=answer_batch,
         table=batch_table,
         is_long=lambda _: True,
-        examples={
-            "cylinders": {
-                "cylinders": [
-                    {"length": 200.0, "speed": 100.0},
-                    {"length": 220.0, "speed": 100.0},
-                    {"length": 220.0, "speed": 70.0},
-                ],
-                "stroke": [200.0, 510.0],
-                "objective": {"kind": "discrete", "n": 310},
-            },
-        },
+        examples=bundled("lift batch"),
     ),
 )

@@ -34,8 +34,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from synthesis.atlas.matrices import start_angles
-from synthesis.atlas.series import Floats, Ints, New, SeriesGroup, gather
+from synthesis.arrays import Floats, Ints
+from synthesis.atlas.series import New, SeriesGroup, gather, start_angles
 from synthesis.target import TURN, Target
 
 Bounds = NDArray[np.float32]
@@ -76,18 +76,10 @@ _ROUNDING = 4e-6
 class Arcs:
     """Where the windows of a request lie, and how large the radius of a cell there is.
 
-    Parameters
-    ----------
-    target : Target
-    starts : int
-    branches : int
-        Of the mechanism: 2, or 1.
+    ``branches``: of the mechanism: 2, or 1.
 
-    Attributes
-    ----------
-    piece : ndarray of int, shape (windows,)
-        Piece of the turn in which each window begins: all starts of branch +1, then of branch -1, whose windows are those of
-        the mirrored turn, crank angles -(s + t).
+    ``piece`` (windows,): piece of the turn in which each window begins: all starts of branch +1, then of branch -1,
+    whose windows are those of the mirrored turn, crank angles -(s + t).
     """
 
     def __init__(self, target: Target, starts: int, branches: int = 2) -> None:
@@ -125,14 +117,9 @@ class Arcs:
 class Level:
     """Cells of one size.
 
-    Attributes
-    ----------
-    representatives : SeriesGroup
-    bounds : ndarray of float32, shape (kinds, cells, ARCS)
-        What the radius is made of, by the piece of the turn where an arc begins: (max - min) / 2 of d over the arcs of RANGES
-        pieces, largest |d'| and |d''| over two pieces, largest |d^(3)| over the arcs of THIRDS pieces.
-    error : ndarray of float32, shape (cells,)
-        Largest error of the series of a cell's types.
+    ``bounds`` (kinds, cells, ARCS): what the radius is made of, by the piece of the turn where an arc begins: (max -
+    min) / 2 of d over the arcs of RANGES pieces, largest |d'| and |d''| over two pieces, largest |d^(3)| over the arcs
+    of THIRDS pieces. ``error`` (cells,): largest error of the series of a cell's types.
     """
 
     representatives: SeriesGroup
@@ -270,15 +257,10 @@ def _points(harmonics: int) -> int:
 def _reaches(differences: Floats, finer: Radii | None) -> Radii:
     """What `Level.bounds` keeps, of cells whose members have so different series from their representative.
 
-    Parameters
-    ----------
-    differences : ndarray, shape (cells, members, 2H)
-    finer : ndarray, shape (kinds, cells, members, ARCS), optional
-        Bounds of the members, which are cells themselves.
+    ``differences`` (cells, members, 2H). ``finer`` (kinds, cells, members, ARCS): bounds of the members, which are
+    cells themselves.
 
-    Returns
-    -------
-    ndarray of float32, shape (kinds, cells, ARCS)
+    Shape (kinds, cells, ARCS).
     """
     harmonics = differences.shape[-1] // 2
     points = _points(harmonics)

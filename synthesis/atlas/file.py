@@ -66,15 +66,12 @@ def write_image(path: Path, rule: AtlasRule, generator: dict[str, str], parts: P
     HDF5 writes to disk itself here. Where it finds no place it ends the process, so the place is reserved first: that of the
     arrays before they are compressed.
 
+    Raises `OSError`: the disk is full, or the place cannot be written.
+
     Returns
     -------
     header, content_sha256 : str
         Law: the header and the file's bytes are those of `encode_atlas`.
-
-    Raises
-    ------
-    OSError
-        The disk is full, or the place cannot be written.
     """
     content = content_hash(rule, parts)
     with h5py.File(path, "w", libver=_LIBVER) as file:
@@ -264,21 +261,11 @@ def load_atlas(
 ) -> Atlas:
     """The verified atlas of a file, of the one whose header says ``sha256`` if that is given; nothing of it stays open.
 
-    Parameters
-    ----------
-    path : Path
-    max_bytes, max_types : int, optional
-        Refuse a larger file, or an atlas of more types, before any of its arrays is read.
-    sha256 : str, optional
-    new : callable
-        Where its arrays lie.
+    ``max_bytes``, ``max_types``: refuse a larger file, or an atlas of more types, before any of its arrays is read.
+    ``new``: where its arrays lie.
 
-    Raises
-    ------
-    AtlasError
-        Missing, larger than allowed, damaged, not of this schema, or its arrays are not what its rule enumerates.
-    OSError
-        There is no place for its arrays.
+    Raises `AtlasError`: missing, larger than allowed, damaged, not of this schema, or its arrays are not what its rule
+    enumerates. Raises `OSError`: there is no place for its arrays.
     """
     with open_atlas_file(path, max_bytes) as file:
         found = checked_hash(file)
@@ -307,10 +294,7 @@ def _read(file: h5py.File, max_types: int, new: New) -> tuple[Atlas, str]:
 def load_row(path: Path, sha256: str, row: int) -> tuple[float, list[float]]:
     """Average and details of a row of a file that has been verified: of the one whose header says ``sha256``.
 
-    Raises
-    ------
-    AtlasError
-        It is missing, has been replaced, or the row cannot be read.
+    Raises `AtlasError`: it is missing, has been replaced, or the row cannot be read.
     """
     with open_atlas_file(path, None) as file:
         if claimed_hash(file.read(HEADER_BYTES)) != sha256:

@@ -1,22 +1,18 @@
 """Haar features of rotation curves: the average and the detail coefficients of 2^j samples (pywt does the transform).
 
-Two normalisations of the same coefficients:
-
-* *mean* (the paper's): average = mean of the samples; detail w(n, l) = half the difference of the means of the first and
-  the second half of block l at level n. Level 0 is the whole curve, level n has 2^n blocks.
-* *orthonormal*: the detail times sqrt(block length). By Parseval the Euclidean distance of two orthonormal detail vectors
-  over sqrt(2^j) is the rms difference of the two curves after the best constant offset.
-
-Details are stored flat, coarse to fine: w(n, l) is element 2^n - 1 + l.
+The average is the mean of the samples; detail w(n, l) is half the difference of the means of the first and the second half of
+block l at level n (Sun, Liu, Chu, table 2). Level 0 is the whole curve, level n has 2^n blocks. Details are stored flat, coarse
+to fine: w(n, l) is element 2^n - 1 + l. Times the root of the block's length they are orthonormal, so by Parseval the Euclidean
+distance of two such vectors over sqrt(2^j) is the rms difference of the two curves after the best constant offset.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pywt
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from synthesis.arrays import Floats
 
 
 def levels(samples: int) -> int:
@@ -26,49 +22,28 @@ def levels(samples: int) -> int:
     return samples.bit_length() - 1
 
 
-def _block_roots(samples: int) -> Floats:
+def block_roots(samples: int) -> Floats:
     """sqrt(block length) of every flat detail."""
     j = levels(samples)
     return np.repeat(np.sqrt(samples / 2.0 ** np.arange(j)), 2 ** np.arange(j))
 
 
-def features(curve: ArrayLike, normalisation: str = "mean") -> tuple[Floats, Floats]:
-    """Average and details of curves.
+def features(curve: ArrayLike) -> tuple[Floats, Floats]:
+    """Average (...) and details (..., 2^j - 1) of curves (..., 2^j) in any unit.
 
-    Parameters
-    ----------
-    curve : array_like, shape (..., 2^j)
-        Samples in any unit.
-    normalisation : {"mean", "orthonormal"}
-
-    Returns
-    -------
-    average : ndarray, shape (...)
-        The mean of the samples, in both normalisations.
-    details : ndarray, shape (..., 2^j - 1)
-        Law (orthonormal): ``sum(details**2) = sum((curve - average)**2)``. A constant added to the curve leaves the details.
-        Source: Sun, Liu, Chu, table 2.
+    Law: with r the block roots, ``sum((r * details)**2) = sum((curve - average)**2)``. A constant added to the curve leaves the
+    details.
     """
     curve = np.asarray(curve, dtype=float)
-    samples = curve.shape[-1]
-    roots = _block_roots(samples)
+    roots = block_roots(curve.shape[-1])
     parts = pywt.wavedec(curve, "haar", mode="periodization", axis=-1)
-    details = np.concatenate(parts[1:], axis=-1)
-    if normalisation == "mean":
-        details = details / roots
-    elif normalisation != "orthonormal":
-        raise ValueError(f"normalisation: wanted 'mean' or 'orthonormal', found {normalisation!r}")
-    return curve.mean(axis=-1), details
+    return curve.mean(axis=-1), np.concatenate(parts[1:], axis=-1) / roots
 
 
-def curve_from_features(average: ArrayLike, details: ArrayLike, normalisation: str = "mean") -> Floats:
+def curve_from_features(average: ArrayLike, details: ArrayLike) -> Floats:
     """Curves, shape (..., 2^j), from their average and details: the inverse of `features`."""
     average, details = np.asarray(average, dtype=float), np.asarray(details, dtype=float)
     samples = details.shape[-1] + 1
-    if normalisation == "orthonormal":
-        details = details / _block_roots(samples)
-    elif normalisation != "mean":
-        raise ValueError(f"normalisation: wanted 'mean' or 'orthonormal', found {normalisation!r}")
     curve = np.empty((*details.shape[:-1], samples))
     curve[..., 0] = average
     for n in range(levels(samples)):
@@ -82,10 +57,7 @@ def curve_from_features(average: ArrayLike, details: ArrayLike, normalisation: s
 def resample(crank_angle: ArrayLike, curve: ArrayLike) -> tuple[Floats, Floats]:
     """A curve at evenly spaced crank angles, as many as the next power of two.
 
-    Parameters
-    ----------
-    crank_angle : array_like, shape (N,), strictly monotonic
-    curve : array_like, shape (..., N), N >= 3
+    ``crank_angle`` (N,): strictly monotonic. ``curve`` (..., N), N >= 3.
 
     Returns
     -------

@@ -54,10 +54,7 @@ def file_hash(
 
     Not all of it is read where ``known(sha256, stamp)`` says that this very file has been compared before.
 
-    Raises
-    ------
-    AtlasError
-        Missing, larger than allowed, or not what was written.
+    Raises `AtlasError`: missing, larger than allowed, or not what was written.
     """
     with open_atlas_file(path, max_bytes) as file:
         status = os.fstat(file.fileno())

@@ -87,15 +87,8 @@ class InMemory:
 class Index(InMemory):
     """Parts that lie in a folder, and in memory where that cannot be written.
 
-    Parameters
-    ----------
-    folder : Path
-    source : str
-        What the parts are made from: the SHA-256 of the atlas file.
-    stamp : tuple of int
-        Of the atlas file, which is kept with what is made from it, see `knows_source`.
-    prefix : str
-        Of the names of the parts.
+    ``source``: what the parts are made from: the SHA-256 of the atlas file. ``stamp``: of the atlas file, which is kept
+    with what is made from it, see `knows_source`. ``prefix``: of the names of the parts.
     """
 
     def __init__(self, folder: Path, source: str, stamp: Stamp | None = None, prefix: str = "") -> None:
@@ -186,10 +179,7 @@ def _hash_of(values: Any) -> str:
 def check_index(folder: Path) -> int:
     """Compare all files of an index with the hashes of their manifests; returns how many there are, none without an index.
 
-    Raises
-    ------
-    AtlasError
-        A file is not what was written.
+    Raises `AtlasError`: a file is not what was written.
     """
     count = 0
     for manifest in sorted(folder.glob(f"*/{_MANIFEST}")):
@@ -280,10 +270,7 @@ def _mapped(path: Path, dtype: np.dtype[Any], shape: tuple[int, ...], mode: Lite
 def _new_file(path: Path, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
     """An array to be filled that is a mapped file, so it takes no memory that the system could not take back.
 
-    Raises
-    ------
-    OSError
-        The disk is full.
+    Raises `OSError`: the disk is full.
     """
     dtype = dtype.newbyteorder("<")
     header = _header(dtype, shape)

@@ -54,28 +54,11 @@ class Kind(NamedTuple):
 class Preparation:
     """Cells, position series and the index of short spans of a table.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    load : callable
-        The table, where something is to be made of it.
-    kind : Kind
-    threads : int
-        Threads of the preparation.
-    parts : InMemory or Index
-        Where they are kept.
-    progress : callable
-        ``progress(done, total)`` while cells are made.
+    ``load``: the table, where something is to be made of it. ``threads``: threads of the preparation. ``parts``: where
+    they are kept. ``progress``: ``progress(done, total)`` while cells are made.
 
-    Attributes
-    ----------
-    types : Types
-        `AtlasTypes` where the table is an atlas.
-    cells : list of Cells
-    phasors : list of Phasors
-        Those of each group of the cells; empty until they are prepared.
-    short_spans : list of WindowIndex
-        Empty until they are prepared.
+    ``types``: `AtlasTypes` where the table is an atlas. ``phasors``: Those of each group of the cells; empty until they
+    are prepared. ``short_spans``: empty until they are prepared.
     """
 
     def __init__(
@@ -116,10 +99,7 @@ class Preparation:
     def prepare_positions(self, work: Work) -> bool:
         """Make the series that requests with positions need; done by the first of them otherwise.
 
-        Returns
-        -------
-        bool
-            Whether they are there; false where the work's time ran out, also while another thread was making them.
+        Whether they are there; false where the work's time ran out, also while another thread was making them.
         """
         if self.phasors:
             return True
@@ -142,9 +122,7 @@ class Preparation:
     def prepare_short_spans(self, work: Work) -> None:
         """Make the index of windows that answers short spans sooner; without it the cells answer them.
 
-        Raises
-        ------
-        OutOfTime
+        Raises `OutOfTime`.
         """
         with self._short_spans_lock:
             if not self.short_spans:

@@ -36,9 +36,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Floats, Ints
 from synthesis.atlas.cells import Arcs
-from synthesis.atlas.descent import Descent, bounds_of, lowest_bounds
-from synthesis.atlas.matrices import Matrices
+from synthesis.atlas.descent import Descent, Matrices, bounds_of, lowest_bounds
 from synthesis.atlas.preparation import Kind, Preparation
 from synthesis.atlas.series import gather
 from synthesis.atlas.table import Table
@@ -54,12 +54,13 @@ from synthesis.atlas.windows import (
     each_once,
     lowest,
 )
-from synthesis.pose import objective, position_errors
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.solution import Solution
+from synthesis.mechanism import Placed
+from synthesis.pose import fit_positions, objective, position_errors
+from synthesis.ranking import distinct
 from synthesis.target import TURN, Target
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 STARTS = 360
 """Starts of a window: every whole degree."""
@@ -75,6 +76,10 @@ _MOST_HELD = 1 << 18
 _PROBED = 64
 _AT_ONCE = 1 << 16
 _EXACT_SAMPLES = 1 << 17
+MAX_LIMITED_WINDOWS = 1 << 18
+"""Windows evaluated before a search within limits gives up; the report then says that it is not exhaustive."""
+MAX_LIMITED_SAMPLES = 1 << 22
+"""The same in samples of all windows: a request of 1,024 samples takes no longer than one of 16."""
 
 
 class Scan:
@@ -239,7 +244,6 @@ class Scan:
         ----------
         target : Target
             With rotation: its rms error after the best offset; with positions the joint objective, see `pose.objective`.
-        top : int
         exact : callable, optional
             ``exact(windows) -> error``, the exact error of windows: never below the rms error or the objective, infinite for
             windows that are no answer. Default: `errors`.
@@ -346,3 +350,65 @@ class Scan:
         ids, bounds = (np.concatenate(column) for column in zip(*found))
         ids, first = np.unique(ids, return_index=True)  # a window met twice must not count twice
         best.consider(ids, bounds[first])
+
+
+# -- rows as they are, mounted and within limits -----------------------------------------------------------------------
+
+
+def best_rows(
+    scan: Scan, target: Target, limits: Limits, top: int, work: Work | None = None, tolerance: float = -1.0
+) -> tuple[list[Solution], ScanReport]:
+    """The best rows by the joint objective over rotation and position.
+
+    ``work``: once it has expired the scan ends with the best found so far. ``tolerance``: as good a row is good enough:
+    once the best is, the scan goes no further for the others, see `Scan.best`.
+
+    Returns
+    -------
+    solutions : list of Solution
+        At most ``top``, by objective; each linkage once, at its best start. Empty where no row keeps the limits.
+    report : ScanReport
+    """
+
+    def exact(windows: Windows) -> Floats:
+        error = scan.errors(target, windows)
+        return np.where(_within(scan, target, limits, windows), error, np.inf)
+
+    if not scan.has_family(limits.family):
+        return [], ScanReport(scan.windows, 0, True)
+    most = MAX_LIMITED_WINDOWS
+    if not limits.only_family:
+        most = min(most, MAX_LIMITED_SAMPLES // target.samples)
+    wanted = top
+    while True:
+        windows, report = scan.best(target, wanted, exact, most, work, tolerance)
+        chosen = windows.take(_first_of_each(target, windows))
+        linkages = scan.mechanism.mounted(
+            target, scan.lengths_of(chosen.row), chosen.branch, scan.start_angles(chosen)
+        )
+        solutions = distinct(scan.mechanism.assess(target, linkages, chosen.row.tolist()), top)
+        complete = len(windows.row) < wanted or not report.exhaustive
+        if len(solutions) == top or complete:
+            return solutions, report
+        wanted *= 8
+
+
+def _first_of_each(target: Target, windows: Windows) -> NDArray[np.intp]:
+    """Places of the windows that can be different linkages: without positions a type and branch count once."""
+    if target.position is not None:
+        return np.arange(len(windows.row))
+    _, first = np.unique(windows.row * 2 + (windows.branch < 0), return_index=True)
+    return np.sort(first)
+
+
+def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> NDArray[np.bool_]:
+    lengths, start = scan.lengths_of(windows.row), scan.start_angles(windows)
+    placed = Placed(lengths, windows.branch.astype(float), target.interval.after(start))
+    if not limits.only_family and target.position is not None:
+        fit = fit_positions(target, scan.angles(target, windows))
+        scale = np.maximum(np.abs(fit.crank_vector) / lengths[:, 0], np.finfo(float).tiny)
+        turned = np.angle(fit.crank_vector) - start
+        placed = placed._replace(
+            lengths=lengths * scale[:, None], pivot=fit.pivot, turned=turned, coupler=fit.coupler_vector
+        )
+    return scan.mechanism.keeps(target, limits, placed)

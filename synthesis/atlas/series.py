@@ -15,13 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from synthesis.arrays import Complexes, Floats, Ints
 from synthesis.atlas import haar
 from synthesis.atlas.table import Table, compute_rows
 from synthesis.target import TURN
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Ints = NDArray[np.int64]
 
 New = Callable[[str, DTypeLike, tuple[int, ...]], NDArray[Any]]
 """``new(name, dtype, shape)``: an array to be filled, in memory or in a file, see `index`."""
@@ -241,3 +238,8 @@ def _phasor_series(spectrum: Complexes, samples: int, winding: int, harmonics: i
 def gather(values: NDArray[Any], index: Ints, axis: int = 0) -> NDArray[Any]:
     """``values`` at indices that are known to be within it; unlike values[index], it lets other threads run meanwhile."""
     return np.take(values, index, axis=axis, mode="clip")
+
+
+def start_angles(starts: int) -> Floats:
+    """theta1 of evenly spaced starts, radians."""
+    return np.arange(starts, dtype=float) * (TURN / starts)

@@ -41,12 +41,7 @@ CURVE = (
 class Types:
     """Dimension types of a mechanism, whose crank turns fully: what a scan tells its windows by.
 
-    Attributes
-    ----------
-    mechanism : Mechanism
-    lengths : ndarray, shape (T, d)
-    winding : ndarray of int8, shape (T,)
-        Turns of the body in one turn of the crank.
+    ``lengths`` (T, d). ``winding`` (T,): turns of the body in one turn of the crank.
     """
 
     mechanism: Mechanism = FOURBAR
@@ -61,13 +56,8 @@ class Types:
 class Table(Types):
     """Types with the rotation of their body over a whole turn of the crank.
 
-    Attributes
-    ----------
-    average : ndarray of float64, shape (T,)
-    details : ndarray of float32, shape (T, samples - 1)
-        Of the periodic part of the rotation, in the *mean* normalisation of `haar`.
-    curve_error : ndarray of float32, shape (T,)
-        Bound of the error of the stored curve, see `compute_rows`.
+    ``average`` (T,). ``details`` (T, samples - 1): of the periodic part of the rotation, in the *mean* normalisation of
+    `haar`. ``curve_error`` (T,): bound of the error of the stored curve, see `compute_rows`.
     """
 
     average: NDArray[np.float64]
@@ -108,18 +98,9 @@ class AtlasRows(NamedTuple):
 def compute_rows(lengths: ArrayLike, samples: int, mechanism: Mechanism = FOURBAR) -> AtlasRows:
     """What the atlas stores of each type.
 
-    Parameters
-    ----------
-    lengths : array_like, shape (T, d)
-        Types whose crank turns fully.
-    samples : int
-        Power of two.
-    mechanism : Mechanism
+    ``lengths`` (T, d): types whose crank turns fully. ``samples``: power of two.
 
-    Returns
-    -------
-    AtlasRows
-        Law: the rows of a part are the part of the rows, bit for bit, if parts begin at multiples of `BLOCK`.
+    Law: the rows of a part are the part of the rows, bit for bit, if parts begin at multiples of `BLOCK`.
     """
     lengths = np.atleast_2d(np.asarray(lengths, dtype=float))
     blocks = [
@@ -168,11 +149,7 @@ Parts = Callable[[str], Iterable[NDArray[Any]]]
 class AtlasRule:
     """What an atlas holds: its dimension types and the samples of each curve.
 
-    Parameters
-    ----------
-    types : TypeRule
-    samples : int
-        Samples of a curve over the whole turn; a power of two from 16 to 4,096.
+    ``samples``: samples of a curve over the whole turn; a power of two from 16 to 4,096.
     """
 
     types: TypeRule = field(default_factory=TypeRule)
@@ -211,13 +188,7 @@ class AtlasRule:
 class AtlasTypes(Types):
     """The four-bars of a rule, without their rotations.
 
-    Attributes
-    ----------
-    rule : AtlasRule
-    generator : dict
-        Versions of what wrote the atlas.
-    known_hash : str, optional
-        Its content hash, where that has been computed.
+    ``generator``: versions of what wrote the atlas. ``known_hash``: its content hash, where that has been computed.
     """
 
     rule: AtlasRule

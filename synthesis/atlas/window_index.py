@@ -45,10 +45,9 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.atlas.series import Floats, New, SeriesGroup
+from synthesis.arrays import Floats, Singles
+from synthesis.atlas.series import New, SeriesGroup
 from synthesis.target import TURN
-
-Singles = NDArray[np.float32]
 
 PARTS = (
     (-1.0, 1.0),
@@ -103,16 +102,8 @@ _BEYOND = 24
 class Intervals(NamedTuple):
     """Intervals of the turn for windows of some spans.
 
-    Attributes
-    ----------
-    largest_span : float
-        Radians.
-    number : int
-        Intervals of the turn.
-    terms : int
-        Legendre coefficients that are kept.
-    sharp : float
-        Remainder beyond which an entry is kept by a part of its interval.
+    ``largest_span``: radians. ``number``: intervals of the turn. ``terms``: Legendre coefficients that are kept.
+    ``sharp``: remainder beyond which an entry is kept by a part of its interval.
     """
 
     largest_span: float
@@ -147,16 +138,6 @@ them have no sample in the part by which a sharp entry is kept, and all such ent
 # -- Legendre coefficients ---------------------------------------------------------------------------------------------
 
 
-def polynomials(v: Floats, terms: int) -> Floats:
-    """P_1 .. P_terms at points in [-1, 1]; shape (..., terms). Law: P_k(1) = 1, and |P_k| <= 1 (DLMF 18.9.1)."""
-    result = np.empty((*v.shape, terms))
-    before, now = np.ones_like(v), v
-    for k in range(1, terms + 1):
-        result[..., k - 1] = now
-        before, now = now, ((2 * k + 1) * v * now - k * before) / (k + 1)
-    return result
-
-
 @lru_cache(maxsize=512)
 def _waves(harmonics: int, half_width: float, terms: int) -> tuple[NDArray[np.complex128], Floats]:
     """(2k + 1) i^k j_k(hw) for k = 1 .. M (M, H), and the sum of their sizes above M (H,)."""
@@ -173,16 +154,8 @@ def _waves(harmonics: int, half_width: float, terms: int) -> tuple[NDArray[np.co
 class Expansion:
     """What series of some length are multiplied with to give their Legendre coefficients over intervals.
 
-    Parameters
-    ----------
-    harmonics : int
-        Of the series: cosine and sine of each side by side.
-    centres : ndarray, shape (P,)
-        Middles of the intervals, radians.
-    half_width : float
-        Of each interval.
-    terms : int
-        Coefficients that are kept.
+    ``harmonics``: of the series: cosine and sine of each side by side. ``centres`` (P,): middles of the intervals,
+    radians. ``half_width``: of each interval. ``terms``: coefficients that are kept.
     """
 
     def __init__(self, harmonics: int, centres: Floats, half_width: float, terms: int) -> None:
@@ -202,13 +175,8 @@ class Expansion:
     def coefficients(self, periodic: Floats, winding: int, error: Floats) -> tuple[Floats, Floats]:
         """a_1 .. a_K of curves with their winding, and the remainder: no value of a curve is further from its a_1 .. a_K.
 
-        Parameters
-        ----------
-        periodic : ndarray, shape (n, 2H)
-        winding : int
-            Turns of the body in one of the crank: a straight line more.
-        error : ndarray, shape (n,)
-            By how much a series may be off its curve.
+        ``periodic`` (n, 2H). ``winding``: turns of the body in one of the crank: a straight line more. ``error`` (n,):
+        by how much a series may be off its curve.
 
         Returns
         -------
@@ -229,14 +197,8 @@ class Expansion:
 class RTree(NamedTuple):
     """Where the boxes and entries of one part of the intervals lie in the arrays of an index.
 
-    Attributes
-    ----------
-    part : tuple of float
-        In the interval's coordinate, -1 to 1.
-    levels : list of (int, int)
-        First box and number of boxes of each level, coarse to fine.
-    first_leaf : int
-        Its place in ``entries`` and ``codes``.
+    ``part``: in the interval's coordinate, -1 to 1. ``levels``: first box and number of boxes of each level, coarse to
+    fine. ``first_leaf``: its place in ``entries`` and ``codes``.
     """
 
     part: tuple[float, float]
@@ -247,11 +209,7 @@ class RTree(NamedTuple):
 class WindowIndex:
     """The entries of some intervals.
 
-    Parameters
-    ----------
-    intervals : Intervals
-    arrays : dict
-        Those that `build_window_index` makes.
+    ``arrays``: those that `build_window_index` makes.
 
     Attributes
     ----------
@@ -314,21 +272,10 @@ def build_window_index(
 
     Law: every type is in each interval once, within the boxes above it.
 
-    Parameters
-    ----------
-    intervals : Intervals
-    groups : list of SeriesGroup
-    new : callable
-        Where the arrays lie.
-    folder : Path, optional
-        For temporary files; default: all entries are held in memory.
-    go_on : callable
-        Called between the steps; may raise to end the work.
+    ``new``: where the arrays lie. ``folder``: for temporary files; default: all entries are held in memory. ``go_on``:
+    called between the steps; may raise to end the work.
 
-    Raises
-    ------
-    OSError
-        There is not twice the place on the disk that the entries and the index take.
+    Raises `OSError`: there is not twice the place on the disk that the entries and the index take.
     """
     count, terms = intervals.number * sum(len(group.rows) for group in groups), intervals.terms
     if count >= NO_ENTRY:

@@ -42,18 +42,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.atlas.series import Floats, Ints, gather
-from synthesis.atlas.window_index import (
-    CHILDREN,
-    CODES,
-    LEAF,
-    NO_ENTRY,
-    Intervals,
-    RTree,
-    Singles,
-    WindowIndex,
-    polynomials,
-)
+from synthesis.arrays import Floats, Ints, Singles
+from synthesis.atlas.series import gather
+from synthesis.atlas.window_index import CHILDREN, CODES, LEAF, NO_ENTRY, Intervals, RTree, WindowIndex
 from synthesis.atlas.windows import TIE, BestWindows, Windows
 from synthesis.target import TURN, Target
 
@@ -135,15 +126,8 @@ class Queries(NamedTuple):
     def entries(self, limit: float, problem: Ints, points: Singles, half: Singles, remainder: Singles) -> Bounds:
         """Which entries of some leaves, each for a query, may have an error of at most ``limit``.
 
-        Parameters
-        ----------
-        limit : float
-        problem : ndarray of int, shape (n,)
-            part * Q + query.
-        points : ndarray of float32, shape (n, K, LEAF)
-        half : ndarray of float32, shape (n, K, 1)
-            By how much the points may be off.
-        remainder : ndarray of float32, shape (n, LEAF)
+        ``problem`` (n,): part * Q + query. ``points`` (n, K, LEAF). ``half`` (n, K, 1): by how much the points may be
+        off. ``remainder`` (n, LEAF).
         """
 
         def of(values: Singles) -> Singles:
@@ -186,20 +170,10 @@ class Queries(NamedTuple):
 class Request:
     """A rotation as it meets the entries of some intervals.
 
-    Parameters
-    ----------
-    target : Target
-        Of a span that the intervals are for.
-    intervals : Intervals
-    starts : int
-        Of the turn, a multiple of the intervals.
-    branches : int
-        Of the mechanism: 2, or 1.
+    ``target``: of a span that the intervals are for. ``starts``: of the turn, a multiple of the intervals.
+    ``branches``: of the mechanism: 2, or 1.
 
-    Attributes
-    ----------
-    rounding : float
-        Of errors, in radians, and of what bounds them.
+    ``rounding``: of errors, in radians, and of what bounds them.
     """
 
     def __init__(self, target: Target, intervals: Intervals, starts: int, branches: int = 2) -> None:
@@ -252,12 +226,7 @@ class Request:
     def queries(self, parts: NDArray[np.float64], largest: NDArray[np.floating]) -> Queries:
         """The request against the entries of some parts of the intervals.
 
-        Parameters
-        ----------
-        parts : ndarray, shape (parts, 2)
-            Their ends.
-        largest : ndarray, shape (parts, K)
-            Largest size of each coefficient of the entries.
+        ``parts`` (parts, 2): their ends. ``largest`` (parts, K): largest size of each coefficient of the entries.
         """
         count, samples = len(parts), self._along.size
         low, high = (np.repeat(end, self.size)[:, None] for end in parts.T)
@@ -306,6 +275,16 @@ class Request:
         return Queries(single(rows), single(np.abs(rows)), *map(single, (y, slack, left, share)))
 
 
+def polynomials(v: Floats, terms: int) -> Floats:
+    """P_1 .. P_terms at points in [-1, 1]; shape (..., terms). Law: P_k(1) = 1, and |P_k| <= 1 (DLMF 18.9.1)."""
+    result = np.empty((*v.shape, terms))
+    before, now = np.ones_like(v), v
+    for k in range(1, terms + 1):
+        result[..., k - 1] = now
+        before, now = now, ((2 * k + 1) * v * now - k * before) / (k + 1)
+    return result
+
+
 def _substituted(scale: Floats, shift: Floats, terms: int) -> Floats:
     """Coefficients in P_j(x) of P_k(scale x + shift), j and k = 1 .. terms, (n, j, k).
 
@@ -345,17 +324,8 @@ class _OutOfTime(Exception):
 class WindowSearch:
     """A rotation over a short span, and the index of the intervals for it.
 
-    Parameters
-    ----------
-    index : WindowIndex
-    target : Target
-        Of a span that its intervals are for.
-    starts : int
-        Of the turn, a multiple of the intervals.
-    expired : callable
-        Asked between the steps, whether there is time for more.
-    branches : int
-        Of the mechanism: 2, or 1.
+    ``target``: of a span that its intervals are for. ``starts``: of the turn, a multiple of the intervals. ``expired``:
+    asked between the steps, whether there is time for more. ``branches``: of the mechanism: 2, or 1.
     """
 
     def __init__(
@@ -373,13 +343,10 @@ class WindowSearch:
     ) -> tuple[Ints, Floats] | None:
         """Numbers and lower bounds of all windows that may be among the best; None where the cells of types do better.
 
-        Parameters
-        ----------
-        best : BestWindows
-            Gets the windows that are looked at on the way. Those that are left are compared with the worst of the best of them,
-            also where the answer is None; where the time runs out it has the best found so far, and nothing is left.
-        errors : callable
-            ``errors(target, windows)``: the exact errors of windows for some of the samples, whatever rule there is beside them.
+        ``best``: gets the windows that are looked at on the way. Those that are left are compared with the worst of the
+        best of them, also where the answer is None; where the time runs out it has the best found so far, and nothing
+        is left. ``errors``: ``errors(target, windows)``: the exact errors of windows for some of the samples, whatever
+        rule there is beside them.
         """
         try:
             return self._candidates(best, errors)

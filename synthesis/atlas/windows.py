@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from synthesis.arrays import Floats, Ints
 
 TIE = 1e-12
 """Errors (radians, or the objective's unit) that agree to this are ties, broken by number, start, branch."""
@@ -145,11 +144,12 @@ def lowest(numbering: Numbering, ids: Ints, bounds: Floats, count: int) -> tuple
 class BestWindows:
     """The best of the windows that have been evaluated so far.
 
+    ``windows``: at most ``top``, in order. ``last``: of the last of them; `NOWHERE` while there are fewer than ``top``.
+
     Parameters
     ----------
     top : int
         How many are wanted.
-    numbering : Numbering
     exact : callable
         ``exact(windows) -> error``; infinite for windows that are no answer.
     at_once : int
@@ -158,15 +158,6 @@ class BestWindows:
         Asked between evaluations, whether there is time for more.
     enough : float
         Once ``top`` windows have an error of at most this, no better ones are looked for.
-
-    Attributes
-    ----------
-    top : int
-    windows : Windows
-        At most ``top``, in order.
-    last : Place
-        Of the last of them; `NOWHERE` while there are fewer than ``top``.
-    evaluated : int
     """
 
     def __init__(
@@ -230,14 +221,8 @@ class BestWindows:
         Every four-bar meets three positions, and every start of a type the same rotations when the samples lie whole turns
         of the crank apart.
 
-        Parameters
-        ----------
-        types : int
-        alike : ndarray, shape (types,), optional
-            The error of each type, where it is the same for all of its windows. Default: no more is known than that none is
-            below 0.
-        most : float
-            Windows that are evaluated at most.
+        ``alike`` (types,): the error of each type, where it is the same for all of its windows. Default: no more is
+        known than that none is below 0. ``most``: windows that are evaluated at most.
         """
         per_type = self.numbering.per_type
         total = int(min(types * per_type, most))

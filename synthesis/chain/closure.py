@@ -158,21 +158,11 @@ def critical_parameter(
 
     The general form of the paper's remark that R2 is maximal at theta1m; no state is assumed to be the critical one.
 
-    Parameters
-    ----------
-    family : callable
-        ``family(parameter) -> Track``; its length must fall from ``longest`` to ``shortest``.
-    longest, shortest : float
-        Parameters of the longest and of the shortest track.
-    where : str
-        The family, as `NotClosing` names it.
-    work : Work, optional
-        Asked before each parameter.
+    ``family``: ``family(parameter) -> Track``; its length must fall from ``longest`` to ``shortest``. ``longest``,
+    ``shortest``: parameters of the longest and of the shortest track. ``where``: the family, as `NotClosing` names it.
+    ``work``: asked before each parameter.
 
-    Raises
-    ------
-    NotClosing
-        The number of links is outside those of the family.
+    Raises `NotClosing`: the number of links is outside those of the family.
     """
     work = work or Work()
 

@@ -98,10 +98,7 @@ def level_crescent(wheel_radius: float, upper_radius: float, alpha: float) -> Cr
 def given_crescent(wheel_radius: float, upper_radius: float, lower_radius: float, eccentricity: float) -> Crescent:
     """The crescent of four given lengths: the triangle of the centres is solved, so its joints are exactly tangent.
 
-    Raises
-    ------
-    FieldError
-        Where the triangle a, b, c does not exist or its arcs have no sweep.
+    Raises `FieldError`: where the triangle a, b, c does not exist or its arcs have no sweep.
     """
     c, a, b = upper_radius + wheel_radius, lower_radius - wheel_radius, eccentricity
     if not (a > 0 and abs(c - b) < a < c + b):
@@ -131,10 +128,8 @@ def critical_crescent(
 
     Its lower radius is the largest that any phase asks for (the paper's theta1m).
 
-    Raises
-    ------
-    FieldError
-        No crescent of these radii closes; with the nearest number of links and the missing or excess length.
+    Raises `FieldError`: no crescent of these radii closes; with the nearest number of links and the missing or excess
+    length.
     """
 
     def family(alpha: float) -> Crescent:
@@ -165,10 +160,7 @@ def stadium(radius: float, straight: float) -> Track:
 def critical_stadium(pitch: float, links: int, radius: float, work: Work | None = None) -> Track:
     """The stadium of a given radius on which the chain just closes.
 
-    Raises
-    ------
-    FieldError
-        The chain is shorter than the two half circles.
+    Raises `FieldError`: the chain is shorter than the two half circles.
     """
     check_link_fits("/stadium/radius", pitch, radius)
     where = "on any straight of this stadium"
@@ -190,22 +182,12 @@ def crescent_slot(
 ) -> tuple[Crescent, Slot]:
     """The crescent and its slot, under the middle of the upper arc.
 
-    Parameters
-    ----------
-    wheel_radius : float, optional
-        Default pitch/sqrt(2): four pins a turn.
-    lower_radius, eccentricity : float, optional
-        Both: the layout is taken as it is. One: the other follows from wheels at the height of the upper arc's
-        centre. None: both follow from the critical closure.
-    start : float, optional
-        P1's angle on the left wheel at which the window starts; default: where the chain is least slack.
-    work : Work, optional
-        Asked between the steps.
+    ``wheel_radius``: default pitch/sqrt(2): four pins a turn. ``lower_radius``, ``eccentricity``: both: the layout is
+    taken as it is. One: the other follows from wheels at the height of the upper arc's centre. None: both follow from
+    the critical closure. ``start``: P1's angle on the left wheel at which the window starts; default: where the chain
+    is least slack. ``work``: asked between the steps.
 
-    Raises
-    ------
-    FieldError
-        No such crescent, or the chain would be stretched or does not close on it.
+    Raises `FieldError`: no such crescent, or the chain would be stretched or does not close on it.
     """
     wheel_radius = pitch / np.sqrt(2) if wheel_radius is None else wheel_radius
     named = {"upper_radius": upper_radius, "wheel_radius": wheel_radius, "lower_radius": lower_radius}
@@ -260,10 +242,7 @@ def tightest_room(track: Track, pitch: float, driver: int) -> int:
 def driving_segment(track: Track, pitch: float) -> int:
     """The first segment that holds a link.
 
-    Raises
-    ------
-    FieldError
-        There is none.
+    Raises `FieldError`: there is none.
     """
     holds = np.flatnonzero(track.link_lengths(pitch) <= track.length)
     if not len(holds):

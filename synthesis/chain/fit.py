@@ -69,18 +69,10 @@ class FitError:
 def fit_slot(slot: Slot, kind: FitKind, order: int, phases: Floats | None = None) -> Fit:
     """A slot's representation of one kind.
 
-    Parameters
-    ----------
-    order : int
-        Within `ORDER_RANGE`.
-    phases : ndarray, optional
-        Phases, shape (n,), whose points the polynomial is fitted to; by default 91 over the whole window. The other
-        kinds take their own.
+    ``order``: within `ORDER_RANGE`. ``phases``: phases, shape (n,), whose points the polynomial is fitted to; by
+    default 91 over the whole window. The other kinds take their own.
 
-    Raises
-    ------
-    FieldError
-        Order out of range, fewer samples than coefficients, or a slot that this kind cannot represent.
+    Raises `FieldError`: order out of range, fewer samples than coefficients, or a slot that this kind cannot represent.
     """
     low, high = ORDER_RANGE[kind]
     if not low <= order <= high:

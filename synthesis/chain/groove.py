@@ -153,11 +153,8 @@ def groove(slot: Slot, roller_radius: float | None) -> Groove:
 
     Law: each wall is closed, does not cross itself, and is a roller's radius from the path, no closer anywhere.
 
-    Raises
-    ------
-    FieldError
-        The roller is too large for a bend of the path, for the step at the slot's ends, or for the room between two parts
-        of the track.
+    Raises `FieldError`: the roller is too large for a bend of the path, for the step at the slot's ends, or for the
+    room between two parts of the track.
     """
     track, pitch = slot.chain.track, slot.chain.pitch
     ends = slot.path(np.array([slot.start, slot.end]))
@@ -309,10 +306,7 @@ def roller_walls(slot: Slot, phases: Floats, roller_radius: float | None) -> dic
 
     Law: each wall is a roller's radius from the path, and no closer to any of its points.
 
-    Raises
-    ------
-    FieldError
-        The roller is too large for the path.
+    Raises `FieldError`: the roller is too large for the path.
     """
     if roller_radius is None:
         return {}

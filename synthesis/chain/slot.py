@@ -291,17 +291,9 @@ def find_slot(
     The window starts where the slack is least: on a chain that closes critically both ends then lie on the bare track.
     The free pin is the last one that has not passed ``middle`` at that phase. ``work`` is asked between the steps.
 
-    Parameters
-    ----------
-    chain : Chain
-    middle : float
-        Arc length of the place, from the driver's start.
-    side : {1, -1}, optional
-        Side of a slot on a straight run, 1 left; elsewhere it is the side to which the track bends out.
-    start : float, optional
-        Another phase for the window's start; its ends then have a step.
-    place_field : str
-        The request's field that decides where the slot lies.
+    ``middle``: arc length of the place, from the driver's start. ``side``, one of {1, -1}: side of a slot on a straight
+    run, 1 left; elsewhere it is the side to which the track bends out. ``start``: another phase for the window's start;
+    its ends then have a step. ``place_field``: the request's field that decides where the slot lies.
 
     Raises
     ------
@@ -510,10 +502,7 @@ def wheel_conflict(slot: Slot, wheel: int) -> Extreme:
     A pin that enters the wheel marks its phase; a pin one link further on marks the same. The value is the range over
     a period, the phase where the wheel is furthest ahead.
 
-    Raises
-    ------
-    ChordError
-        The wheel cannot hold one link.
+    Raises `ChordError`: the wheel cannot hold one link.
     """
     chain, track = slot.chain, slot.chain.track
     own = float(track.link_lengths(chain.pitch)[wheel])

@@ -30,12 +30,7 @@ class ChordFault(StrEnum):
 class ChordError(FieldError):
     """A pin for which there is no next pin.
 
-    Parameters
-    ----------
-    fault : ChordFault
-        What is wrong.
-    position : float
-        Arc length of the pin from the start of the track.
+    ``fault``: what is wrong. ``position``: arc length of the pin from the start of the track.
     """
 
     def __init__(self, fault: ChordFault, position: float) -> None:
@@ -47,14 +42,8 @@ class ChordError(FieldError):
 class TrackError(FieldError):
     """Segments that make no closed tangent track.
 
-    Parameters
-    ----------
-    message : str
-        What was found and what was wanted.
-    segment : int
-        The segment at fault.
-    amount : float
-        The size of the fault: a gap, an angle, a length or a number of turns.
+    ``message``: what was found and what was wanted. ``segment``: the segment at fault. ``amount``: the size of the
+    fault: a gap, an angle, a length or a number of turns.
     """
 
     def __init__(self, message: str, segment: int, amount: float) -> None:
@@ -65,14 +54,9 @@ class TrackError(FieldError):
 class NotClosing(FieldError):
     """A chain so much too short or too long for its track that another number of links closes.
 
-    Parameters
-    ----------
-    links, nearest_links : int
-        Number of links of the chain, and the nearest number that does close.
-    missing : float
-        Length that the chain lacks at its worst phase; negative: its excess.
-    where : str
-        Completes the sentence: on which track, or on which of a family of tracks.
+    ``links``, ``nearest_links``: number of links of the chain, and the nearest number that does close. ``missing``:
+    length that the chain lacks at its worst phase; negative: its excess. ``where``: completes the sentence: on which
+    track, or on which of a family of tracks.
     """
 
     def __init__(self, links: int, nearest_links: int, missing: float, where: str) -> None:
@@ -175,16 +159,10 @@ class Track:
 
     Law: a pin and its next pin are one pitch apart, and the next pin is the *first* such place ahead.
 
-    Parameters
-    ----------
-    segments : sequence of Segment
-        In the order of travel; each starts where the one before it ends, with the same heading, and the last one
-        ends where the first starts.
+    ``segments``: in the order of travel; each starts where the one before it ends, with the same heading, and the last
+    one ends where the first starts.
 
-    Raises
-    ------
-    TrackError
-        No segment, a segment without length, an arc of more than one turn, a gap or a kink at a joint.
+    Raises `TrackError`: no segment, a segment without length, an arc of more than one turn, a gap or a kink at a joint.
     """
 
     def __init__(self, segments: Sequence[Segment]) -> None:
@@ -332,21 +310,10 @@ class Track:
 
         Law: equals ``links`` calls of `step`.
 
-        Parameters
-        ----------
-        place : Place
-            The pins, shape (n,).
-        pitch : float
-            Length of a link.
-        links : array_like of int
-            Number of links for each place, at least 0.
-        direction : {1, -1}
-            With or against the direction of travel.
+        ``place``: the pins, shape (n,). ``pitch``: length of a link. ``links``: number of links for each place, at
+        least 0. ``direction``, one of {1, -1}: with or against the direction of travel.
 
-        Raises
-        ------
-        ChordError
-            For the first pin that has no next pin.
+        Raises `ChordError`: for the first pin that has no next pin.
         """
         if direction < 0:
             return self.reverse.mirrored(self.reverse.advance(self.mirrored(place), pitch, links))

@@ -13,14 +13,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import Interval
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 CURVE_STEP = np.deg2rad(1.0)
 """Largest step of the crank in a curve over an interval."""
@@ -96,18 +93,9 @@ def _cross(one: Complexes, other: Complexes | complex) -> Floats:
 def rates(linkage: Linkage, travel: Floats, crank_speed: float) -> Rates:
     """Velocities and accelerations of a linkage.
 
-    Parameters
-    ----------
-    linkage : Linkage
-    travel : ndarray, shape (n,)
-        Crank angles from the first sample.
-    crank_speed : float
-        Radians a second, counter-clockwise, constant.
+    ``travel`` (n,): crank angles from the first sample. ``crank_speed``: radians a second, counter-clockwise, constant.
 
-    Returns
-    -------
-    Rates
-        Law: what a difference quotient of `Linkage.joints` tends to.
+    Law: what a difference quotient of `Linkage.joints` tends to.
     """
     at = _Directions(linkage, travel)
     one, two, three, _ = linkage.links
@@ -139,19 +127,10 @@ def forces(linkage: Linkage, travel: Floats, load: Load) -> Forces:
     The rocker carries its rod force only; the moments on the coupler about the crank pin give it, the forces on the coupler that
     of the crank pin, and its moment about pivot A the torque of the drive.
 
-    Parameters
-    ----------
-    linkage : Linkage
-        With a body point where the load has a force.
-    travel : ndarray, shape (n,)
-        Crank angles from the first sample.
-    load : Load
+    ``linkage``: with a body point where the load has a force. ``travel`` (n,): crank angles from the first sample.
 
-    Returns
-    -------
-    Forces
-        NaN at a dead position, where no finite force holds the load, and where the loop does not close. Law: the forces and
-        moments on each link add up to zero.
+    NaN at a dead position, where no finite force holds the load, and where the loop does not close. Law: the forces and
+    moments on each link add up to zero.
     """
     at = _Directions(linkage, travel)
     one, two, _, _ = linkage.links

@@ -19,14 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.kinematics import EXCESSES, close_loop, coupler_angle, grashof_excesses
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four, placed_linkages
 from synthesis.target import Mean, Target
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 FREE = 1e3
 """A relative uncertainty of a length above this says that the motion does not determine it at all."""
@@ -121,12 +119,7 @@ def sensitivities(target: Target, linkages: list[Linkage]) -> list[Sensitivity]:
 def determinations(target: Target, linkages: list[Linkage], resolutions: list[float]) -> list[Determination]:
     """How well the motion fixes each linkage; see `Determination`.
 
-    Parameters
-    ----------
-    target : Target
-    linkages : list of Linkage
-    resolutions : list of float
-        Error of the motion, in the objective's measure, that is considered for each.
+    ``resolutions``: error of the motion, in the objective's measure, that is considered for each.
     """
     if not linkages:
         return []
@@ -211,14 +204,8 @@ def determinations_within(
 ) -> list[Determination]:
     """How well a motion fixes each of the best linkages within limits; see the module's head.
 
-    Parameters
-    ----------
-    target : Target
-        With one row of crank angles a linkage where they were found.
-    linkages : list of Linkage
-    resolution : float
-        Error of the motion, in the objective's measure, that counts as none.
-    limits : Limits
+    ``target``: with one row of crank angles a linkage where they were found. ``resolution``: error of the motion, in
+    the objective's measure, that counts as none.
     """
     return [_determination(target.one_of(k), linkage, resolution, limits) for k, linkage in enumerate(linkages)]
 

@@ -31,13 +31,8 @@ class OrderRule(StrEnum):
 class TypeRule:
     """What an atlas enumerates.
 
-    Parameters
-    ----------
-    perimeter : int
-        Sum of the four lengths.
-    smallest : int
-        Smallest length allowed for the shortest link (the paper's smallest crank).
-    order : OrderRule
+    ``perimeter``: sum of the four lengths. ``smallest``: smallest length allowed for the shortest link (the paper's
+    smallest crank).
     """
 
     perimeter: int = 400
@@ -128,19 +123,12 @@ def enumerate_types(rule: TypeRule, begin: int = 0, end: int | None = None) -> N
     With the four lengths sorted, a < b < c < d: all different, a at least ``smallest``, a + b + c + d the perimeter, and
     strictly a + d < b + c, Grashof's condition. Type number n (counted from 1) is row n - 1.
 
-    Parameters
-    ----------
-    rule : TypeRule
-    begin, end : int, optional
-        Rows, as of a slice; only the types of the cranks' lengths that these rows have are made.
+    ``begin``, ``end``: rows, as of a slice; only the types of the cranks' lengths that these rows have are made.
 
-    Returns
-    -------
-    ndarray of int32, shape (types, 4)
-        May be empty. Law: each row has the rule's perimeter and turns fully, and no two rows are equal; the rows from ``begin``
-        to ``end`` are that slice of all.
-        Source: Sun, Liu, Chu, "Wavelet feature parameter method for rigid-body guidance synthesis", section on base
-        dimension types: perimeter 400 gives 101,408 types, of which number 45,185 is (19, 72, 144, 165).
+    Shape (types, 4). May be empty. Law: each row has the rule's perimeter and turns fully, and no two rows are equal;
+    the rows from ``begin`` to ``end`` are that slice of all. Source: Sun, Liu, Chu, "Wavelet feature parameter method
+    for rigid-body guidance synthesis", section on base dimension types: perimeter 400 gives 101,408 types, of which
+    number 45,185 is (19, 72, 144, 165).
     """
     before = _before_crank(rule)
     begin, end, _ = slice(begin, end).indices(int(before[-1]))

@@ -10,16 +10,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import curve_over
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Joints, Linkage
 from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
 from synthesis.target import Interval, Target
-
-Complexes = NDArray[np.complex128]
 
 FARTHEST = 1e9
 """Largest distance from the origin, in longest links, at which coordinates still hold the shape."""
@@ -351,16 +349,9 @@ class _Plate(NamedTuple):
 def _rounded_outline(corners: Sequence[complex], radius: float) -> list[tuple[float, float, float]]:
     """The outline at a distance from a line or a convex polygon, with a round at each corner.
 
-    Parameters
-    ----------
-    corners : sequence of complex
-        Counter-clockwise; two are a line.
-    radius : float
+    ``corners``: counter-clockwise; two are a line.
 
-    Returns
-    -------
-    list of (x, y, bulge)
-        Law: convex, so free of self-crossing, and nowhere nearer to a corner than ``radius``.
+    Law: convex, so free of self-crossing, and nowhere nearer to a corner than ``radius``.
     """
     count = len(corners)
     sides = [corners[(k + 1) % count] - corners[k] for k in range(count)]
@@ -404,26 +395,14 @@ def _plates_of(linkage: Linkage, hole: float, width: float) -> list[_Plate]:
 def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None, width: float | None = None) -> str:
     """The links as plates for cutting, a DXF file in millimetres.
 
-    Parameters
-    ----------
-    linkage : Linkage
-    unit_mm : float
-        Millimetres in the unit of its lengths.
-    hole, width : float, optional
-        Diameter of the holes and width of the plates, in the unit of the lengths; the defaults go by the shortest and the longest
-        link.
+    ``unit_mm``: millimetres in the unit of its lengths. ``hole``, ``width``: diameter of the holes and width of the
+    plates, in the unit of the lengths; the defaults go by the shortest and the longest link.
 
-    Returns
-    -------
-    str
-        A layer a link (CRANK, COUPLER, ROCKER, GROUND) with one closed contour and its holes; on MARK the names and the body
-        point. The coupler's plate reaches to the body point and has a hole there. Law: contours are closed, do not cross
-        themselves or one another, and keep ``(width - hole) / 2`` around each hole.
+    A layer a link (CRANK, COUPLER, ROCKER, GROUND) with one closed contour and its holes; on MARK the names and the
+    body point. The coupler's plate reaches to the body point and has a hole there. Law: contours are closed, do not
+    cross themselves or one another, and keep ``(width - hole) / 2`` around each hole.
 
-    Raises
-    ------
-    FieldError
-        For a hole that leaves no material: wider than the plate, or than the distance of two joints.
+    Raises `FieldError`: for a hole that leaves no material: wider than the plate, or than the distance of two joints.
     """
     shortest, longest = min(linkage.links), max(linkage.links)
     if hole is None:

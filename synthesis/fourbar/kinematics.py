@@ -25,9 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.arrays import Floats
 from synthesis.target import TURN, Interval
-
-Floats = NDArray[np.float64]
 
 
 class Family(StrEnum):
@@ -68,10 +67,7 @@ EXCESSES = np.array([[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0,
 def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """Differences of the three pairings of the links, accurate up to the change point.
 
-    Parameters
-    ----------
-    lengths : array_like, shape (..., 4)
-        L1, L2, L3, L4 in any unit.
+    ``lengths`` (..., 4): L1, L2, L3, L4 in any unit.
 
     Returns
     -------
@@ -96,15 +92,10 @@ _BY_SIGNS[_CHANGE_POINT] = Family.CHANGE_POINT
 def family(lengths: ArrayLike) -> NDArray[np.object_]:
     """The `Family` of each linkage.
 
-    Parameters
-    ----------
-    lengths : array_like, shape (..., 4)
+    ``lengths`` (..., 4).
 
-    Returns
-    -------
-    ndarray of Family, shape (...)
-        Law: the same for ``k * lengths`` with any power of two k, and for exchanged coupler and rocker except that
-        double-rocker and rocker-crank change places.
+    Shape (...). Law: the same for ``k * lengths`` with any power of two k, and for exchanged coupler and rocker except
+    that double-rocker and rocker-crank change places.
     """
     a, b, c = grashof_excesses(_scaled(lengths)[0])
     signs = 4 * (a > 0) + 2 * (b > 0) + (c > 0)
@@ -184,14 +175,9 @@ class Closure:
     def coupler_angle(self, branch: ArrayLike) -> Floats:
         """theta2, the angle of D->C, continuous in the crank angle; NaN where the loop does not close.
 
-        Parameters
-        ----------
-        branch : array_like of +1 or -1, broadcast against shape (...)
+        ``branch`` (...).
 
-        Returns
-        -------
-        ndarray, shape (..., N)
-            Law: ``theta2(theta1, -1) = -theta2(-theta1, +1)``, up to whole turns where L1 > L4.
+        Shape (..., N). Law: ``theta2(theta1, -1) = -theta2(-theta1, +1)``, up to whole turns where L1 > L4.
         """
         sine, cosine = self.coupler_half_angle
         return self.diagonal_angle + np.asarray(branch)[..., None] * (2 * np.arctan2(sine, cosine))
@@ -213,9 +199,7 @@ class Closure:
         From the loop's differential, its real part after multiplication by e^{-i theta3}. Infinite at a dead position,
         where it is NaN; it grows like 1 / sin(transmission angle).
 
-        Returns
-        -------
-        ndarray, shape (..., N, 5)
+        Shape (..., N, 5).
         """
         sign = np.asarray(branch, dtype=float)[..., None]
         l1, l3 = self.lengths[..., 0], self.lengths[..., 2]
@@ -235,18 +219,11 @@ class Closure:
 def close_loop(lengths: ArrayLike, crank_angle: ArrayLike) -> Closure:
     """The closed loop of linkages at crank angles.
 
-    Parameters
-    ----------
-    lengths : array_like, shape (..., 4)
-        L1, L2, L3, L4 in any unit; a linkage with a length that is not positive and finite never closes.
-    crank_angle : array_like, shape (..., N) or (N,)
-        theta1 in radians; leading axes are broadcast against those of ``lengths``.
+    ``lengths`` (..., 4): L1, L2, L3, L4 in any unit; a linkage with a length that is not positive and finite never
+    closes. ``crank_angle`` (..., N): theta1 in radians; leading axes are broadcast against those of ``lengths``.
 
-    Returns
-    -------
-    Closure
-        With NaN and ``closed == False`` where the four lengths reach no closed loop; never a wrong number.
-        Law: angles are the same for ``k * lengths``, bit for bit if k is a power of two.
+    With NaN and ``closed == False`` where the four lengths reach no closed loop; never a wrong number. Law: angles are
+    the same for ``k * lengths``, bit for bit if k is a power of two.
     """
     scaled, exponent = _scaled(lengths)
     a, b, c = grashof_excesses(scaled)
@@ -285,17 +262,10 @@ def transmission_angle_over(lengths: ArrayLike, interval: Interval) -> Floats:
     The diagonal r grows with sin^2(theta1/2), and the transmission angle is smallest where r is smallest or largest: at an
     end of the interval, or at theta1 = 0 or pi (modulo a turn) inside it.
 
-    Parameters
-    ----------
-    lengths : array_like, shape (..., 4)
-    interval : Interval
-        Of theta1, its ends of shape (...).
+    ``lengths`` (..., 4). ``interval``: of theta1, its ends of shape (...).
 
-    Returns
-    -------
-    ndarray, shape (...)
-        Radians, 0 to pi/2; NaN where the linkage does not close over the whole interval. Law: never above the transmission
-        angle at any crank angle of the interval.
+    Shape (...). Radians, 0 to pi/2; NaN where the linkage does not close over the whole interval. Law: never above the
+    transmission angle at any crank angle of the interval.
     """
     first, last = (np.asarray(end, dtype=float) for end in interval)
     low, high = np.minimum(first, last), np.maximum(first, last)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.kinematics import (
     FULL_CRANK,
     Family,
@@ -17,9 +17,6 @@ from synthesis.fourbar.kinematics import (
     transmission_angle_over,
 )
 from synthesis.target import TURN, Interval
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.kinematics import coupler_angle, wrap
@@ -17,9 +18,6 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import assess, four, keeps, mounted, within
 from synthesis.mechanism import Bounded, BoundedChart, Box, Boxes
 from synthesis.target import TURN, Samples
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 _TABLE_PERIMETER = 40
 _PERIMETER = 32

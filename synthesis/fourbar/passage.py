@@ -31,6 +31,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.fourbar.kinematics import Closure, close_loop, grashof_excesses
 from synthesis.fourbar.limits import (
     LINK_RATIO,
@@ -42,10 +43,6 @@ from synthesis.fourbar.limits import (
 )
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Samples
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Flags = NDArray[np.bool_]
 
 TIE = 1e-9
 """Crank angles closer than this, in radians, are the same place: they are in order either way round."""
@@ -78,12 +75,8 @@ TAIL = (np.polynomial.legendre.legvander(NODES, 7) * WEIGHTS[:, None] * (np.aran
 class Circuits:
     """Where the crank of linkages can be.
 
-    Attributes
-    ----------
-    turns, at_zero, at_pi : ndarray of bool, shape (n, 1)
-        The loop closes at every crank angle; at theta1 = 0; at theta1 = pi.
-    uncertain : ndarray of bool, shape (n,)
-        Nearer to a change point than `NEAR_CHANGE_POINT`.
+    ``turns``, ``at_zero``, ``at_pi`` (n, 1): the loop closes at every crank angle; at theta1 = 0; at theta1 = pi.
+    ``uncertain`` (n,): nearer to a change point than `NEAR_CHANGE_POINT`.
     """
 
     turns: Flags
@@ -112,16 +105,10 @@ class Circuits:
 class Passage:
     """How the crank passes samples; a flag of neighbours, shape (n, N - 1), is that of samples k and k + 1.
 
-    Attributes
-    ----------
-    closes : ndarray of bool, shape (n, N)
-        The four lengths reach the crank angle.
-    other_branch, other_circuit, open_between, out_of_order : ndarray of bool, shape (n, N - 1)
-        Defects between neighbours; ``open_between``: the loop does not close everywhere on the prescribed way.
-    no_return : ndarray of bool, shape (n,)
-        The way must lead on from the last sample to the first, and the crank does not turn fully.
-    uncertain : ndarray of bool, shape (n,)
-        As of `Circuits`.
+    ``closes`` (n, N): the four lengths reach the crank angle. ``other_branch``, ``other_circuit``, ``open_between``,
+    ``out_of_order`` (n, N - 1): defects between neighbours; ``open_between``: the loop does not close everywhere on the
+    prescribed way. ``no_return`` (n,): the way must lead on from the last sample to the first, and the crank does not
+    turn fully. ``uncertain`` (n,): as of `Circuits`.
     """
 
     closes: Flags
@@ -180,6 +167,9 @@ def passage(
     Order by crank angles, modulo a turn: a crank that turns fully passes them in order if the steps from sample to sample, all
     taken forwards or all backwards, add up to a turn at most; one that swings, if its angles rise or fall throughout.
 
+    Law: ``driven`` and its parts are the same for reversed samples, ``k * lengths`` and the mirror image (-theta1,
+    -side).
+
     Parameters
     ----------
     lengths : array_like, shape (n, 4)
@@ -195,11 +185,6 @@ def passage(
     timed : bool
         The crank angles are prescribed: they, and the way between them, are taken as they are, over several turns too. Otherwise
         they count modulo a turn.
-
-    Returns
-    -------
-    Passage
-        Law: ``driven`` and its parts are the same for reversed samples, ``k * lengths`` and the mirror image (-theta1, -side).
     """
     lengths, angle, side = np.asarray(lengths, dtype=float), np.asarray(crank_angle, dtype=float), np.asarray(side)
     closure = close_loop(lengths, angle)
@@ -368,15 +353,8 @@ class _Built(Protocol):
 def practical_faults(solution: _Built, samples: Samples, limits: Limits, excursion: float | None = None) -> list[str]:
     """A sentence for each practical limit that a solution breaks; what a request limits itself is judged by its own limit.
 
-    Parameters
-    ----------
-    solution : Solution or Generator
-    samples : Samples
-        The motion; without positions lengths are ratios, and only those are judged.
-    limits : Limits
-        Of the request.
-    excursion : float, optional
-        Of the body point between samples, see `excursion.excursions`.
+    ``samples``: the motion; without positions lengths are ratios, and only those are judged. ``limits``: of the
+    request. ``excursion``: of the body point between samples, see `excursion.excursions`.
     """
     linkage, faults = solution.linkage, []
 
@@ -504,22 +482,12 @@ def excursions(
 
     Accurate to 1e-6 of its value, or to rounding of the positions near a change point.
 
-    Parameters
-    ----------
-    linkages : sequence of Linkage
-        Mounted ones.
-    crank_angle, side, ordered, closed, timed
-        As of `passage.passage`, one row a linkage.
-    length_scale : float
-        l of the objective, in the linkages' unit.
-    carried : array_like of bool, shape (n,), optional
-        Whether one circuit carries all samples, `Passage.circuit`, where that is known already.
+    ``linkages``: mounted ones. ``crank_angle``, ``side``, ``ordered``, ``closed``, ``timed``: as of `passage.passage`,
+    one row a linkage. ``length_scale``: l of the objective, in the linkages' unit. ``carried`` (n,): whether one
+    circuit carries all samples, `Passage.circuit`, where that is known already.
 
-    Returns
-    -------
-    list of float or None
-        At least 1 where no distance is below the shortest; None without a body point, and where no circuit carries all samples.
-        Law: the same for reversed samples, and for linkages and length scale times k.
+    At least 1 where no distance is below the shortest; None without a body point, and where no circuit carries all
+    samples. Law: the same for reversed samples, and for linkages and length scale times k.
     """
     found: list[float | None] = [None] * len(linkages)
     crank_angle, side = np.asarray(crank_angle, dtype=float), np.asarray(side)

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.determination import derivative_matrix, residuals
 from synthesis.fourbar.kinematics import close_loop, wrap
 from synthesis.fourbar.limits import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, Limits
@@ -37,9 +38,6 @@ from synthesis.mechanism import Placed
 from synthesis.pose import rotation_residual
 from synthesis.target import TURN, Target
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 # the choice of lengths
 GRID_TRIES = 300
@@ -83,17 +81,10 @@ _MARGIN = 1e-8
 class Rounding:
     """What came of looking for lengths that can be had.
 
-    Attributes
-    ----------
-    solution : Solution or None
-        The best; None where no combination that was tried has a place within the limits.
-    tried : int
-        How many combinations were fitted.
-    combinations : int or None
-        How many there are; None for a grid, which has no end.
-    exhaustive : bool or None
-        Whether the choice is the best of all combinations: every one was scanned over the whole turn of the start, and refined
-        unless the scan shows it to be worse. None for a grid.
+    ``solution``: the best; None where no combination that was tried has a place within the limits. ``tried``: how many
+    combinations were fitted. ``combinations``: how many there are; None for a grid, which has no end. ``exhaustive``:
+    whether the choice is the best of all combinations: every one was scanned over the whole turn of the start, and
+    refined unless the scan shows it to be worse. None for a grid.
     """
 
     solution: Solution | None
@@ -107,24 +98,13 @@ def round_to_grid(
 ) -> Rounding:
     """The solution with its links on a grid and everything else fitted anew, within the limits.
 
-    Parameters
-    ----------
-    target : Target
-        With positions: only then are lengths actual.
-    solution : Solution
-    grid : float
-        Step of the lengths, in the user's unit; a link is at least one step long.
-    limits : Limits
-    tries : int
-        At most so many combinations, where the nearest lengths do not do.
-    work : Work
-        Once it has expired no further combinations are tried than the first few.
+    ``target``: with positions: only then are lengths actual. ``grid``: step of the lengths, in the user's unit; a link
+    is at least one step long. ``tries``: at most so many combinations, where the nearest lengths do not do. ``work``:
+    once it has expired no further combinations are tried than the first few.
 
-    Returns
-    -------
-    Rounding
-        The nearest lengths, or where these break a limit in every place the best combination around them. Law: no length is off
-        the grid but those that the limits give; where the nearest lengths do, none moved by more than half a step (or up to one).
+    The nearest lengths, or where these break a limit in every place the best combination around them. Law: no length is
+    off the grid but those that the limits give; where the nearest lengths do, none moved by more than half a step (or
+    up to one).
     """
     old, given = solution.linkage, _given(limits)
     steps = np.maximum(np.round(np.array(old.links) / grid), 1.0)
@@ -143,10 +123,7 @@ def best_from_stock(
 ) -> Rounding:
     """The solution with each link of a stock length and everything else fitted anew, within the limits; arguments as above.
 
-    Returns
-    -------
-    Rounding
-        Law: each length is one of the stock; where it is exhaustive no combination is better.
+    Law: each length is one of the stock; where it is exhaustive no combination is better.
     """
     choices = [np.unique(stock) if np.isnan(length) else np.array([length]) for length in _given(limits)]
     return _best_of(target, solution, choices, limits, tries, work)
@@ -209,12 +186,7 @@ def nearest_of(upper: Floats, moved: Sequence[Sequence[float]]) -> Iterator[tupl
     Where lengths are so badly determined that more than `MOST_OPEN` choices are open, those are left out that stand beside the
     ones looked at from then on.
 
-    Parameters
-    ----------
-    upper : ndarray, shape (5, 5)
-        Upper triangular, no zero on its diagonal.
-    moved : sequence of sequence of float
-        Each rising.
+    ``upper`` (5, 5): upper triangular, no zero on its diagonal. ``moved``: each rising.
     """
     rows = [[float(value) for value in row] for row in upper]
     # A node is a choice for the last links; its children choose the link before, the nearest first. Along a rising list that is
@@ -294,15 +266,8 @@ class Places(NamedTuple):
 def scan(target: Target, links: Floats, branch: int, limits: Limits) -> tuple[Floats, Floats]:
     """The squared objective of links in their best place, and the starts it is reached from, pivots not limited.
 
-    Parameters
-    ----------
-    target : Target
-        With positions.
-    links : ndarray, shape (n, 4)
-        Actual lengths.
-    branch : int
-    limits : Limits
-        Starts and links that break one of the lengths, the angles or the family are left out; those of places are not looked at.
+    ``target``: with positions. ``links`` (n, 4): actual lengths. ``limits``: starts and links that break one of the
+    lengths, the angles or the family are left out; those of places are not looked at.
 
     Returns
     -------
@@ -382,23 +347,11 @@ def place(
 ) -> list[Solution | None]:
     """Links in their best place within the limits.
 
-    Parameters
-    ----------
-    target : Target
-        With positions.
-    links : ndarray, shape (n, 4)
-    branch : int
-    starts : ndarray, shape (n, m)
-        Where to begin; NaN: nowhere.
-    old : Linkage
-        A linkage nearby, whose place is tried as well.
-    limits : Limits
+    ``target``: with positions. ``links`` (n, 4). ``starts`` (n, m): where to begin; NaN: nowhere. ``old``: a linkage
+    nearby, whose place is tried as well.
 
-    Returns
-    -------
-    list of Solution or None
-        None where no place within the limits was found. Law: what is returned keeps the limits by its own numbers, and no
-        small change of its place that keeps them is better.
+    None where no place within the limits was found. Law: what is returned keeps the limits by its own numbers, and no
+    small change of its place that keeps them is better.
     """
     rows, columns = np.nonzero(np.isfinite(starts))
     tried = np.concatenate([rows, np.arange(len(links))])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.arrays import Floats
 from synthesis.fourbar.kinematics import (
     FULL_CRANK,
     Family,
@@ -24,8 +25,6 @@ from synthesis.pose import DEGENERATE, fit_positions
 from synthesis.ranking import Errors, motion_errors
 from synthesis.target import TURN, Interval, Samples, Target
 
-Floats = NDArray[np.float64]
-
 _KEPT = 1e-12
 """To which, over the largest number involved, an answer must keep a given length or place."""
 ALIKE = 0.02
@@ -38,10 +37,8 @@ class Solution:
 
     Attributes
     ----------
-    linkage : Linkage
     errors : Errors
         Recomputed from the linkage's numbers: its motion is compared with the request.
-    family : Family
     transmission_angle_min : float
         Over the used interval, exactly; 0 where it does not close between samples.
     transmission_angle_min_turn : float or None
@@ -95,18 +92,10 @@ def looks_of(linkage: Linkage, family: Family) -> Floats:
 def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayLike) -> list[Linkage]:
     """The linkages that candidates are, in their best pose and with actual lengths.
 
-    Parameters
-    ----------
-    target : Target
-    lengths : array_like, shape (n, 4)
-        Any scale; each closes at every sample.
-    branch, start : array_like, shape (n,)
-        theta1 at the first sample, in radians.
+    ``lengths`` (n, 4): any scale; each closes at every sample. ``branch``, ``start`` (n,): theta1 at the first sample,
+    in radians.
 
-    Returns
-    -------
-    list of Linkage
-        Without positions not mounted, with a ground of 1.
+    Without positions not mounted, with a ground of 1.
     """
     lengths, branch = np.asarray(lengths, dtype=float), np.asarray(branch)
     start = np.asarray(start) % TURN
@@ -154,17 +143,8 @@ def how_they_turn(links: Floats, used: Interval) -> list[tuple[Family, float, fl
 def assess(target: Target, linkages: list[Linkage], rows: list[int] | None = None) -> list[Solution]:
     """Linkages with their errors: the best offset of the rotation, and all else recomputed from their own numbers.
 
-    Parameters
-    ----------
-    target : Target
-    linkages : list of Linkage
-        Mounted where the target has positions; each closes at every sample.
-    rows : list of int, optional
-        Atlas rows that they are.
-
-    Returns
-    -------
-    list of Solution
+    ``linkages``: mounted where the target has positions; each closes at every sample. ``rows``: atlas rows that they
+    are.
     """
     if not linkages:
         return []
@@ -194,14 +174,8 @@ def assess(target: Target, linkages: list[Linkage], rows: list[int] | None = Non
 def keeps(target: Samples, limits: Limits, placed: Placed, rounding: float = 0.0) -> NDArray[np.bool_]:
     """Which linkages, placed in the user's unit, keep limits, (n,).
 
-    Parameters
-    ----------
-    target : Samples
-        Whose mean position and length scale the constraints are measured in.
-    limits : Limits
-    placed : Placed
-    rounding : float
-        Part of the longest length by which a limit may be broken.
+    ``target``: whose mean position and length scale the constraints are measured in. ``rounding``: part of the longest
+    length by which a limit may be broken.
     """
     if limits.family == "any":
         holds = transmission_angle_over(placed.lengths, placed.used) > 0

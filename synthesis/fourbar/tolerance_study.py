@@ -12,16 +12,13 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Linkage
 from synthesis.pose import whole_turns
 from synthesis.target import TURN
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 SHARES = (0.05, 0.50, 0.95)
 """The quantiles that a study gives: as many of all linkages made are at most so far off."""
@@ -79,15 +76,9 @@ class Spread:
 class Study:
     """What made linkages do.
 
-    Attributes
-    ----------
-    position, rotation : Spread or None
-        Distance of the body point, and absolute difference of the rotation, from those as designed at the same crank angle.
-        ``position`` is None where the linkage guides no body point.
-    count : int
-        How many linkages were simulated.
-    open_share : float
-        The part of them that does not close at every sample.
+    ``position``, ``rotation``: distance of the body point, and absolute difference of the rotation, from those as
+    designed at the same crank angle. ``position`` is None where the linkage guides no body point. ``count``: how many
+    linkages were simulated. ``open_share``: the part of them that does not close at every sample.
     """
 
     position: Spread | None
@@ -101,25 +92,21 @@ def simulate(
 ) -> Study:
     """Made linkages against the one as designed.
 
+    Law: with tolerances k times as large, ``linear`` is k times as large, and so is ``simulated`` in the limit of small
+    k.
+
     Parameters
     ----------
-    linkage : Linkage
     travel : ndarray, shape (n,)
         Crank angles from the first sample: those of the samples come first.
     samples : int
         How many of ``travel`` are samples; worst errors and contributions are over these.
-    tolerances : Tolerances
     count : int
         How many linkages to simulate.
     seed : int
         The same seed makes the same linkages.
     work : Work
         Asked between blocks whether the answer is still wanted.
-
-    Returns
-    -------
-    Study
-        Law: with tolerances k times as large, ``linear`` is k times as large, and so is ``simulated`` in the limit of small k.
     """
     linkage = replace(linkage, pivot_a=0j)  # where it stands takes digits, and changes nothing
     made = _Made.of(linkage, tolerances, count, np.random.default_rng(seed))

@@ -8,7 +8,7 @@ NaN under a mask that says so.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -79,8 +79,6 @@ class Reach(Result):
 class Clearance:
     """A point must keep to one side of a disc's plane, or out of the disc and what lies behind it.
 
-    Notes
-    -----
     With a finite radius the value is minus the signed distance to the solid of all points on the disc or behind it (a
     half-infinite cylinder). Law: never larger than the plane's value, and equal to it as the radius grows.
     """
@@ -160,23 +158,6 @@ class Clearance:
         leading = order[np.searchsorted(item[order], every)]
         worst = depth[leading]
         return Reach(worst < 0, -worst, value, worst, driver[leading])
-
-
-@dataclass(frozen=True)
-class Scalar:
-    """A number made from the parameters must be positive."""
-
-    name: str
-    function: Callable[[Mapping[str, Floats | float]], Floats | float]
-    """Takes the mapping of parameters; vectorised over them."""
-
-    def check(self, mechanism: Mechanism) -> None:
-        """A number needs no law and no point."""
-
-    def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> Result:
-        """The verdict for each item."""
-        value = np.broadcast_to(self.function(mechanism.parameters), (items,)).astype(float)
-        return Result(value > 0, value)
 
 
 Evaluated = TypeVar("Evaluated", bound=Result)
@@ -267,8 +248,6 @@ class Entry(Result):
 class SegmentHitsTriangle:
     """A segment must first enter a triangle through one named edge, within a range of the driver.
 
-    Notes
-    -----
     ``margin`` (length) is, where the condition holds, the distance of the entry point to the nearer end of the wanted
     edge. Where the segment enters elsewhere it is minus the distance of the entry point to the wanted edge, and where
     it never enters minus the smallest distance of segment and triangle in the range. The three meet at zero.
@@ -433,10 +412,7 @@ def inside_windows(
     The five orientations (``function``) change sign at their roots (``found``) only, so one look between two neighbours
     decides. ``allowed`` tells the items that may have a window at all.
 
-    Returns
-    -------
-    tuple of ndarray
-        Item, start, end, and the function whose root is the start (-1: the range's start).
+    Item, start, end, and the function whose root is the start (-1: the range's start).
     """
     every = np.arange(items)
     item = np.concatenate([found.item, every, every])

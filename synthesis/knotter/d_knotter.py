@@ -80,19 +80,10 @@ def mechanism(
 ) -> Mechanism:
     """The knotter as a mechanism; what is not given has the published or else the assumed value.
 
-    Parameters
-    ----------
-    parameters : mapping
-        ``alpha1, alpha2, alpha3`` (rad) and ``d1, D, d5, d6, d9, d10``.
-    senses : mapping
-        ``alpha`` and ``beta``, each 1 or -1.
-    laws : mapping
-        ``beta`` (disc) and ``alpha4`` (jaw) over the bill's angle.
-    points : mapping
-        Coordinates, each in its frame of `POINT_FRAMES`.
+    ``parameters``: ``alpha1, alpha2, alpha3`` (rad) and ``d1, D, d5, d6, d9, d10``. ``senses``: ``alpha`` and ``beta``,
+    each 1 or -1. ``laws``: ``beta`` (disc) and ``alpha4`` (jaw) over the bill's angle. ``points``: coordinates, each in
+    its frame of `POINT_FRAMES`.
 
-    Notes
-    -----
     Eq 9 with its senses made explicit; the printed eq 17 is not its inverse (it turns the bill the wrong way), so the
     inverse is derived from this chain. Law: ``u3`` to ``u4`` and back is the identity.
     """
@@ -150,8 +141,6 @@ def conditions() -> list[Condition]:
 class Needle:
     """The needle beside the jaw's cam, over the angle alpha2 of the bill's axis.
 
-    Notes
-    -----
     All angles alpha2 lie between -90 and 90 degrees, where ``cos alpha2`` is positive. There the clearance is concave
     wherever it is positive: it is positive on one interval or nowhere.
     """

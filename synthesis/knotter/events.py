@@ -110,19 +110,11 @@ def piece_ends(
 def pieces(function: Function, ends: Floats, items: int, floor: Floats) -> Pieces:
     """The functions as polynomials on pieces that are halved until the polynomials are good.
 
-    Parameters
-    ----------
-    function : callable
-    ends : ndarray, shape (n + 1,)
-        Ends of the first pieces, increasing.
-    items : int
-    floor : ndarray, shape (functions, items)
-        Rounding error of the values: no piece is halved for the sake of it.
+    ``ends`` (n + 1,): ends of the first pieces, increasing. ``floor`` (functions, items): rounding error of the values:
+    no piece is halved for the sake of it.
 
-    Notes
-    -----
-    A piece that is rough after `MAX_HALVINGS` stays as it is. Of what this scene asks only the distance from an axis
-    is ever that rough, where the point passes through the axis.
+    A piece that is rough after `MAX_HALVINGS` stays as it is. Of what this scene asks only the distance from an axis is
+    ever that rough, where the point passes through the axis.
     """
     low, high = ends[:-1], ends[1:]
     values = np.array(function(_places(low, high)[None], np.arange(items)[:, None, None]), float)
@@ -161,13 +153,8 @@ def pieces(function: Function, ends: Floats, items: int, floor: Floats) -> Piece
 def roots(parts: Pieces, function: Function | None, floor: Floats) -> Events:
     """Every root of every function.
 
-    Parameters
-    ----------
-    parts : Pieces
-    function : callable or None
-        The function of the pieces, to correct the polynomials' roots; None to take them as they are.
-    floor : ndarray, shape (functions, items)
-        A function that stays below it on a whole piece is zero there, without events.
+    ``function``: the function of the pieces, to correct the polynomials' roots; None to take them as they are.
+    ``floor`` (functions, items): a function that stays below it on a whole piece is zero there, without events.
     """
     which, piece = (index.ravel() for index in np.indices(parts.values.shape[:2]))
     values, item = parts.values.reshape(len(which), -1), parts.item[piece]

@@ -128,15 +128,9 @@ def search(
 ) -> tuple[list[Found], int]:
     """Sets of dimensions with their smallest margin as large as it was found, best first, and how many draws kept the pattern.
 
-    Parameters
-    ----------
-    draws, descents : int
-        Draws over the ranges, and how many of the best are improved; with 0 descents a start stays as it is.
-    seed : int
-    start : ndarray, shape (unknowns,), optional
-        Shares of one more start, improved as well.
-    work : Work, optional
-        Its end ends the improvement; the best so far is the answer.
+    ``draws``, ``descents``: draws over the ranges, and how many of the best are improved; with 0 descents a start stays
+    as it is. ``start`` (unknowns,): shares of one more start, improved as well. ``work``: its end ends the improvement;
+    the best so far is the answer.
     """
     work = work or Work()
     first, drawing = work.extended(LONGER), work.extended(-DRAWING)

@@ -59,13 +59,8 @@ class Linear:
 class Table:
     """A law through given points: straight between them, or a monotone cubic (pchip).
 
-    Raises
-    ------
-    ValueError
-        Fewer than two knots, lengths that differ, or driver angles that do not increase.
+    Raises `ValueError`: fewer than two knots, lengths that differ, or driver angles that do not increase.
 
-    Notes
-    -----
     Law: the value at a knot is the knot's angle; between two knots it never leaves the interval of their angles.
     """
 
@@ -169,10 +164,8 @@ class Chain:
 class Mechanism:
     """Frames joined by chains, points fixed in frames, and the values that place them.
 
-    Notes
-    -----
-    Law: carrying a point to another frame and back gives the point, to rounding; distances between points of one
-    frame are the same in every frame.
+    Law: carrying a point to another frame and back gives the point, to rounding; distances between points of one frame
+    are the same in every frame.
     """
 
     parameters: Mapping[str, float | Floats]
@@ -325,10 +318,7 @@ def varied(mechanism: Mechanism, values: Mapping[str, Floats | float]) -> Mechan
 
     Law: with the values of `dimensions` it is the same mechanism.
 
-    Raises
-    ------
-    FieldError
-        A dimension that this mechanism does not have.
+    Raises `FieldError`: a dimension that this mechanism does not have.
     """
     parameters, laws, points = dict(mechanism.parameters), dict(mechanism.laws), dict(mechanism.points)
     for name, value in values.items():

@@ -78,15 +78,10 @@ def divisor(x: Floats) -> Floats:
 def orientations(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple[Any, ...]:
     """The five orientations that decide whether segment pq crosses triangle abc.
 
-    Returns
-    -------
-    tuple of ndarray
-        ``s_p, s_q``: on which side of the plane the ends lie (length^3). ``u_ab, u_bc, u_ca``: on which side of each
-        edge the line pq meets the plane, with the sign of ``s_p - s_q`` (length^8). All are polynomials in the
-        coordinates: no poles.
+    ``s_p, s_q``: on which side of the plane the ends lie (length^3). ``u_ab, u_bc, u_ca``: on which side of each edge
+    the line pq meets the plane, with the sign of ``s_p - s_q`` (length^8). All are polynomials in the coordinates: no
+    poles.
 
-    Notes
-    -----
     Law: pq crosses abc inside if and only if ``s_p s_q < 0`` and ``u`` has the sign of ``s_p`` for the three edges.
     Everything is taken relative to ``a``, so a common offset of all points costs no digits.
     """
@@ -123,20 +118,13 @@ def crossing_point(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Vec
 def classify(p: ArrayLike, q: ArrayLike, a: ArrayLike, b: ArrayLike, c: ArrayLike) -> NDArray[np.int8]:
     """How segments lie to triangles, without a rounding error in the verdict.
 
-    Parameters
-    ----------
-    p, q, a, b, c : array_like, shape (..., 3)
-        Ends of the segments and vertices of the triangles; finite, they broadcast.
+    ``p``, ``q``, ``a``, ``b``, ``c`` (..., 3): ends of the segments and vertices of the triangles; finite, they
+    broadcast.
 
-    Returns
-    -------
-    ndarray of int8, shape (...)
-        Values of `Crossing`.
+    Shape (...). Values of `Crossing`.
 
-    Notes
-    -----
-    Signs come from doubles where they exceed a bound of their rounding error and from rational arithmetic elsewhere,
-    so the verdict is exact for the doubles given (a filtered predicate, after Shewchuk 1997).
+    Signs come from doubles where they exceed a bound of their rounding error and from rational arithmetic elsewhere, so
+    the verdict is exact for the doubles given (a filtered predicate, after Shewchuk 1997).
     """
     rows = np.array(np.broadcast_arrays(p, q, a, b, c), float)
     shape = rows.shape[1:-1]
@@ -177,10 +165,8 @@ def _classify_exactly(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> 
 def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> Any:
     """The distance of segments pq and ab; either may be a point.
 
-    Notes
-    -----
-    The minimum of a convex quadratic over a square: unclamped in one parameter, clamped, then the other
-    (Ericson, Real-Time Collision Detection, 5.1.9). Law: symmetric in the two segments.
+    The minimum of a convex quadratic over a square: unclamped in one parameter, clamped, then the other (Ericson,
+    Real-Time Collision Detection, 5.1.9). Law: symmetric in the two segments.
     """
     d1, d2, r = subtract(q, p), subtract(b, a), subtract(p, a)
     len1, len2, mixed = dot(d1, d1), dot(d2, d2), dot(d1, d2)
@@ -196,8 +182,6 @@ def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> Any:
 def segment_triangle_distance(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Any:
     """The distance of segment pq and triangle abc; zero where they meet.
 
-    Notes
-    -----
     The nearest points lie on an edge and the segment, or on an end of the segment and the triangle's inside.
     """
     distance = np.minimum(

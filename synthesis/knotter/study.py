@@ -35,13 +35,9 @@ def study(
 ) -> StudyResult:
     """Every condition for every combination of the grid's parameters; ``work`` is asked before each few items of each condition.
 
-    Raises
-    ------
-    FieldError
-        An empty grid, degenerate points, a law that is not defined over a condition's range, too much work.
+    Raises `FieldError`: an empty grid, degenerate points, a law that is not defined over a condition's range, too much
+    work.
 
-    Notes
-    -----
     Law: an item's result does not depend on the other items of the grid.
     """
     for name, values in grid.items():
@@ -90,11 +86,9 @@ def solve(
 
     Also whether the condition holds at the first value, which tells always from never when there is no limit.
 
-    Notes
-    -----
     Where the condition holds between two samples only, neither sees it: the verdict at a sample is exact, the search
-    over the parameter is as fine as its samples. Each change is then cut into 16 until next to nothing is left.
-    Law: the condition holds at ``value`` and fails at the next samples beyond it. ``work`` is asked at each evaluation.
+    over the parameter is as fine as its samples. Each change is then cut into 16 until next to nothing is left. Law:
+    the condition holds at ``value`` and fails at the next samples beyond it. ``work`` is asked at each evaluation.
     """
     condition.check(mechanism)
 
@@ -159,15 +153,9 @@ def spread(
 ) -> tuple[dict[str, Spread], float]:
     """Each condition of one mechanism within its tolerances, and the share of the samples in which all of them hold.
 
-    Parameters
-    ----------
-    tolerances : mapping
-        Half width of each dimension's tolerance (of `dimensions`), above 0.
-    samples : int
-        Even draws from the box of the tolerances, the same for all conditions.
+    ``tolerances``: half width of each dimension's tolerance (of `dimensions`), above 0. ``samples``: even draws from
+    the box of the tolerances, the same for all conditions.
 
-    Notes
-    -----
     Law: the linear margin is never above the corner's by more than the margin's curvature makes.
     """
     work = work or Work()

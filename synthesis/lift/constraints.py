@@ -246,10 +246,7 @@ def least(found: dict[str, Floats]) -> dict[str, Floats]:
 def check_constraints(limits: Constraints) -> None:
     """Refuse constraints that no design can keep: empty ranges, or a box without the cylinder's pivot.
 
-    Raises
-    ------
-    FieldError
-        With ``constraint`` the field's name.
+    Raises `FieldError`: with ``constraint`` the field's name.
     """
     ranges = {**limits.lengths, "closed_length": limits.closed_length, "rise_time": limits.rise_time}
     for name, (low, high) in ranges.items():

@@ -46,10 +46,7 @@ def refusal(constraint: str, field: str, amount: float, message: str, **facts: f
 def check_speed(cylinder: Cylinder) -> None:
     """Refuse a cylinder that stands still.
 
-    Raises
-    ------
-    FieldError
-        With ``constraint`` ``speed``.
+    Raises `FieldError`: with ``constraint`` ``speed``.
     """
     if cylinder.speed == 0:
         raise refusal("speed", "/cylinder/speed", 0.0, "the cylinder stands still: its speed must not be 0")
@@ -132,10 +129,8 @@ def motion(design: Design, cylinder: Cylinder, times: Any | None = None, samples
 
     Rising starts at the cylinder's length, lowering (speed < 0) at the top.
 
-    Raises
-    ------
-    FieldError
-        With ``constraint`` and ``amount``: see `checked_stroke`; ``time`` for times outside of the motion.
+    Raises `FieldError`: with ``constraint`` and ``amount``: see `checked_stroke`; ``time`` for times outside of the
+    motion.
     """
     limits = checked_stroke(design, cylinder)
     duration = float(limits.duration)
@@ -164,13 +159,10 @@ def _check_times(times: Floats, duration: float) -> None:
 def checked_stroke(design: Design, cylinder: Cylinder) -> Stroke:
     """The stroke of one lift, or the constraint that it fails and by how much.
 
-    Raises
-    ------
-    FieldError
-        ``constraint`` is one of ``proportion`` (no digits left), ``triangle`` (34), ``l3<l5`` (36), ``top_lever``
-        (the cylinder must shorten to come to the top), ``dead_point`` (length at or below the dead point's: no such
-        pose, or none that lifts), ``cylinder_length`` (no pose: longer than at the top), ``speed`` (zero) or
-        ``stopping`` (the cylinder comes to rest before the end). ``amount`` >= 0 is by how much, as a length.
+    Raises `FieldError`: ``constraint`` is one of ``proportion`` (no digits left), ``triangle`` (34), ``l3<l5`` (36),
+    ``top_lever`` (the cylinder must shorten to come to the top), ``dead_point`` (length at or below the dead point's:
+    no such pose, or none that lifts), ``cylinder_length`` (no pose: longer than at the top), ``speed`` (zero) or
+    ``stopping`` (the cylinder comes to rest before the end). ``amount`` >= 0 is by how much, as a length.
     """
     length = float(cylinder.length)
     _check_lengths(design, length)

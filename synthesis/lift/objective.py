@@ -288,10 +288,7 @@ to either side of the best one that a closer look keeps: wide, for it may sit in
 def check_task(task: Task) -> None:
     """Refuse what no search is needed for: a cylinder at rest, or a stroke that does not rise.
 
-    Raises
-    ------
-    FieldError
-        With ``constraint`` ``speed`` or ``stroke``.
+    Raises `FieldError`: with ``constraint`` ``speed`` or ``stroke``.
     """
     check_speed(task.cylinder)
     if not task.low < task.high:

@@ -265,14 +265,8 @@ def top_lever(design: Design, form: Shape | None = None) -> Any:
 def by_blocks(function: Callable[..., Any], size: int, *fields: Any) -> Any:
     """Values of a function of arrays, computed for at most `size` members at a time: bounds the memory.
 
-    Parameters
-    ----------
-    function : callable
-        ``function(*columns) -> values`` for columns of shape (n,), values of shape (..., n).
-    size : int
-        Members at a time.
-    *fields : array_like
-        Broadcast against each other; the values have their shape in place of the last axis.
+    ``function``: ``function(*columns) -> values`` for columns of shape (n,), values of shape (..., n). ``size``:
+    members at a time. ``*fields``: broadcast against each other; the values have their shape in place of the last axis.
     """
     arrays = np.broadcast_arrays(*(np.asarray(field, dtype=float) for field in fields))
     flat = [array.reshape(-1) for array in arrays]

@@ -14,7 +14,7 @@ import pytest
 
 from benchmarks import figures, growth, report
 
-NAMES = sorted(path.stem for path in report.RESULTS.glob("*.json"))
+NAMES = report.names()
 
 
 @pytest.fixture(scope="module")
@@ -124,8 +124,9 @@ def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(mo
         slow_cases: Annotated[int, "of each"] = 3,
         kinds: Annotated[str, "some", ("a", "b")] = ("a", "b"),
         atlas: Annotated[Path | None, "built if not given"] = None,
+        quick: Annotated[bool, "soon"] = False,
     ) -> Iterator[dict]:
-        yield {"cases": slow_cases, "kinds": kinds}
+        yield {"cases": slow_cases, "kinds": kinds, **({"quick": True} if quick else {})}
         yield {"atlas": atlas}
 
     report.run(measure, ["--slow-cases", "7", "--kinds", "b"])
@@ -137,6 +138,8 @@ def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(mo
     ]
     report.run(measure, ["--atlas", "x.h5"])
     assert published[-4][1] == {"cases": 3, "kinds": ("a", "b")} and published[-2][1] == {"atlas": Path("x.h5")}
+    report.run(measure, ["--quick"])
+    assert published[-4][1] == {"cases": 3, "kinds": ("a", "b"), "quick": True}
     with pytest.raises(SystemExit):
         report.run(measure, ["--kinds", "c"])
 

@@ -6,7 +6,7 @@ degrees with uneven gaps, both directions and branches, any place, size and body
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -74,6 +74,28 @@ def free_case(seed: int, samples: int, swinging: bool = False) -> FreeCase:
     place = 200 * np.exp(1j * random.uniform(0, 2 * np.pi))
     rotation = np.angle(coupler * turned * np.exp(1j * random.uniform(0, 2 * np.pi)))
     return FreeCase(place + size * turned * point, rotation, lengths, branch, theta1, size)
+
+
+NOISE = 1e-3
+
+
+def free_request(case: FreeCase, kind: str, seed: int) -> tuple[FreeCase, dict[str, Any]]:
+    """The samples that are asked for and the request in degrees, without limits: a "path", "mixed" (half of the rotations
+    missing), with "noise", of "any family", or every pose as it is.
+    """
+    random = np.random.default_rng([77, seed])
+    rotation: Any = None if kind == "path" else case.rotation.copy()
+    if kind == "mixed":
+        rotation[random.permutation(rotation.size)[: rotation.size // 2]] = np.nan
+    if kind == "noise":
+        size = np.max(np.abs(case.position - case.position.mean()))
+        off = random.standard_normal((3, rotation.size)) * NOISE / np.sqrt([[1], [2], [2]])
+        rotation = rotation + off[0]
+        case = replace(case, position=case.position + size * (off[1] + 1j * off[2]))
+    told = None if rotation is None else [None if np.isnan(turn) else float(np.rad2deg(turn)) for turn in rotation]
+    request: dict[str, Any] = {"rotation": told, "position": case.position, "timing": "free"}
+    request["limits"] = {"preset": "none", "family": "any" if kind == "any family" else "full_crank"}
+    return replace(case, rotation=rotation), request
 
 
 @dataclass(frozen=True)

@@ -165,10 +165,10 @@ DENSE = 20_001
 def broken_limits(request: Mapping[str, Any], solution: Mapping[str, Any]) -> list[str]:
     """Names of the limits that a solution breaks, on `DENSE` crank angles over the used interval and over the turn.
 
-    Angles in degrees. What is given, pivots and lengths, must be met to 1e-12 of the linkage's size; the rest is kept to the
-    last bit, angles to 1e-9 degrees.
+    The preset "practical" counts with what it stands for; angles in degrees. What is given, pivots and lengths, must be met
+    to 1e-12 of the linkage's size; the rest is kept to the last bit, angles to 1e-9 degrees.
     """
-    limits, broken = request["limits"], []
+    limits, broken = practical(request) | request["limits"], []
     links = np.array([solution["links"][name] for name in LINKS])
     l1, _, _, l4 = links
     if "link_min" in limits and links.min() < limits["link_min"]:
@@ -207,6 +207,17 @@ def broken_limits(request: Mapping[str, Any], solution: Mapping[str, Any]) -> li
     return broken
 
 
+def practical(request: Mapping[str, Any]) -> dict[str, Any]:
+    """The limits that the preset "practical" stands for, where a request of poses or points names it."""
+    if request["limits"].get("preset") != "practical":
+        return {}
+    xs, ys = zip(*(place for place in request["position"] if place is not None))
+    middle = complex(sum(xs) / len(xs), sum(ys) / len(ys))
+    far = 10 * max(abs(complex(x, y) - middle) for x, y in zip(xs, ys))
+    angles = {"transmission_angle_min": 35.0, "transmission_angle_min_turn": 15.0}
+    return angles | {"link_ratio_max": 10.0, "link_max": far, "pivot_reach": (middle, far)}
+
+
 def _used(request: Mapping[str, Any], solution: Mapping[str, Any]) -> np.ndarray:
     """Crank angles of the used interval from the first sample on, in radians, densely."""
     if request.get("timing") == "free":
@@ -239,6 +250,10 @@ def _broken_places(
         for box in (f"{name}_box", "pivot_box"):
             if box in limits and not _in_box(pivot, limits[box]):
                 broken.append(box)
+        placed = {name, f"{name}_box", "pivot_box", "envelope"} & limits.keys()
+        middle, far = limits.get("pivot_reach", (a, np.inf))
+        if not placed and abs(pivot - middle) > far * (1 + 1e-12):
+            broken.append("pivot_reach")
         for out in limits.get("keep_out", []):
             if out[0] < pivot.real < out[2] and out[1] < pivot.imag < out[3]:
                 broken.append("keep_out")

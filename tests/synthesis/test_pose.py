@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.atlas.best import best_rows
 from synthesis.atlas.file import load_atlas
-from synthesis.atlas.scan import Scan
+from synthesis.atlas.scan import Scan, best_rows
 from synthesis.fourbar.kinematics import coupler_angle, wrap
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage

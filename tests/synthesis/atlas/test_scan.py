@@ -12,8 +12,7 @@ import pytest
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import scan as scan_module
 from synthesis.atlas.cells import Arcs, Cells
-from synthesis.atlas.descent import Descent
-from synthesis.atlas.matrices import Matrices
+from synthesis.atlas.descent import Descent, Matrices
 from synthesis.atlas.preparation import Preparation
 from synthesis.atlas.scan import KIND, STARTS, Scan
 from synthesis.atlas.series import Phasors

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from synthesis.atlas import preparation, window_index, window_search
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import AtlasRule
-from synthesis.atlas.window_index import INTERVALS, NO_ENTRY, PARTS, Expansion, WindowIndex, polynomials
-from synthesis.atlas.window_search import WindowSearch
+from synthesis.atlas.window_index import INTERVALS, NO_ENTRY, PARTS, Expansion, WindowIndex
+from synthesis.atlas.window_search import WindowSearch, polynomials
 from synthesis.atlas.windows import TIE, BestWindows, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle

@@ -13,8 +13,7 @@ from scipy.optimize import brentq
 
 from synthesis.errors import FieldError
 from synthesis.knotter import d_knotter
-from synthesis.knotter.conditions import Clearance, Found, Scalar, SegmentHitsTriangle, inside_windows
-from synthesis.knotter.d_knotter import Needle
+from synthesis.knotter.conditions import Clearance, Found, SegmentHitsTriangle, inside_windows
 from synthesis.knotter.events import Events
 from synthesis.knotter.mechanism import ANGLES, Chain, Linear, Mechanism, Shift, Table, Turn, dimensions, varied
 from synthesis.knotter.segment_triangle import segment_triangle_distance
@@ -236,20 +235,6 @@ def test_limits_are_found_on_both_sides() -> None:
         assert limit.result.holds[0]
         beyond = limit.value + (-1e-13 if limit.holds_above else 1e-13)
         assert not d_knotter.bite().evaluate(machine.with_parameters(alpha3=beyond), 1).holds[0]
-
-
-def test_scalar_condition_finds_the_needles_limit_and_length() -> None:
-    """The general solver on a number: eq 4 over alpha2, and eq 5 over d5."""
-    needle = Needle()
-    machine = d_knotter.mechanism()
-    free = Scalar("needle", lambda size: needle.clearance(size["alpha2"]))
-    limits, _ = solve(machine, free, "alpha2", (-1.5, 1.5))
-    assert [limit.value for limit in limits] == pytest.approx(needle.free_range(), abs=1e-14)
-    lay = Scalar("lay", lambda size: size["d5"] - needle.lay(size["alpha2"]))
-    (limit,), _ = solve(machine, lay, "d5", (0.0, 100.0))
-    assert limit.value == pytest.approx(54.740800139162, abs=1e-10)
-    grid = {"alpha2": np.radians([6.0, 7.0, 8.0])}
-    assert list(study(machine, grid, [free]).feasible) == [False, True, True]
 
 
 def test_another_machine_is_another_page_of_data() -> None:

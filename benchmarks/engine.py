@@ -1,0 +1,558 @@
+"""What every kind of search reaches and in which time: random requests through the front door, beside the best known answers.
+
+``python -m benchmarks.engine --heavy 10 --cases 30`` makes the references of the first 30 requests of each approximate
+class, ``python -m benchmarks.engine --cases 30`` measures all classes, ``--quick`` compares ten of each with what is
+kept and writes nothing. Only `linkage_atlas.synthesize` and `linkage_atlas.function` are called, with their defaults;
+J is recomputed from the numbers of the first solution by `tests.oracles`, and counts as infinite where a limit is
+broken. Times, budgets too, are processor time.
+
+The *reference* of a request is the least J that was ever measured for it, kept in ``results/engine_reference.json``: a
+cost that some linkage has, whatever search found it, so it stays valid where the search changes. Ways to a lower one: a
+heavy search (`heavy`), and every run of this module.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import cycle, pairwise
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+import linkage_atlas as la
+from benchmarks import report
+from benchmarks.figures import BLUE, GREEN, ORANGE, PURPLE, figure
+from tests.everyday.battery import CLOSED, OPEN, drawn
+from tests.oracles.classes import UNREACHABLE, make_case
+from tests.oracles.free_classes import free_case, free_request, recompute_free
+from tests.oracles.function_cases import CLASSES as FUNCTION_KINDS
+from tests.oracles.function_cases import function_case, largest_error, random_function, recompute_rms, zeros_kept
+from tests.oracles.limited_classes import make_limited
+from tests.oracles.recompute import broken_limits, recompute
+
+EXACT = 1e-9
+"""A J below is that of an exact answer, and differences between such ones are rounding."""
+NEAR = 1.01
+BUDGETS = (50, 100, 150, 300, 1000)
+"""Milliseconds."""
+FRESH = 7_000_000
+"""Seeds from here on are used by nothing else."""
+SAMPLES = range(8, 65)
+"""Of approximate paths."""
+HAND, OFF = 1.5, 0.01
+"""How far a hand wobbles, of some 200 units, and the noise of a curve over its size."""
+RUNS = ("before", "parts")
+"""Names of the run that others are held against, and of the newest, in the result file."""
+ALLOWED = tuple(f"cost_{budget}" for budget in BUDGETS)
+TICKS = (30, 50, 100, 200, 500, 1000, 3000)
+FAR = 0.95
+"""Part of the requests whose J is at most as far off as the picture shows."""
+QUICK, QUICK_BUDGETS = 10, (100, 300)
+CASES = Path("../shared/cases")
+
+
+class Case(NamedTuple):
+    """A request and what judges an answer to it."""
+
+    request: dict[str, Any]
+    cost: Callable[[dict[str, Any]], float]
+    """J of a solution in the form of a reply; infinite where it breaks what was asked."""
+    search: Callable[..., Any] = la.synthesize
+
+    def ask(self, budget: float | None = None, **more: Any) -> Any:
+        """The reply, with a budget in seconds of the processor."""
+        return self.search(**{**self.request, **more}, budget=budget, work=processor_work)
+
+    @property
+    def mark(self) -> int:
+        """The request in a number: a reference holds for this one only."""
+        told = json.dumps(self.request, sort_keys=True)
+        return zlib.crc32(re.sub(r"\d+\.\d+", lambda number: f"{float(number[0]):.6g}", told).encode())
+
+
+def processor_work(budget: float | None) -> la.Work:
+    """Work whose time is that of the processor, which other work does not stretch."""
+    return la.Work(budget, clock=time.process_time)
+
+
+# -- the classes ------------------------------------------------------------------------------------------------------
+
+
+def in_time(request: dict[str, Any]) -> Case:
+    """A request with crank angles, without limits or within some."""
+
+    def cost(one: dict[str, Any]) -> float:
+        found = recompute(request, one)
+        broken = found is None or broken_limits({"limits": {}} | request, one)
+        return np.inf if broken else found.objective
+
+    return Case(request, cost)
+
+
+def untimed(position: np.ndarray, rotation: np.ndarray | None, request: dict[str, Any]) -> Case:
+    """A request without crank angles: the order must hold, and the limits."""
+
+    def cost(one: dict[str, Any]) -> float:
+        found = recompute_free(position, rotation, one)
+        return found.objective if found.one_way and not broken_limits(request, one) else np.inf
+
+    return Case(request, cost)
+
+
+def timed_exact(kind: str, seed: int) -> Case:
+    return in_time(make_case(kind, seed, 32 if kind == "change point" else 16).request)
+
+
+def free_exact(kind: str, samples: int, seed: int) -> Case:
+    case, request = free_request(free_case(seed, samples, kind == "any family"), kind, seed)
+    return untimed(case.position, case.rotation, request)
+
+
+def path(kind: str, seed: int) -> Case:
+    """A path that no four-bar makes exactly, within the practical limits."""
+    random = np.random.default_rng([41, seed])
+    count = int(random.choice(SAMPLES))
+    request: dict[str, Any] = {}
+    if kind == "smooth closed":
+        turn = np.exp(2j * np.pi * np.arange(count) / count)
+        parts = random.standard_normal((6, 2)) @ [1, 1j] / np.array([1, 1, 4, 4, 9, 9])
+        places = 100 * sum(part * turn**power for part, power in zip(parts, (1, -1, 2, -2, 3, -3)))
+        request["closed"] = True
+    elif kind == "rocker with noise":
+        case = free_case(seed, count)
+        size = np.max(np.abs(case.position - case.position.mean()))
+        places = case.position + OFF * size * (random.standard_normal((count, 2)) @ [1, 1j]) / np.sqrt(2)
+    else:
+        asked = drawn(str(random.choice(list(CLOSED | OPEN))), count, HAND)
+        turned = np.exp(1j * random.uniform(0, 2 * np.pi))
+        x, y = (
+            (turned * (np.array(asked["position"]) @ [1, 1j]) * random.uniform(0.5, 2)).view(float).reshape(-1, 2).T
+        )
+        places = x * random.uniform(0.6, 1) + 1j * y
+        request["closed"] = asked.get("closed", False)
+    position = np.column_stack([places.real, places.imag]).round(3)
+    request |= {"position": position.tolist(), "timing": "free", "limits": {"preset": "practical"}}
+    return untimed(position @ [1, 1j], None, request)
+
+
+def poses(samples: int, seed: int) -> Case:
+    """Poses drawn at random, passed in the order given, by four-bars of any family within the practical limits."""
+    random = np.random.default_rng([55, samples, seed])
+    rotation = np.rad2deg(random.uniform(-1, 1, samples)).round(6)
+    position = random.standard_normal((samples, 2)).round(6)
+    request = {"rotation": rotation.tolist(), "position": position.tolist(), "timing": "free"}
+    request["limits"] = {"family": "any", "preset": "practical"}
+    return untimed(position @ [1, 1j], np.deg2rad(rotation), request)
+
+
+def limited(kind: str, seed: int) -> Case:
+    return in_time((make_case(UNREACHABLE, seed) if kind == UNREACHABLE else make_limited(kind, seed)).request)
+
+
+def exact_function(kind: str, samples: int, zeros: str, seed: int) -> Case:
+    request = function_case(kind, samples, zeros, seed)
+
+    def cost(one: dict[str, Any]) -> float:
+        return recompute_rms(request, one) if zeros_kept(request, one) else np.inf
+
+    return Case(request, cost, la.function)
+
+
+def largest(seed: int) -> Case:
+    """A function by its name whose largest error is to be least; J is that error in degrees."""
+    request = random_function(seed)
+
+    def cost(one: dict[str, Any]) -> float:
+        passed = one | {"crank_angle": [0.0, request["crank_span"]]}
+        limits = {"family": "any"} | request["limits"]
+        return np.inf if broken_limits({"timing": "free", "limits": limits}, passed) else largest_error(request, one)
+
+    return Case(request, cost, la.function)
+
+
+class Class(NamedTuple):
+    """Requests of one row of the tables."""
+
+    makers: tuple[Callable[[int], Case], ...]
+    """From a seed; a request is made by each in turn."""
+    asked: str
+    """What is to be reached."""
+    exact: bool = True
+    seeds: tuple[int, ...] = ()
+    """Seeds in front of the fresh ones."""
+    many: int = 1
+    """Times as many cases as of others."""
+
+    def some(self, count: int) -> list[int]:
+        """The first seeds: those in front, then fresh ones."""
+        return [*self.seeds, *range(FRESH, FRESH + count * self.many)][: count * self.many]
+
+    def case(self, seed: int) -> Case:
+        """The case of a seed."""
+        place, kind = divmod(seed - FRESH, len(self.makers))
+        return self.makers[0](seed) if seed in self.seeds else self.makers[kind](FRESH + place)
+
+
+TIMED = ("plain", "any order", "double-crank", "clockwise", "uneven crank angles")
+EXACT_POSES = (5, 6, 8, 10, 15, 30, 60, 100)
+EXACT_POINTS = (8, 9, 10, 12, 15, 20, 30, 60, 100)
+FUNCTIONS = ((8, "free"), (32, "free"), (200, "free"), (5, "input"), (32, "output"), (32, "both"))
+"""Samples and zeros that are given."""
+PATHS = ("smooth closed", "rocker with noise", "by hand")
+LIMITED = ("broken", "boxed", "machine", UNREACHABLE)
+NEAR_CHANGE_POINTS = (445, 3109, 3594)
+"""Seeds that ended at 1e-5."""
+CLASSES = {
+    "timed": Class(tuple(partial(timed_exact, kind) for kind in TIMED), "8 / 40 ms", many=5),
+    "motion": Class(tuple(partial(free_exact, "motion", n) for n in EXACT_POSES), "5 ms", many=5),
+    "few poses": Class(tuple(partial(free_exact, "few", n) for n in (2, 3, 4)), "-"),
+    "motion, any family": Class(tuple(partial(free_exact, "any family", n) for n in (5, 6, 10, 30)), "-"),
+    "mixed": Class((partial(free_exact, "mixed", 8),), "99 % below 1 s; 99.5 %"),
+    "path": Class(tuple(partial(free_exact, "path", n) for n in EXACT_POINTS), "25 / 400 ms; 99 %"),
+    "function": Class(
+        tuple(partial(exact_function, kind, *way) for kind in FUNCTION_KINDS for way in FUNCTIONS), "8 ms", many=5
+    ),
+    "change point": Class((partial(timed_exact, "change point"),), "all", seeds=NEAR_CHANGE_POINTS, many=5),
+    "drawn path": Class(tuple(partial(path, kind) for kind in PATHS), "300 ms, 95 %; 100 ms, 75 %", exact=False),
+    "random poses": Class(tuple(partial(poses, n) for n in (6, 10, 20)), "150 ms, 98 %", exact=False),
+    "within limits": Class(tuple(partial(limited, kind) for kind in LIMITED), "70 ms, 99 %", exact=False),
+    "largest error": Class((largest,), "300 ms", exact=False),
+}
+APPROXIMATE = tuple(name for name, one in CLASSES.items() if not one.exact)
+
+
+# -- references -------------------------------------------------------------------------------------------------------
+
+REFERENCE = report.RESULTS / "engine_reference.json"
+SHIFTS = (0.003, 0.01, 0.03)
+"""Noise on the samples, over their size, from whose answers a heavy search descends."""
+HEAVY = 10
+"""Seconds of a heavy search."""
+TRY = 1.0
+"""Seconds of each try but the first."""
+
+
+class References:
+    """The least J known of each case, by class and seed, with the seconds of heavy search that went into it.
+
+    The file is read anew and written whole at each improvement, so that several processes may share it.
+    """
+
+    def __init__(self) -> None:
+        self.known: dict[str, dict[str, list[float]]] = {}
+        self.read()
+
+    def read(self) -> None:
+        self.known = json.loads(REFERENCE.read_text()) if REFERENCE.exists() else {}
+
+    def of(self, name: str, seed: int, mark: int) -> tuple[float, float]:
+        """J and seconds; infinite and none where the request is a new one."""
+        found, cost, seconds = self.known.get(name, {}).get(str(seed), (mark, np.inf, 0.0))
+        return (np.inf if cost is None else cost, seconds) if found == mark else (np.inf, 0.0)
+
+    def improve(self, name: str, seed: int, mark: int, cost: float, seconds: float = 0.0) -> None:
+        """Keep a J where it is less, and the seconds that were spent."""
+        self.read()
+        before, spent = self.of(name, seed, mark)
+        if cost >= before * (1 - 1e-6) and not seconds:
+            return
+        entry = [mark, report.finite(float(f"{min(cost, before):.7g}")), round(spent + seconds, 1)]
+        self.known.setdefault(name, {})[str(seed)] = entry
+        lines = [
+            f' "{one}": {{\n' + ",\n".join(f'  "{s}": {json.dumps(some[s])}' for s in sorted(some, key=int)) + "\n }"
+            for one, some in sorted(self.known.items())
+        ]
+        REFERENCE.with_suffix(".part").write_text("{\n" + ",\n".join(lines) + "\n}\n")
+        REFERENCE.with_suffix(".part").replace(REFERENCE)
+
+
+def shifted(request: Mapping[str, Any], random: np.random.Generator, by: float) -> dict[str, Any]:
+    """The request with its samples moved at random, which leads a search into other valleys."""
+    out = dict(request)
+    if "position" in out:
+        places = np.array(out["position"])
+        size = np.max(np.linalg.norm(places - places.mean(axis=0), axis=1))
+        out["position"] = (places + by * size * random.standard_normal(places.shape)).tolist()
+    if out.get("rotation") is not None:
+        out["rotation"] = (
+            np.array(out["rotation"]) + np.rad2deg(by) * random.standard_normal(len(out["rotation"]))
+        ).tolist()
+    for name in ("function", "crank_span") if "function" in out else ():
+        value = out[name]
+        part = 1 + by * random.standard_normal()
+        out[name] = value | {"output_span": value["output_span"] * part} if name == "function" else value * part
+    return out
+
+
+def heavy(case: Case, seconds: float, random: np.random.Generator) -> float:
+    """The least J of the request's own search, and of what the answers to nearby requests descend to within this one."""
+    begin, best = time.process_time(), min((case.cost(one.to_dict()) for one in case.ask().solutions), default=np.inf)
+    for by in cycle(SHIFTS):
+        if time.process_time() - begin > seconds or best <= EXACT:
+            return best
+        for one in case.ask(TRY, **shifted(case.request, random, by), top=5).solutions:
+            try:
+                ends = case.ask(refine_from=one.to_dict(), top=1).solutions
+            except la.FieldError:  # too far from what is asked to begin there
+                continue
+            best = min([best, *(case.cost(end.to_dict()) for end in ends)])
+    return best
+
+
+def search_heavily(names: Sequence[str], cases: int, seconds: float) -> None:
+    """Heavy search for the first cases of each class up to so many seconds in all, class by class in turn."""
+    references = References()
+    for number in range(cases):
+        for name in names:
+            seed = CLASSES[name].some(cases)[number]
+            case = CLASSES[name].case(seed)
+            before, spent = references.of(name, seed, case.mark)
+            if spent >= seconds or before <= EXACT:
+                continue
+            found = heavy(case, seconds - spent, np.random.default_rng([seed, int(10 * spent)]))
+            references.improve(name, seed, case.mark, found, seconds - spent)
+            print(f"{time.strftime('%H:%M:%S')} {number} {name} {seed}: {before:.6g} -> {found:.6g}", flush=True)
+
+
+# -- measuring --------------------------------------------------------------------------------------------------------
+
+
+def measure_class(
+    name: str, cases: int, budgets: Sequence[int], references: References, keep: bool
+) -> dict[str, Any]:
+    """Seeds, milliseconds and J of the cases of a class, those of each budget too where it is approximate."""
+    kind, times, out = CLASSES[name], report.Times(), {"seed": [], "cost": []}
+    out |= {} if kind.exact else {f"cost_{budget}": [] for budget in budgets}
+    for maker in kind.makers:  # what the first request of a kind makes is made
+        maker(FRESH - 1).ask(budget=0.5)
+    for seed in kind.some(cases):
+        case = kind.case(seed)
+        replies = {"cost": times.run(case.ask)}
+        if not kind.exact:
+            replies |= {f"cost_{budget}": case.ask(budget / 1000) for budget in budgets}
+        found = {which: first_cost(case, reply) for which, reply in replies.items()}
+        out["seed"].append(seed)
+        for which, cost in found.items():
+            out[which].append(report.finite(float(f"{cost:.7g}")))
+        if keep and not kind.exact:
+            references.improve(name, seed, case.mark, min(found.values()))
+    return {"cases": len(out["seed"]), **out, "ms": [round(1000 * one, 3) for one in times.processor]}
+
+
+def first_cost(case: Case, reply: Any) -> float:
+    """J of the first solution; infinite where there is none."""
+    return case.cost(reply.solutions[0].to_dict()) if reply.solutions else np.inf
+
+
+def costs(part: Mapping[str, Any], which: str) -> np.ndarray:
+    """Each J; infinite where there was none."""
+    return np.array([np.inf if cost is None else cost for cost in part[which]])
+
+
+def over(name: str, part: Mapping[str, Any], which: str, references: References) -> np.ndarray:
+    """Each J over its reference, or over `EXACT` in exact classes; NaN where there is no reference."""
+    if CLASSES[name].exact:
+        return costs(part, which) / EXACT
+    known = [references.known.get(name, {}).get(str(seed), (0, None, 0))[1] for seed in part["seed"]]
+    best = np.array([np.nan if cost is None else cost for cost in known])
+    return np.maximum(costs(part, which), EXACT) / np.maximum(best, EXACT)
+
+
+def row(name: str, part: Mapping[str, Any], references: References) -> dict[str, Any]:
+    """What the tables show of a class."""
+    ratio = over(name, part, "cost", references)
+    judged = np.isfinite(ratio) | np.isinf(ratio)
+    order = [k for k in np.argsort(-np.where(judged, ratio, 0.0), kind="stable") if judged[k] and ratio[k] > NEAR]
+    out = {
+        "class": name,
+        "asked": CLASSES[name].asked,
+        "cases": len(part["ms"]),
+        "median": float(np.median(part["ms"])),
+        "p99": float(np.percentile(part["ms"], 99)),
+        "good": share(ratio),
+        "worst": [f"{part['seed'][k]} ({ratio[k]:.3g})" for k in order[:5]],
+        "none": sum(cost is None for cost in part["cost"]),
+    }
+    budgets = [which for which in ALLOWED if which in part]
+    out |= {which.replace("cost", "good"): share(over(name, part, which, references)) for which in budgets}
+    every = [np.maximum(costs(part, which), EXACT) for which in (*budgets, "cost")]
+    fewer = [more > NEAR * less for less, more in pairwise(every)]
+    return out | {"less_for_more": int(np.sum(fewer))}
+
+
+def share(ratio: np.ndarray) -> float | None:
+    """The part of the judged cases that is near enough."""
+    judged = ratio[~np.isnan(ratio)]
+    return float(np.mean(judged <= NEAR)) if judged.size else None
+
+
+def compare(names: Sequence[str], before: Mapping[str, Any]) -> None:
+    """Print how the first cases of each class do, each number beside that of the same ones in a run that is kept."""
+    references, heads = (
+        References(),
+        "ms, before, ratio|good, before|100 ms, before|300 ms, before|better, worse|worst seeds",
+    )
+    print("".join(f"{head:20}" for head in ("class", *heads.split("|"))))
+    for name in names:
+        now, then = measure_class(name, QUICK, QUICK_BUDGETS, references, keep=False), before.get(name, {"seed": []})
+        places = [then["seed"].index(seed) for seed in now["seed"] if seed in then["seed"]]
+        if len(places) < len(now["seed"]):
+            print(f"{name:20}is not in the run that is kept")
+            continue
+        old = {which: [values[k] for k in places] for which, values in then.items() if isinstance(values, list)}
+        new, was = row(name, now, references), row(name, old, references)
+        mine, theirs = (np.maximum(costs(part, "cost"), EXACT) for part in (now, old))
+        words = [f"{ms(new['median'])}  {ms(was['median'])}  {new['median'] / was['median']:.2f}"]
+        words += [f"{percent(new.get(one))}  {percent(was.get(one))}" for one in ("good", "good_100", "good_300")]
+        words += [f"{np.sum(mine * NEAR < theirs)}  {np.sum(mine > NEAR * theirs)}"]
+        print("".join(f"{word:20}" for word in (name, *words)) + "  ".join(new["worst"]), flush=True)
+
+
+def percent(value: float | None) -> str:
+    return "-" if value is None else report.percent(value, 3)
+
+
+def ms(value: float) -> str:
+    return report.significant(value, 2 if value < 1000 else 3)
+
+
+# -- published paths --------------------------------------------------------------------------------------------------
+
+LINKS = 10
+"""The longest link over the size of the motion, under which the best known values hold."""
+
+
+def published(folder: Path) -> Iterator[dict[str, Any]]:
+    """A row a published case of a folder: root mean square of the positions with growing budgets, beside the best known."""
+    for file in sorted(folder.glob("*.json")):
+        told = json.loads(file.read_text())
+        if told.get("kind") not in ("motion", "path"):
+            continue
+        position, rotation = np.array(told["position"]), told.get("rotation")
+        size = float(np.max(np.linalg.norm(position - position.mean(axis=0), axis=1)))
+        closed = bool(np.linalg.norm(position[0] - position[-1]) < 1e-9 * size)
+        crank = told.get("crank_angle")
+        request: dict[str, Any] = {"position": position, "rotation": rotation, "degrees": False}
+        request |= {"crank_angle": np.subtract(crank, crank[0])} if crank else {"timing": "free", "closed": closed}
+        family = "full_crank" if rotation is None else "any"
+        request |= {"limits": {"preset": "none", "link_max": LINKS * size, "family": family}}
+        request |= {"length_scale": told["length_scale"]} if told.get("length_scale") else {}
+        case, times = Case(request, lambda one: np.inf), report.Times()
+        best = times.run(case.ask)
+        known = told["best_known"]
+        rms = known.get("rms", known.get("pos", np.sqrt(known.get("sse", np.nan) / len(position))))
+        yield {
+            "case": told["name"],
+            "citation": told["citation"],
+            "timing": "given" if crank else "free",
+            "samples": len(position),
+            "family": family,
+            "known": rms,
+            "rms": placed(best),
+            "ms": 1000 * times.processor[0],
+            **{f"rms_{budget}": placed(case.ask(budget / 1000)) for budget in BUDGETS},
+        }
+
+
+def placed(reply: Any) -> float | None:
+    return reply.best.errors.position_rms if reply.solutions else None
+
+
+# -- documents --------------------------------------------------------------------------------------------------------
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The tables of docs/engine.md."""
+    references = References()
+    both = [{name: row(name, part, references) for name, part in results.get(run, {}).items()} for run in RUNS]
+    rows = []
+    for name, kind in CLASSES.items():
+        row_ = {"class": name, "asked": kind.asked}
+        for run, told in zip(RUNS, both):
+            one = told.get(name)
+            row_[run] = "not measured yet" if one is None else f"{ms(one['median'])} / {ms(one['p99'])}"
+            row_[f"{run}_good"] = "-" if one is None else percent(one["good"])
+            row_[f"{run}_cases"] = "-" if one is None else f"{one['cases']:,}"
+        rows.append(row_)
+    newest = [both[1].get(name, both[0].get(name)) for name in CLASSES]
+    soon = [one for one in newest if one and not CLASSES[one["class"]].exact]
+    for one in soon:
+        one |= {which: percent(value) for which, value in one.items() if which.startswith("good")}
+    worst = [one | {"worst": ", ".join(one["worst"])} for one in newest if one and one["worst"]]
+    known = [seconds for some in references.known.values() for _, _, seconds in some.values()]
+    parts = [
+        part for run in RUNS for part in (*results.get(run, {}).values(), results.get(f"published_{run}")) if part
+    ]
+    public = (results.get("published_parts") or results.get("published_before") or {"rows": []})["rows"]
+    tables = report.tables("engine", {"classes": rows, "soon": soon, "worst": worst, "published": public})
+    return tables | {
+        "references": f"{len(known):,} requests have a reference, {sum(one >= HEAVY for one in known):,} of them such a search",
+        "state": "" if "parts" in results else "The search after it is rebuilt is not measured yet at this commit.",
+        "made": report.made_text([part["made"] for part in parts]),
+    }
+
+
+def draw(results: dict[str, Any]) -> None:
+    """Share of the requests near their reference, and how far the others are, against run time."""
+    references, newest = References(), RUNS[-1] if RUNS[-1] in results else RUNS[0]
+    with figure("engine.svg", 1, 2) as (drawing, panels):
+        for name, colour in zip(APPROXIMATE, (BLUE, GREEN, ORANGE, PURPLE)):
+            for run in RUNS:
+                part = results.get(run, {}).get(name)
+                if part is None:
+                    continue
+                ratio = np.array([over(name, part, which, references) for which in (*ALLOWED, "cost")])
+                ratio = ratio[:, ~np.isnan(ratio).any(axis=0)]
+                far = 100 * (np.quantile(ratio, FAR, axis=1, method="higher") - 1)
+                style = {"color": colour} | ({} if run == newest else {"alpha": 0.45, "linestyle": "--"})
+                for axes, y in zip(panels, (100 * np.mean(ratio <= NEAR, axis=1), np.maximum(far, 0.01))):
+                    axes.plot(BUDGETS, y[:-1], label=name if run == newest else None, marker="o", ms=4, **style)
+                    axes.plot(np.median(part["ms"]), y[-1], marker="*", ms=11, **style)
+        for axes in panels:
+            axes.set(xscale="log", xlabel="processor time allowed (ms); star: without a budget, at its median")
+            axes.set_xticks(TICKS, [f"{tick:,}" for tick in TICKS], minor=False)
+            axes.minorticks_off()
+        panels[0].set(ylim=(-3, 103), ylabel="requests within 1 % of the best known J (%)")
+        panels[1].set(yscale="log", ylabel=f"J above the best known, {100 * FAR:.0f} % of the requests (%)")
+        drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        drawing.suptitle("Requests without an exact answer" + ("; dashed: before" if newest == RUNS[-1] else ""))
+
+
+def measure(
+    cases: Annotated[int, "of each class"] = 200,
+    classes: Annotated[str, "parts of the run; the others stay as they are", tuple(CLASSES)] = tuple(CLASSES),
+    public: Annotated[Path, "folder of the published cases, left out where there is none"] = CASES,
+    before: Annotated[bool, "keep this run as the one that others are held against"] = False,
+    quick: Annotated[bool, "compare ten cases of each class with that run, and write nothing"] = False,
+    heavy: Annotated[float, "measure nothing, but search for references: up to so many seconds a case"] = 0.0,
+) -> Iterator[dict[str, Any]]:
+    """The classes in turn, then the published cases."""
+    threadpool_limits(1, "blas")
+    la.prepare()
+    kept = report.known("engine")
+    if heavy:
+        search_heavily([name for name in classes if name in APPROXIMATE], cases, heavy)
+        report.render(["engine"])
+        return
+    if quick:
+        compare(classes, kept.get("before", {}))
+        return
+    stamp, references, run = report.stamp(), References(), RUNS[not before]
+    for name in classes:
+        part = measure_class(name, cases, BUDGETS, references, keep=True)
+        kept = kept | {"made": stamp, run: {**kept.get(run, {}), name: {"made": stamp, **part}}}
+        print(name, json.dumps(row(name, part, References())), flush=True)
+        yield kept
+    if public.is_dir():
+        yield kept | {f"published_{run}": {"made": stamp, "rows": list(published(public))}}
+
+
+if __name__ == "__main__":
+    report.run(measure)

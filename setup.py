@@ -1,0 +1,42 @@
+"""The compiled part of the package: synthesis/kernel.py, made a library beside it by ``python setup.py build_ext --inplace``."""
+
+import importlib.util
+import os
+import shlex
+import sys
+import sysconfig
+from hashlib import sha256
+from pathlib import Path
+
+from setuptools import Extension, setup
+
+from build_backend import compiler
+
+SOURCE = "synthesis/kernel.py"
+
+if found := compiler():
+    os.environ["CC"] = found
+elif importlib.util.find_spec("ziglang"):
+    # The target is named, as zig else compiles for this very processor; Debian's Python.h includes from its parent folder.
+    python, headers = shlex.quote(sys.executable), shlex.quote(str(Path(sysconfig.get_path("include")).parent))
+    target = sysconfig.get_config_var("MULTIARCH")
+    os.environ["CC"] = f"{python} -m ziglang cc -target {target} -idirafter {headers}"
+    os.environ["LDSHARED"] = os.environ["CC"] + " -shared"
+
+kernel = Extension(
+    "synthesis.kernel",
+    [SOURCE, "build_backend/source.c"],
+    depends=["setup.py", "build_backend/__init__.py"],
+    define_macros=[("KERNEL_SOURCE", sha256(Path(SOURCE).read_bytes()).hexdigest())],
+    libraries=["m"],
+    extra_compile_args=["-O3", "-g0"],
+)
+kernel.cython_directives = {
+    "language_level": 3,
+    "boundscheck": False,
+    "wraparound": False,
+    "cdivision": True,
+    "initializedcheck": False,
+}
+
+setup(ext_modules=[kernel])
