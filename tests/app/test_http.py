@@ -43,7 +43,7 @@ def client(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iter
 def paper(atlas_path: Path) -> Iterator[TestClient]:
     """The service with the published atlas of 101,408 types, without what is prepared behind the first answers."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ServiceResources, "prepare_more", lambda resources, cancelled: True)
+        patch.setattr(ServiceResources, "missing", lambda resources: [])
         with TestClient(create_app(Settings(atlas=atlas_path))) as client:
             yield client
 
