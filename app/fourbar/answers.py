@@ -16,7 +16,7 @@ SHORT_MS = 250.0
 def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
     """The best rows by rotation alone; no pose is computed."""
     if request.curve == "rocker":
-        resources.need_rockers()
+        resources.need("rockers")
     return la.match(
         request.rotation,
         request.crank_span,
@@ -54,7 +54,7 @@ def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """Linkages with actual dimensions and pose, best first."""
     if request.effort == "atlas" and request.position is not None:
-        resources.need_positions()
+        resources.need("positions")
     return la.synthesize(
         **motion_of(request),
         limits=request.limits.model_dump(exclude_none=True),

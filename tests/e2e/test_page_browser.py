@@ -5,11 +5,13 @@ With ``LINKAGE_ATLAS_SCREENSHOTS=1`` the picture docs/img/page.png is made anew.
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
 import json
 import time
 import xml.etree.ElementTree as ElementTree
+import zlib
 
 import ezdxf
 import httpx2 as httpx
@@ -546,6 +548,21 @@ def test_requests_keep_all_their_fields(standing, body) -> None:
     )
     assert again == {**body, "top": 5} and linked == again
     assert rows == again
+
+
+@pytest.mark.parametrize(
+    ("size", "found"), [(900_000, "900000"), (1_100_000, "The link is damaged"), (10**8, "The link is damaged")]
+)
+def test_a_link_holds_no_more_than_a_request_may(size, found, standing) -> None:
+    """A hundred megabytes come from a link of a hundred kilobytes."""
+    packer = zlib.compressobj(wbits=-15)
+    text = base64.urlsafe_b64encode(packer.compress(json.dumps("x" * size).encode()) + packer.flush()).decode()
+    said = standing.later(
+        "const [text, done] = arguments; import('/static/link.js').then(async (l) => {"
+        "try { done(String((await l.fromFragment(text)).length)); } catch (error) { done(error.message); } })",
+        f"z={text}",
+    )
+    assert said.startswith(found)
 
 
 def test_a_request_in_radians_is_read_in_degrees(standing) -> None:
