@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from linkage_atlas.answers import Match, Matches, Result, Solution
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
-    from linkage_atlas.door import prepare, synthesize
+    from linkage_atlas.door import Live, prepare, synthesize
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
     from linkage_atlas.limits import Limits
     from linkage_atlas.linkages import FourBar, Joints
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "linkage_atlas.door": ("synthesize", "prepare"),
+    "linkage_atlas.door": ("synthesize", "Live", "prepare"),
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
@@ -55,6 +55,7 @@ __all__ = [
     "FunctionSolution",
     "Joints",
     "Limits",
+    "Live",
     "Match",
     "Matches",
     "Motion",

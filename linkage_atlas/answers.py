@@ -217,6 +217,14 @@ class Solution(Record):
 
 
 @dataclass(frozen=True)
+class Continued(Record):
+    """How an answer to a `live` request began."""
+
+    continued: bool
+    """Whether with what the last answer left."""
+
+
+@dataclass(frozen=True)
 class Report(Record):
     """How an answer came about."""
 
@@ -234,6 +242,8 @@ class Report(Record):
     exhaustive: bool | None
     """Whether all windows were considered; null for effort refine."""
     notes: list[str]
+    live: Continued | None = None
+    """With `live`: whether the search went on from the last answer."""
 
 
 class Ranked(Sequence[One]):

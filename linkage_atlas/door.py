@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING, Report, Result, cognate_notes, finished, status_of
+from linkage_atlas.answers import FINISHING, Continued, Report, Result, cognate_notes, finished, status_of
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.limits import read_limits, what_excludes
@@ -35,6 +35,7 @@ from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
 from synthesis.from_linkage import refine_motion, refine_poses
+from synthesis.kept import Kept
 from synthesis.ranking import APART, Status, distinct, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
 from synthesis.search.seeds import SeedTables
@@ -51,6 +52,8 @@ ILL_POSED = (
     "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
     "see `determination` of each solution"
 )
+LIVE_SECONDS, LIVE_FINISHING = 0.06, 0.35
+"""Longest budget of an answer that goes on from the last, and the part of it that is left for finishing."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
 Prefer = Literal["error", "size", "transmission", "crank_span"]
@@ -97,6 +100,29 @@ def prepare() -> None:
     screens("full_crank")
 
 
+class Live:
+    """What one answer leaves for the next, while a motion is being changed: `synthesize` begins with it, and leaves its own.
+
+    Attributes
+    ----------
+    state : bytes
+        The best linkages so far, to be kept or sent elsewhere; none: nothing to begin with.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> live, path = la.Live(), [[0, 0], [40, 10], [60, 40], [40, 60], [0, 50]]
+    >>> la.synthesize(position=path, timing="free", live=live).report.live.continued
+    False
+    >>> path[2] = [62, 41]
+    >>> la.synthesize(position=path, timing="free", live=live).report.live.continued
+    True
+    """
+
+    def __init__(self, state: bytes = b"") -> None:
+        self.state = state
+
+
 class Asked(TypedDict, total=False):
     """Arguments of a `Motion` by name, and studies of each solution as of `Solution.studied`."""
 
@@ -131,6 +157,7 @@ def synthesize(
     refine_from: StartingLinkage | None = None,
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
+    live: Live | None = None,
     **more: Unpack[Asked],
 ) -> Result:
     """The four-bar linkages that make a motion: actual dimensions and where they are mounted.
@@ -165,6 +192,8 @@ def synthesize(
         For effort "atlas"; default: as for `match`.
     work : callable
         Makes what watches over time and cancellation from a budget in seconds.
+    live : Live, optional
+        What the last answer left, while a motion is being changed: this one begins with it, in at most 60 ms, and leaves its own.
     **more
         Arguments of `Motion`, where it is not given; and studies of each solution, as of `Solution.studied`, within the budget.
 
@@ -207,6 +236,13 @@ def synthesize(
     # made once, by whoever asks first: no part of this request's time
     source: SeedTables | Scan | Start
     source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
+    if live is not None:
+        if effort == "atlas" or refine_from is not None:
+            raise FieldError(
+                "/live", "a search goes on from its last answer; without one there is nothing to go on from"
+            )
+        budget = LIVE_SECONDS if budget is None else min(budget, LIVE_SECONDS)
+    begun = None if live is None else Kept.unpacked(live.state)
     watch = work(budget)
     notes, kept, studies = wanted.notes(), read_limits(limits, wanted), read_studies(asked, wanted)
     if refine_from is not None:
@@ -218,8 +254,9 @@ def synthesize(
     prefers = _preference(prefer, wanted, isinstance(source, SeedTables))
     goal = tolerance if prefers == "error" else goal_of(_allowed(wanted), tolerance)
 
-    searching, many = watch.extended(-FINISHING), _VARIETY * top if diverse else top
-    found, course = _search(source, wanted, kept, many, goal, searching)
+    spare = FINISHING if live is None else LIVE_FINISHING
+    searching, many = watch.extended(-spare), _VARIETY * top if diverse else top
+    found, course = _search(source, wanted, kept, many, goal, searching, begun=begun)
     if prefers != "error":
 
         def again(other: Motion, tighter: Limits, near: float) -> list[Solution]:
@@ -261,8 +298,11 @@ def synthesize(
         stopped_by=course.stopped_by,
         length_scale=None if wanted.samples.position is None else wanted.samples.length_scale,
         notes=notes,
+        live=None if begun is None else Continued(bool(len(begun.branch))),
         **course.counts,
     )
+    if live is not None and course.left is not None:
+        live.state = course.left.packed()
     status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
     return Result(status, solutions, report)
 
@@ -278,6 +318,8 @@ class Course(NamedTuple):
     trace: list[tuple[float, float]]
     stopped_by: str
     counts: dict[str, Any]
+    left: Kept | None = None
+    """For the search after it, where that was asked for."""
 
 
 def _search(
@@ -288,6 +330,7 @@ def _search(
     tolerance: float,
     work: Work,
     rounds: int | None = None,
+    begun: Kept | None = None,
 ) -> tuple[list[Solution], Course]:
     """The best linkages: by the search with free crank angles or with given ones, from the atlas, or from a given linkage."""
     counts: dict[str, Any] = {"seeds": None, "windows": None, "exhaustive": None}
@@ -307,11 +350,12 @@ def _search(
             else:
                 found, report = refine_motion(samples, limits, source.linkage, tolerance, work)
     elif isinstance(samples, Poses):
-        found, report = search_free(samples, limits, top, tolerance, work, screens, source.windows, rounds)
+        found, report = search_free(samples, limits, top, tolerance, work, screens, source.windows, rounds, begun)
     else:
-        found, report = search(source, samples, limits, top, tolerance, work)
+        found, report = search(source, samples, limits, top, tolerance, work, kept=begun)
     stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
-    return found, Course(stages, report.trace, report.stopped_by.value, counts | {"seeds": report.seeds})
+    counts["seeds"] = report.seeds
+    return found, Course(stages, report.trace, report.stopped_by.value, counts, report.kept)
 
 
 # -- what is preferred ------------------------------------------------------------------------------------------------

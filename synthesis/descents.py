@@ -132,7 +132,14 @@ class Problem:
         As of `kernel.Descent`.
     shortest : float
         |z1| below this is no crank.
+
+    Attributes
+    ----------
+    posed : bool
+        Whether limits concern the pose.
     """
+
+    posed: bool
 
     def __init__(
         self,

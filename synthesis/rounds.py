@@ -68,6 +68,10 @@ FEW_TO_THEIR_END = Plan(
 )
 
 
+GO_ON = Plan((Stage(15, 1e-3, 100.0),), ended=8, end=FEW_TO_THEIR_END.end)
+"""Of candidates that an earlier search left."""
+
+
 class Found:
     """What is known within the limits, with J on all samples; it only gets better.
 
@@ -115,6 +119,8 @@ class Rounds:
     found : Found
         Where answers go.
     work : Work
+    before : int
+        Searches that this one goes on from: its seeds and hops are others.
     """
 
     bent_below = np.inf
@@ -130,6 +136,7 @@ class Rounds:
         family: str,
         found: Found,
         work: Work,
+        before: int = 0,
     ) -> None:
         self.whole, self.thin, self.found, self.work = whole, thin, found, work
         self.plain, self.within, self.problem = problems
@@ -137,7 +144,8 @@ class Rounds:
         self.holds, self.limited = self.within.limited, self.problem.limited
         """Whether limits hold, and whether descents keep to them."""
         self._exchanges = family in ("full_crank", "any")
-        self.random = np.random.default_rng(20)
+        self.before = before
+        self.random = np.random.default_rng([20, before] if before else 20)
         self.pool: Pool | None = None
         self._used: Counter[float] = Counter()
         """How often hops started from a valley, by its cost."""
@@ -152,6 +160,10 @@ class Rounds:
 
     def on_all(self, pool: Pool) -> Pool:
         """Candidates at the few samples, refined on all."""
+        raise NotImplementedError
+
+    def thinned(self, timed: Timed) -> Timed:
+        """Candidates at all samples at the few alone."""
         raise NotImplementedError
 
     def turned_apart(self, timed: Timed, width: float) -> Floats:
@@ -181,6 +193,19 @@ class Rounds:
         return found.take(kernel.apart(rows, apart * scale, kept, exact, most))
 
     # -- rounds until they gain nothing -----------------------------------------------------------------------------
+
+    def go_on(self, timed: Timed) -> None:
+        """Begin with candidates at all samples that an earlier search left: as they are, then to their end."""
+        if timed.branch.size:
+            self.keep(self.plain.measured(timed, posed=not self.within.posed), rounds=4)
+            self.round(self.thinned(timed), GO_ON)
+
+    def in_turn(self, seeds: Timed, most: int) -> Iterator[Timed]:
+        """Seeds, at most so many at a time, beginning with those that earlier searches had not."""
+        chunks = -(-seeds.branch.size // most)
+        for k in range(chunks):
+            first = most * ((self.before + k) % chunks)
+            yield seeds.take(slice(first, first + most))
 
     def closest(self, seeds: Iterator[Timed], most: float = np.inf) -> Iterator[Timed]:
         """Rounds within the limits until they gain nothing, at most so many; gives what each began from.

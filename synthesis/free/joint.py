@@ -37,6 +37,7 @@ class JointProblem(Problem):
 
     def __init__(self, poses: Poses, chart: Chart, limits: kernel.Limits | None = None) -> None:
         super().__init__(poses, chart, limits, ordered=poses.ordered, span_max=poses.span_max)
+        self.posed = self.limited
         self.poses, self.rotation, self.position = poses, poses.rotation, poses.scaled
         self.rotation_root = np.broadcast_to(poses.rotation_mean.root, poses.samples)
         self.position_root = np.broadcast_to(poses.position_mean.root, poses.samples)

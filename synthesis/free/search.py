@@ -38,6 +38,7 @@ from synthesis.free.joint import JointProblem
 from synthesis.free.limited import guessed_windows, limited_problem, placed_within
 from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
+from synthesis.kept import MOST, Kept
 from synthesis.mechanism import Chart, Placed
 from synthesis.ranking import APART, Status, distinct
 from synthesis.rounds import GAIN, Found, Plan, Rounds
@@ -252,6 +253,8 @@ EXACT_SAMPLES = 12
 # -- rounds --------------------------------------------------------------------------------------------------------
 
 
+_LONGEST = 0.97
+"""Part of the longest span that crank angles are cut to."""
 _NEAREST_STEPS, _LAST_STEPS, _SPAN_HOP = 6, 40, 0.25
 """Steps of the crank angles alone, and of all, on all samples; width of hops of the span's logarithm."""
 
@@ -274,7 +277,15 @@ class FreeRounds(Rounds):
     problem: JointProblem
 
     def __init__(
-        self, poses: Poses, limits: Limits, chart: Chart, found: Found, work: Work, samples: int, limited: bool = True
+        self,
+        poses: Poses,
+        limits: Limits,
+        chart: Chart,
+        found: Found,
+        work: Work,
+        samples: int,
+        limited: bool = True,
+        before: int = 0,
     ) -> None:
         self.poses = poses
         few = np.round(np.linspace(0, poses.samples - 1, min(samples, poses.samples)))
@@ -286,7 +297,7 @@ class FreeRounds(Rounds):
         problem = within if limited else plain
         if thin is not poses:
             problem = limited_problem(thin, chart, limits) if problem.limited else JointProblem(thin, chart)
-        super().__init__(poses, thin, (plain, within, problem), limits.family, found, work)
+        super().__init__(poses, thin, (plain, within, problem), limits.family, found, work, before)
 
     def signature(self, timed: Timed) -> tuple[Floats, Floats]:
         """The timing, and the span."""
@@ -298,7 +309,7 @@ class FreeRounds(Rounds):
         random, count = self.random, len(timed.branch)
         along = timed.angles - timed.angles[:, :1]
         factor = np.exp(width * _SPAN_HOP * random.standard_t(3, size=(count, 1)))
-        longest = 0.97 * self.poses.span_max / np.maximum(np.abs(along[:, -1:]), 1e-9)
+        longest = _LONGEST * self.poses.span_max / np.maximum(np.abs(along[:, -1:]), 1e-9)
         start = timed.angles[:, :1] + width * self.chart.hop[-1] * random.standard_t(3, size=(count, 1))
         return np.asarray(start + along * np.minimum(factor, longest))
 
@@ -350,6 +361,8 @@ _SAMPLES, _FEWER = 40, 20
 """Samples up to which descents look at all, and at how many of more."""
 _SEEDS, _BEFORE, _LOOKED_AT = 50, 20, 15
 """Seeds of a round; further ones that come from a search before; and seeds that may be answers at once."""
+_FRESH = 3
+"""Of searches that go on from one another so many times one takes fresh seeds too."""
 _IN_SIGHT = 1e-2, 1e-3
 """J of the first look, without limits and within them, from which on an exact answer is not sought further."""
 
@@ -375,6 +388,7 @@ def search_free(
     screens: Screens = path_screens,
     windows: Callable[[str], Windows] = bounded_windows,
     rounds: int | None = None,
+    kept: Kept | None = None,
 ) -> tuple[list[Solution], SearchReport]:
     """The best four-bars for samples whose crank angles are free.
 
@@ -392,6 +406,8 @@ def search_free(
         For paths, and for limits, by family; made once by whoever keeps them.
     rounds : int, optional
         Of descents within the limits at most so many; default: until they gain nothing.
+    kept : Kept, optional
+        What a search for nearly the same left: this one begins with it, and reports what it leaves itself.
 
     Returns
     -------
@@ -412,7 +428,7 @@ def search_free(
             trace.append((work.elapsed, least))
 
     found = Found(tolerance, note)
-    search = _Search(poses, limits, found, work, screens, windows, rounds)
+    search = _Search(poses, limits, found, work, screens, windows, rounds, kept or Kept.of([], 0))
     ended = search.run()
     solutions: list[Solution] = []
     for chart, pool in found.pools.items():
@@ -428,7 +444,7 @@ def search_free(
         if not trace or trace[-1][1] != least:
             trace.append((work.elapsed, least))
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    return solutions, SearchReport(stopped, trace, 0.0, search.seeds)
+    return solutions, SearchReport(stopped, trace, 0.0, search.seeds, kept=None if kept is None else search.left())
 
 
 class _Search:
@@ -443,8 +459,12 @@ class _Search:
         screens: Screens,
         windows: Callable[[str], Windows],
         rounds: int | None,
+        kept: Kept,
     ) -> None:
         self.poses, self.limits, self.found, self.work = poses, limits, found, work
+        self.kept = kept
+        self._near: dict[str, FreeRounds] = {}
+        """Rounds within the limits, by family."""
         self.most = np.inf if rounds is None else rounds
         self.screens, self.windows = screens, windows
         self.seeds = 0
@@ -460,6 +480,10 @@ class _Search:
     def run(self) -> bool:
         """Search until the tolerance is reached, the time is up or nothing is gained; whether it ran to its end."""
         family = self.limits.family
+        if len(self.kept.branch):
+            self._go_on()
+            if self.found.reached or self.work.expired():
+                return self.found.reached
         if family != "any":
             return self._among(family)
         # what turns fully first, so that the larger family is never worse; but an exact one of any family is seen at once
@@ -474,7 +498,7 @@ class _Search:
     def _among(self, family: str) -> bool:
         """The search among one family's linkages."""
         work, found, chart = self.work, self.found, chart_of(family)
-        near = self._rounds(chart, _SAMPLES if self.poses.samples <= _SAMPLES else _FEWER)
+        near = self._rounds_near(family)
         guesses = self._guesses(near, family) if self.poses.ordered else iter(())
         begin: list[Timed] = []
         pool = None
@@ -514,8 +538,55 @@ class _Search:
                 return found.reached
         return not work.expired()
 
+    def _rounds_near(self, family: str) -> FreeRounds:
+        """The rounds within the limits."""
+        if family not in self._near:
+            samples = _SAMPLES if self.poses.samples <= _SAMPLES else _FEWER
+            self._near[family] = self._rounds(chart_of(family), samples)
+        return self._near[family]
+
+    # -- from what a search left, and what this one leaves ------------------------------------------------------------
+
+    def _go_on(self) -> None:
+        """Begin with what an earlier search left: as it is, to its end, and mostly with hops from the best of it."""
+        poses, kept = self.poses, self.kept
+        crank = kept.at(poses.samples + (poses.asked is not None))[:, : poses.samples]
+        if poses.ordered:
+            longest = np.maximum(np.abs(crank).max(axis=1, initial=0.0), 1e-9)[:, None]
+            crank = crank * np.minimum(1.0, _LONGEST * poses.span_max / longest)
+            steps = np.diff(crank, axis=1)
+            one_way = np.all(steps > 0, axis=1) | np.all(steps < 0, axis=1)
+            kept, crank = kept.take(one_way), crank[one_way]
+        kept = kept._replace(crank=crank)
+        family = self.limits.family
+        for each in ("full_crank", "any") if family == "any" else (family,):
+            run, some = self._rounds_near(each), kept.among(each)
+            self.seeds += some.branch.size
+            run.go_on(some.candidates(poses, run.chart, some.crank))
+        best = min(self._near.values(), key=lambda run: run.least)
+        # the screens, where fresh seeds come from, take longer than a round of hops
+        for seeds in best.closest(iter(()), self.most) if self.kept.searches % _FRESH else ():
+            self.seeds += seeds.branch.size
+            if self.found.reached or self.work.expired():
+                return
+
+    def left(self) -> Kept:
+        """The best that is known, for the search after this one."""
+        searches = self.kept.searches + 1
+        parts = [
+            _Mounted.of(self.poses, pool.take(slice(0, MOST)), chart) for chart, pool in self.found.pools.items()
+        ]
+        if not parts:
+            return self.kept._replace(searches=searches)
+        columns = [np.concatenate(column) for column in zip(*(one[1:] for one in parts))]
+        every = _Mounted(self.poses, *columns)
+        best = every.take(every.order(self.found.tolerance)[:MOST])
+        alone = best.links, best.branch, best.start, best.pivot, best.turn, best.coupler, best.offset
+        return Kept(searches, *alone, best.crank)
+
     def _rounds(self, chart: Chart, samples: int, limited: bool = True) -> FreeRounds:
-        return FreeRounds(self.poses, self.limits, chart, self.found, self.work, samples, limited)
+        before = self.kept.searches
+        return FreeRounds(self.poses, self.limits, chart, self.found, self.work, samples, limited, before)
 
     def _keep_dyads(self, pool: Pool, family: str) -> None:
         """Pairs of dyads that keep the limits as they are are answers."""
@@ -583,5 +654,4 @@ class _Search:
             seeds, look = problem.measured(seeds).timed, np.arange(_LOOKED_AT)
         few = run.spread(seeds.take(look[look < seeds.branch.size]))
         run.keep(run.plain.measured(few, posed=not run.holds), rounds=4)
-        for k in range(0, seeds.branch.size, _SEEDS):
-            yield seeds.take(slice(k, k + _SEEDS))
+        yield from run.in_turn(seeds, _SEEDS)

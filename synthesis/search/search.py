@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.descents import Pool, Stage, Timed
+from synthesis.kept import MOST, Kept
 from synthesis.mechanism import Bounded, Chart, Limits, Mechanism
 from synthesis.ranking import APART, Status, distinct
 from synthesis.rounds import Found, Rounds
@@ -126,27 +127,29 @@ class GivenRounds(Rounds):
     family : str
     found : Found
     work : Work
+    before : int
+        Searches that this one goes on from.
     """
 
     bent_below, idle = 1e-3, 2
     within: GivenProblem
     problem: GivenProblem
 
-    def __init__(self, target: Target, way: Bounded, family: str, found: Found, work: Work) -> None:
+    def __init__(self, target: Target, way: Bounded, family: str, found: Found, work: Work, before: int = 0) -> None:
         thin = target if target.samples <= _SAMPLES else target.condensed(_FEWER)
         within = problem_of(target, way)
         problem = within if thin is target else problem_of(thin, way)
         self._moved = target.off(thin)
         self.way = way
-        super().__init__(target, thin, (GivenProblem(target, way.chart), within, problem), family, found, work)
+        problems = GivenProblem(target, way.chart), within, problem
+        super().__init__(target, thin, problems, family, found, work, before)
 
     def seeds(self, windows: Windows) -> Iterator[Timed]:
         """Seeds, some at a time; the best are looked at as answers."""
         seeds = windows.seeds(self.problem, self.way.on_shape, self.way.boxes)
         first = self._shifted(seeds.take(slice(0, _FIRST)))
         self.keep(self.plain.measured(first, posed=not self.within.posed), rounds=4)
-        for k in range(0, len(seeds.branch), _SEEDS):
-            yield seeds.take(slice(k, k + _SEEDS))
+        yield from self.in_turn(seeds, _SEEDS)
 
     def signature(self, timed: Timed) -> tuple[Floats, Floats]:
         """Shape and start."""
@@ -161,6 +164,10 @@ class GivenRounds(Rounds):
     def turned_apart(self, timed: Timed, width: float) -> Floats:
         """Another start."""
         return timed.angles + width * self.chart.hop[-1] * self.random.standard_t(3, size=timed.angles.shape)
+
+    def thinned(self, timed: Timed) -> Timed:
+        """Candidates at all samples at the few alone."""
+        return timed._replace(pose=timed.pose - np.array([self._moved, 0, 0]))
 
     def _shifted(self, timed: Timed) -> Timed:
         """Candidates at the few samples at all: positions count from the mean of their own samples."""
@@ -185,6 +192,8 @@ From the second on it does, in a narrow valley."""
 _BENT_BELOW = 1e-3
 """J from which on valleys are narrow: steps are bent along them."""
 _EDGE_STARTS, _EDGE_SAMPLES = 24, 12
+_ON = 60
+"""Steps of what an earlier search left."""
 _FEW_STEPS = 6
 """That are worth while for alternatives to an exact answer."""
 
@@ -207,6 +216,8 @@ class SearchReport(NamedTuple):
     seeds: int
     settled: bool = True
     """False where the best was still getting better when the steps that it is given were used up."""
+    kept: Kept | None = None
+    """What it leaves, where that was asked for."""
 
 
 class Starts(NamedTuple):
@@ -230,7 +241,9 @@ class _Search:
         tolerance: float,
         work: Work,
         mechanism: Mechanism | None = None,
+        kept: Kept | None = None,
     ) -> None:
+        self.kept = kept or Kept.of([], 0)
         self.tables, self.mechanism = tables, mechanism or tables.mechanism
         self.target, self.limits, self.tolerance, self.work = target, limits, tolerance, work
         self.thin_target = target.thinned(SEARCH_SAMPLES)
@@ -303,6 +316,19 @@ class _Search:
 
     # -- rounds -------------------------------------------------------------------------------------------------------
 
+    def go_on(self) -> None:
+        """Begin with what an earlier search left, descended to its end without limits."""
+        timed = self._left(self.limits.family if self.limits.family != "any" else "full_crank", self.chart)
+        if timed.branch.size:
+            self.seeds += timed.branch.size
+            exact = 0.3 * self.tolerance
+            self.pool = self.problem.descended(timed, [Stage(_ON)], exact, self.work, bent_below=_BENT_BELOW)
+
+    def _left(self, family: str, chart: Chart) -> Timed:
+        """What an earlier search left of a family, as candidates in a chart."""
+        some = self.kept.among(family)
+        return some.candidates(self.target, chart, np.zeros((len(some.branch), 1)))
+
     def free_search(self, rounds: Sequence[Round]) -> None:
         """Rounds without limits until reached, out of time or out of rounds."""
         for one in rounds:
@@ -358,7 +384,8 @@ class _Search:
 
     def look(self, rounds: Sequence[Round], top: int) -> list[Any]:
         """Exact answers without limits, where a few rounds lead near them: those within the limits."""
-        self.free_search(rounds)
+        if not self.reached:
+            self.free_search(rounds)
         near = self.pool.cost.min(initial=np.inf) < _NEAR**2
         if not (near or self.limits.only_family):
             return []
@@ -382,7 +409,8 @@ class _Search:
         for chart, way in zip(charts, ways):
             # the first way is that of full cranks alone, so that the larger family is never worse
             family = "full_crank" if self.limits.family == "any" and way is ways[0] else self.limits.family
-            run = GivenRounds(self.target, way, family, found, self.work)
+            run = GivenRounds(self.target, way, family, found, self.work, self.kept.searches)
+            run.go_on(self._left(self.limits.family if way is ways[-1] else family, way.chart))
             seeds = run.seeds(windows(family))
             begin = list(islice(seeds, 1))
             if not looked:  # one round tells whether an exact answer keeps the limits
@@ -437,6 +465,7 @@ def search(
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
     mechanism: Mechanism | None = None,
+    kept: Kept | None = None,
 ) -> tuple[list[Any], SearchReport]:
     """The best linkages for a motion.
 
@@ -454,6 +483,8 @@ def search(
         Once it has expired the best found so far is returned.
     mechanism : Mechanism, optional
         Moves as that of the tables, and makes other solutions of linkages. Default: that of the tables.
+    kept : Kept, optional
+        Four-bars that a search for nearly the same left: this one begins with them, and reports what it leaves itself.
 
     Returns
     -------
@@ -464,13 +495,19 @@ def search(
     clockwise = target.clockwise
     if clockwise:  # a mirror image: one search serves both
         target, limits = target.mirrored(), limits.mirrored()
-    run = _Search(tables, target, limits, tolerance, work or Work(), mechanism)
+        kept = None if kept is None else kept.mirrored()
+    run = _Search(tables, target, limits, tolerance, work or Work(), mechanism, kept)
+    run.go_on()
     solutions = run.look(FIRST_LOOK, top) if limits.only_family else []
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
     if not (run.done(solutions) or (solutions and run.reached)):
         solutions = run.bounded_search(tables.windows, solutions, top)
+    if kept is not None:
+        best = distinct(solutions, MOST, APART, exact=tolerance)
+        left = Kept.of([(one.linkage, target.crank) for one in best], kept.searches + 1)
+        kept = left.mirrored() if clockwise else left
     solutions = distinct(solutions, top, APART, exact=tolerance)
-    report = run.report(solutions)
+    report = run.report(solutions)._replace(kept=kept)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report
 
 
