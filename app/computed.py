@@ -22,6 +22,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from app import bodies, problems
+from app.live import Lives
 from app.query import RequestModel, Resources
 from app.resources import ServiceResources, give_back_memory
 from app.settings import Settings
@@ -72,6 +73,11 @@ class Computing(Protocol):
         """Give up what is being computed: the service ends."""
 
 
+def live_of(body: RequestModel) -> str | None:
+    """The id under which a request goes on from the last answer; None of those that do not."""
+    return getattr(body, "live", None)
+
+
 class Threads:
     """Answers computed by threads of the process that talks to the clients."""
 
@@ -85,7 +91,7 @@ class Threads:
         self._turnstile.start()
         self._resources.load()
         self._resources.prepare_rest()
-        self._threads = anyio.CapacityLimiter(self._turnstile.places)
+        self._threads, self._lives = anyio.CapacityLimiter(self._turnstile.places), Lives()
         stopping = threading.Event()
 
         def prepare() -> None:
@@ -107,11 +113,16 @@ class Threads:
         read = partial(bodies.read_request, content, question.model)
         body = read() if len(content) <= SMALL else await anyio.to_thread.run_sync(read)
 
-        async def compute(queued: float, cancelled: Callable[[], bool]) -> Response:
-            attended = Attended(self._resources, cancelled, queued)
-            return await anyio.to_thread.run_sync(question.timed, body, attended, limiter=self._threads)
+        async with self._lives.turn(live_of(body)) as kept:
 
-        return await self._turnstile.turn(request, compute, question.is_long(body))  # type: ignore[no-any-return]
+            async def compute(queued: float, cancelled: Callable[[], bool]) -> Response:
+                kept.begin()
+                attended = Attended(self._resources, cancelled, queued, kept.state)
+                reply = await anyio.to_thread.run_sync(question.timed, body, attended, limiter=self._threads)
+                kept.state = attended.state
+                return reply
+
+            return await self._turnstile.turn(request, compute, question.is_long(body))  # type: ignore[no-any-return]
 
 
 class LargeBodies:

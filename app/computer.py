@@ -41,6 +41,8 @@ class Task(NamedTuple):
     queued: float
     makes: bool
     """Whether a part of the index that is missing may be made for this answer alone."""
+    state: bytes = b""
+    """What the last answer under the body's `live` left."""
 
 
 class Head(NamedTuple):
@@ -53,6 +55,8 @@ class Head(NamedTuple):
     """Whether the process ends after this reply."""
     missing: str = ""
     """The part of the index that must be made first: there is no reply yet."""
+    state: bytes = b""
+    """What this answer leaves for the next under its `live`."""
 
 
 def processor_seconds(max_budget_ms: float) -> float:
@@ -110,10 +114,11 @@ class Computer:
     def _replied(self, task: Task) -> tuple[Head, list[bytes]]:
         self._resources.makes = task.makes
         self._resources.look()
+        attended = Attended(self._resources, _never, task.queued, task.state)
         try:
             question = self._questions[task.path]
             body = bodies.read_request(task.content, question.model)
-            reply = question.timed(body, Attended(self._resources, _never, task.queued))
+            reply = question.timed(body, attended)
         except Unprepared as missing:
             return Head(0, [], 0, False, str(missing)), []
         except Exception as error:
@@ -121,7 +126,9 @@ class Computer:
             if reply.status_code == 500:
                 logging.getLogger("uvicorn.error").exception("A fault in %s", task.path)
         pieces = reply.pieces if isinstance(reply, bodies.Reply) else [bytes(reply.body)]
-        return Head(reply.status_code, list(reply.raw_headers), sum(map(len, pieces)), False), pieces
+        return Head(
+            reply.status_code, list(reply.raw_headers), sum(map(len, pieces)), False, "", attended.state
+        ), pieces
 
     def _left_behind(self) -> bool:
         """Whether a request has left more memory behind than a process may keep."""

@@ -65,6 +65,10 @@ class Overloaded(Exception):
     """More requests wait than the service lets wait."""
 
 
+class Superseded(Exception):
+    """A request whose client has asked anew since, under the same `live`."""
+
+
 class Unread(Exception):
     """Replies that their clients do not take hold all the memory that there is for them."""
 
@@ -194,6 +198,7 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     AtlasError: _atlas,
     NotFound: lambda error: problem(404, str(error)),
     Overloaded: _later(1, "too many requests are waiting"),
+    Superseded: lambda _: problem(503, "a newer request under the same `live` has taken its place"),
     Unread: _later(2, "too many replies wait for their clients to read them"),
     SlowBody: lambda _: problem(408, "the body came too slowly, and others wait", headers={"Connection": "close"}),
     Ending: _later(5, "the service is ending"),
@@ -218,7 +223,7 @@ def install(app: FastAPI) -> None:
 
     async def handle(request: Request, error: Exception) -> Response:
         reply = reply_to(error)
-        if reply.status_code == 503 and not isinstance(error, Overloaded):
+        if reply.status_code == 503 and not isinstance(error, (Overloaded, Superseded)):
             sent = request.headers.get("content-length", "unknown")
             log.warning("503 to %s (%s bytes): %s", request.url.path, sent, type(error).__name__)
         return reply

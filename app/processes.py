@@ -15,7 +15,7 @@ import signal
 import socket
 import struct
 from collections import Counter
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -24,8 +24,9 @@ from starlette.responses import Response
 
 from app import bodies, problems
 from app.bodies import Held, Reply
-from app.computed import SMALL, Question
+from app.computed import SMALL, Question, live_of
 from app.computer import Head, Task, processor_seconds
+from app.live import Lives
 from app.settings import Settings
 from app.supervisor import MAKE
 from app.turnstile import Turnstile
@@ -122,6 +123,7 @@ class Processes:
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         self._free: asyncio.LifoQueue[_Process] = asyncio.LifoQueue()
+        self._lives = Lives()
         loop = asyncio.get_running_loop()
         loop.add_reader(self.supervisor, self._listen)
         self._free.put_nowait(await self._free.get())  # there is one
@@ -138,15 +140,23 @@ class Processes:
 
     async def answer(self, request: Request, question: Question, content: bytes) -> Response:
         bodies.check_counts(content)
-        long = len(content) > SMALL or question.is_long(bodies.read_request(content, question.model))
-        head, *reply = await self._asked(request, Task(question.path, content, 0.0, False), long)
+        # a larger one is read by those who compute, and goes on from nothing
+        body = None if len(content) > SMALL else bodies.read_request(content, question.model)
+        long = body is None or question.is_long(body)
+        async with self._lives.turn(None if body is None else live_of(body)) as kept:
+            task = Task(question.path, content, 0.0, False, kept.state)
+            head, *reply = await self._asked(request, task, long, kept.begin)
+            kept.state = head.state
         if head.missing:
             await self._made(head.missing)
-            head, *reply = await self._asked(request, Task(question.path, content, 0.0, True), long)
+            head, *reply = await self._asked(request, task._replace(makes=True), long)
         return Reply.relayed(head.status, head.headers, *reply)
 
-    async def _asked(self, request: Request, task: Task, long: bool) -> tuple[Head, list[bytes], Held]:
+    async def _asked(
+        self, request: Request, task: Task, long: bool, begin: Callable[[], None] = lambda: None
+    ) -> tuple[Head, list[bytes], Held]:
         async def compute(queued: float, _: Any) -> tuple[Head, list[bytes], Held]:
+            begin()
             process, kept = await self._next(), False
             try:
                 async with asyncio.timeout(_PATIENCE * self._seconds):

@@ -26,7 +26,7 @@ from linkage_atlas import FieldError
 from linkage_atlas.exports import FORMATS, Format
 
 if TYPE_CHECKING:
-    from linkage_atlas import Atlas, Work
+    from linkage_atlas import Atlas, Live, Work
 
 MAX_ERRORS = 20
 """Errors that are told of one request; a request of a thousand wrong numbers needs no thousand lines."""
@@ -182,6 +182,9 @@ class Resources(Protocol):
 
     def work(self, budget: float | None = None) -> Work:
         """What watches over an answer's time, in seconds, and over whether its client is still connected."""
+
+    def live(self) -> Live:
+        """What the last answer under a request's `live` left, and what this one leaves."""
 
 
 FILES = {**FORMATS, "json": Format("application/json", ("json",))}

@@ -88,6 +88,10 @@ class ServiceResources:
         """A watch over the time of an answer, in seconds, and over whether it is still wanted."""
         return la.Work(budget, cancelled, processor_clock() if self.alone else time.perf_counter)
 
+    def live(self) -> la.Live:
+        """Nothing: who answers one request for itself has no last answer."""
+        return la.Live()
+
     def load(self) -> None:
         """Load what a match needs now; an atlas that cannot be used is remembered as the `failure` and not raised."""
         try:

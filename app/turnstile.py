@@ -13,7 +13,7 @@ import anyio
 from starlette.requests import Request
 
 from app import problems
-from linkage_atlas import Cancelled, Work
+from linkage_atlas import Cancelled, Live, Work
 
 
 class Turnstile:
@@ -123,15 +123,30 @@ async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScop
 
 
 class Attended:
-    """Resources of one request, whose work is cancelled once the client has gone and has a budget in any case."""
+    """Resources of one request, whose work is cancelled once the client has gone and has a budget in any case.
 
-    def __init__(self, resources: Any, cancelled: Callable[[], bool], queued: float) -> None:
+    ``state``: of the last answer under the request's `live`, and then of this one.
+    """
+
+    def __init__(self, resources: Any, cancelled: Callable[[], bool], queued: float, state: bytes = b"") -> None:
+        self._live: Live | None = None
+        self._state = state
         self._resources = resources
         self._cancelled = cancelled
         self.queued = queued
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._resources, name)
+
+    def live(self) -> Live:
+        """What the last answer left, and what this one leaves."""
+        self._live = Live(self._state)
+        return self._live
+
+    @property
+    def state(self) -> bytes:
+        """That it leaves."""
+        return self._state if self._live is None else self._live.state
 
     def work(self, budget: float | None = None) -> Work:
         """A watch that also asks whether the client is still there."""

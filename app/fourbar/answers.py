@@ -35,6 +35,8 @@ def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
     """Whether an answer may take more than a fraction of a second."""
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
         return False
+    if isinstance(request, SynthesizeRequest) and request.live is not None:
+        return False
     samples = len(request.rotation or request.position or ())
     if isinstance(request, MatchRequest):
         return samples > 256 or request.top > 100
@@ -66,6 +68,7 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
         tolerance_study=None if request.tolerance_study is None else request.tolerance_study.model_dump(),
         atlas=resources.atlas if request.effort == "atlas" else None,
         work=resources.work,
+        live=None if request.live is None else resources.live(),
     )
 
 

@@ -157,6 +157,11 @@ class SynthesizeRequest(CrankMotion):
         1e-10, description="The search ends when the objective is below this."
     )
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
+    live: Annotated[str, Field(min_length=8, max_length=64)] | None = Field(
+        None,
+        description="An id of the client's own, while a motion is being changed: the search begins with what the last answer "
+        "under it left, which is kept for a minute, and takes at most 60 ms.",
+    )
     length_scale: Length | None = Field(
         None,
         description="Weighs position errors against rotation errors in radians. Default: the largest distance of a "
