@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.live`` drags a point of drawn paths, a pose among random ones, and a sample of motions whose crank angles
 are given, by twenty small moves each, and asks after every move as the page does, with what the last answer left. At every
-fourth move the same is asked of a search of some seconds; J is recomputed by `tests.oracles`.
+fourth move the same is asked of a search of one second; J is recomputed by `tests.oracles`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
 from benchmarks import report
-from benchmarks.engine import FRESH, PATHS, Case, in_time, path, poses, processor_work, untimed
+from benchmarks.engine import FRESH, PATHS, Case, in_time, path, poses, untimed
 from tests.oracles.classes import make_case
 
 MOVES, EVERY = 20, 4
@@ -71,21 +71,64 @@ CLASSES: dict[str, tuple[Callable[[int], Case], ...]] = {
 }
 
 
-def measured(case: Case, live: la.Live, **more: Any) -> dict[str, Any]:
+def measured(case: Case, live: la.Live) -> dict[str, Any]:
     """J of a live reply, its processor time and that of its first answer, in ms."""
     begin = time.process_time()
-    reply = case.ask(live=live, **more)
+    reply = case.ask(live=live)
     took = 1000 * (time.process_time() - begin)
     cost = case.cost(reply.best.to_dict()) if reply.solutions else np.inf
-    return {"cost": cost, "ms": took, "first": reply.report.trace[0][0] if reply.report.trace else np.inf}
+    first = reply.report.trace[0][0] if reply.report.trace else np.inf
+    return {"cost": float(cost), "ms": took, "first": first, "state": len(live.state)}
 
 
-def drag(case: Case, seed: int) -> Iterator[dict[str, Any]]:
-    """A row a move, with the J of a longer search where one was made."""
+def drag(case: Case, seed: int, seconds: float = SECONDS) -> Iterator[dict[str, Any]]:
+    """A row a move, with the least J known where a longer search was made."""
     live = la.Live()
     for move, now in enumerate(drag_of(case, seed)):
-        row = {"move": move, **measured(now, live), "state": len(live.state)}
-        if move % EVERY == 0 and move:
-            long = now.ask(SECONDS)
-            row["final"] = min(now.cost(long.best.to_dict()) if long.solutions else np.inf, row["cost"])
+        row = {"move": move, **measured(now, live)}
+        if move and move % EVERY == 0:
+            reply = now.ask(seconds)
+            row["final"] = min(now.cost(reply.best.to_dict()) if reply.solutions else np.inf, row["cost"])
         yield row
+
+
+def near(row: dict[str, Any]) -> bool:
+    """Whether an answer is as good as that of a longer search, to 5 %."""
+    return bool(max(row["cost"], EXACT) <= NEAR * max(row["final"], EXACT))
+
+
+def measure_class(name: str, drags: int) -> dict[str, Any]:
+    """A row of the table."""
+    makers, rows = CLASSES[name], []
+    for seed in range(drags):
+        rows += drag(makers[seed % len(makers)](FRESH + seed // len(makers)), seed)
+    held = [row for row in rows if "final" in row]
+    begun, further = ([row for row in rows if (row["move"] > 0) is later] for later in (False, True))
+    told = {"class": name, "drags": drags, "near": float(np.mean([near(row) for row in held])), "held": len(held)}
+    told |= {"soon": float(np.mean([row["first"] <= FIRST_MS for row in rows]))}
+    for which, some in (("begun", begun), ("further", further)):
+        told |= {f"{which}_first": float(np.median([row["first"] for row in some]))}
+        told |= {f"{which}_ms": float(np.median([row["ms"] for row in some]))}
+        told |= {f"{which}_ms_most": float(np.percentile([row["ms"] for row in some], 99))}
+    return told | {"state": max(row["state"] for row in rows)}
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The table of docs/http.md."""
+    rows = [row | {"times": f"{row['further_ms']:.0f} / {row['further_ms_most']:.0f}"} for row in results["rows"]]
+    return report.tables("live", {"drags": rows})
+
+
+def measure(drags: Annotated[int, "of each class"] = 60) -> Iterator[dict[str, Any]]:
+    """The classes in turn."""
+    threadpool_limits(1, "blas")
+    la.prepare()
+    stamp, rows = report.stamp(), []
+    for name in CLASSES:
+        rows.append(measure_class(name, drags))
+        print(rows[-1], flush=True)
+    yield {"made": stamp, "rows": rows}
+
+
+if __name__ == "__main__":
+    report.run(measure)

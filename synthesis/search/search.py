@@ -412,13 +412,14 @@ class _Search:
             run = GivenRounds(self.target, way, family, found, self.work, self.kept.searches)
             run.go_on(self._left(self.limits.family if way is ways[-1] else family, way.chart))
             seeds = run.seeds(windows(family))
-            begin = list(islice(seeds, 1))
-            if not looked:  # one round tells whether an exact answer keeps the limits
+            late = self.work.expired() and way.chart in found.pools
+            begin = [] if late else list(islice(seeds, 1))
+            if not (looked or late):  # one round tells whether an exact answer keeps the limits
                 first, looked = self.look(FIRST_LOOK[:1], top), True
                 self.note(np.array([one.errors.objective for one in first]) ** 2)
                 if Status.of(first, self.tolerance) is Status.REACHED:
                     return first
-            for one in run.closest(chain(begin, seeds)):
+            for one in run.closest(chain(begin, seeds)) if not late else ():
                 self.seeds += len(one.branch)
                 if found.least < _EXACT_NEAR or self.work.expired():
                     break
@@ -497,15 +498,19 @@ def search(
         target, limits = target.mirrored(), limits.mirrored()
         kept = None if kept is None else kept.mirrored()
     run = _Search(tables, target, limits, tolerance, work or Work(), mechanism, kept)
-    run.go_on()
-    solutions = run.look(FIRST_LOOK, top) if limits.only_family else []
+    solutions: list[Any] = []
+    if limits.only_family:
+        run.go_on()
+        solutions = run.look(FIRST_LOOK, top)
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
-    if not (run.done(solutions) or (solutions and run.reached)):
+    goes_on = not solutions and len(run.kept.branch) > 0  # there is an answer, however little time there is
+    if goes_on or not (run.done(solutions) or (solutions and run.reached)):
         solutions = run.bounded_search(tables.windows, solutions, top)
     if kept is not None:
         best = distinct(solutions, MOST, APART, exact=tolerance)
-        left = Kept.of([(one.linkage, target.crank) for one in best], kept.searches + 1)
-        kept = left.mirrored() if clockwise else left
+        searches = kept.searches + 1
+        left = Kept.of([(one.linkage, target.crank) for one in best], searches) if best else kept
+        kept = (left.mirrored() if clockwise else left)._replace(searches=searches)
     solutions = distinct(solutions, top, APART, exact=tolerance)
     report = run.report(solutions)._replace(kept=kept)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report

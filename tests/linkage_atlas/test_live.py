@@ -1,0 +1,84 @@
+"""Answers that go on from the last while a motion is being changed (`la.Live`)."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from benchmarks.engine import FRESH
+from benchmarks.live import CLASSES, drag, near
+
+RANDOM = np.random.default_rng(3)
+TURN = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+PATH = np.column_stack([60 * np.cos(TURN), 30 * np.sin(TURN)]) + RANDOM.normal(size=(12, 2))
+POSES = {"position": RANDOM.normal(size=(8, 2)), "rotation": RANDOM.uniform(-50, 50, 8)}
+QUESTIONS = {
+    "path": {"position": PATH, "timing": "free", "closed": True},
+    "path without limits": {"position": PATH, "timing": "free", "limits": {"preset": "none"}},
+    "long path": {"position": np.repeat(PATH, 4, axis=0) + RANDOM.normal(size=(48, 2)), "timing": "free"},
+    "closed by its first": {"position": np.vstack([PATH, PATH[:1]]), "timing": "free", "closed": True},
+    "poses": POSES | {"timing": "free", "limits": {"family": "any"}},
+    "any order": POSES | {"timing": "free", "order": "any"},
+    "crank angles": POSES | {"crank_span": -200},
+    "rotation": {"rotation": POSES["rotation"], "crank_span": 200},
+    "within limits": POSES | {"crank_span": 200, "limits": {"preset": "practical", "pivot_box": [-2, -2, 2, 2]}},
+}
+
+
+def processor(budget: float | None) -> la.Work:
+    return la.Work(budget, clock=time.process_time)
+
+
+def objective(reply: la.Result) -> float:
+    return reply.best.errors.objective if reply.solutions else np.inf
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_the_same_question_again_is_answered_at_once_and_no_worse(name) -> None:
+    question, live = QUESTIONS[name], la.Live()
+    first = la.synthesize(**question, live=live, work=processor)
+    assert first.report.live is not None and not first.report.live.continued
+    assert first.solutions and 0 < len(live.state) < 30_000
+    for budget in (0.001, None):  # in the first there is time for nothing else
+        again = la.synthesize(**question, live=live, work=processor, budget=budget)
+        assert again.report.live is not None and again.report.live.continued
+        assert objective(again) <= objective(first) * (1 + 1e-9) + 1e-12
+        first = again
+    assert first.report.elapsed_ms["total"] < 1000
+
+
+def test_an_answer_that_is_not_live_says_nothing_of_it() -> None:
+    assert la.synthesize(**QUESTIONS["crank angles"], top=1, budget=0.1).report.live is None
+
+
+def test_samples_may_be_added_and_removed() -> None:
+    live = la.Live()
+    before = objective(la.synthesize(position=PATH, timing="free", live=live, work=processor))
+    for path in (np.insert(PATH, 5, (PATH[4] + PATH[5]) / 2, axis=0), np.delete(PATH, 3, axis=0)):
+        reply = la.synthesize(position=path, timing="free", live=live, work=processor)
+        assert reply.report.live is not None and reply.report.live.continued
+        assert objective(reply) < 3 * before
+
+
+def test_what_is_left_of_one_kind_of_question_serves_another() -> None:
+    live = la.Live()
+    for name in ("poses", "crank angles", "rotation", "any order", "path"):
+        assert la.synthesize(**QUESTIONS[name], live=live, work=processor).solutions, name
+
+
+def test_a_drag_is_followed() -> None:
+    drags = (("drawn path", 0, 6), ("random poses", 1, 9))
+    rows = [row for name, kind, seed in drags for row in drag(CLASSES[name][kind](FRESH + 500 + seed), seed, 0.5)]
+    held = [near(row) for row in rows if "final" in row]
+    assert len(held) == 10 and np.mean(held) >= 0.9
+    assert max(row["state"] for row in rows) < 30_000
+
+
+def test_an_atlas_and_a_given_linkage_are_no_searches_to_go_on() -> None:
+    with pytest.raises(la.FieldError, match="/live"):
+        la.synthesize(**QUESTIONS["crank angles"], live=la.Live(), effort="atlas")
+    with pytest.raises(la.FieldError, match="/live"):
+        la.synthesize(**QUESTIONS["crank angles"], live=la.Live(), refine_from=la.FourBar(19, 72, 144, 165))
