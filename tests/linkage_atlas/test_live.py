@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from benchmarks.engine import FRESH
-from benchmarks.live import CLASSES, drag, near
 
 RANDOM = np.random.default_rng(3)
 TURN = np.linspace(0, 2 * np.pi, 12, endpoint=False)
@@ -67,14 +65,6 @@ def test_what_is_left_of_one_kind_of_question_serves_another() -> None:
     live = la.Live()
     for name in ("poses", "crank angles", "rotation", "any order", "path"):
         assert la.synthesize(**QUESTIONS[name], live=live, work=processor).solutions, name
-
-
-def test_a_drag_is_followed() -> None:
-    drags = (("drawn path", 0, 6), ("random poses", 1, 9))
-    rows = [row for name, kind, seed in drags for row in drag(CLASSES[name][kind](FRESH + 500 + seed), seed, 0.5)]
-    held = [near(row) for row in rows if "final" in row]
-    assert len(held) == 10 and np.mean(held) >= 0.9
-    assert max(row["state"] for row in rows) < 30_000
 
 
 def test_an_atlas_and_a_given_linkage_are_no_searches_to_go_on() -> None:
