@@ -52,8 +52,9 @@ ILL_POSED = (
     "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
     "see `determination` of each solution"
 )
-LIVE_SECONDS, LIVE_FINISHING = 0.06, 0.35
-"""Longest budget of an answer that goes on from the last, and the part of it that is left for finishing."""
+LIVE_SECONDS, LIVE_FINISHING, LIVE_FINISHING_EACH = 0.06, 0.1, 0.025
+"""Longest budget of an answer that goes on from the last, and the parts of it that are left for finishing: in any case, and for
+each of the first ten solutions."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
 Prefer = Literal["error", "size", "transmission", "crank_span"]
@@ -254,7 +255,7 @@ def synthesize(
     prefers = _preference(prefer, wanted, isinstance(source, SeedTables))
     goal = tolerance if prefers == "error" else goal_of(_allowed(wanted), tolerance)
 
-    spare = FINISHING if live is None else LIVE_FINISHING
+    spare = FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10)
     searching, many = watch.extended(-spare), _VARIETY * top if diverse else top
     found, course = _search(source, wanted, kept, many, goal, searching, begun=begun)
     if prefers != "error":

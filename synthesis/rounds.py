@@ -200,11 +200,11 @@ class Rounds:
             self.keep(self.plain.measured(timed, posed=not self.within.posed), rounds=4)
             self.round(self.thinned(timed), GO_ON)
 
-    def in_turn(self, seeds: Timed, most: int) -> Iterator[Timed]:
-        """Seeds, at most so many at a time, beginning with those that earlier searches had not."""
+    def in_turn(self, seeds: Timed, most: int, had: int = 0) -> Iterator[Timed]:
+        """Seeds, at most so many at a time, beginning behind those that so many earlier searches had."""
         chunks = -(-seeds.branch.size // most)
         for k in range(chunks):
-            first = most * ((self.before + k) % chunks)
+            first = most * ((had + k) % chunks)
             yield seeds.take(slice(first, first + most))
 
     def closest(self, seeds: Iterator[Timed], most: float = np.inf) -> Iterator[Timed]:

@@ -654,4 +654,4 @@ class _Search:
             seeds, look = problem.measured(seeds).timed, np.arange(_LOOKED_AT)
         few = run.spread(seeds.take(look[look < seeds.branch.size]))
         run.keep(run.plain.measured(few, posed=not run.holds), rounds=4)
-        yield from run.in_turn(seeds, _SEEDS)
+        yield from run.in_turn(seeds, _SEEDS, run.before // _FRESH)

@@ -149,7 +149,7 @@ class GivenRounds(Rounds):
         seeds = windows.seeds(self.problem, self.way.on_shape, self.way.boxes)
         first = self._shifted(seeds.take(slice(0, _FIRST)))
         self.keep(self.plain.measured(first, posed=not self.within.posed), rounds=4)
-        yield from self.in_turn(seeds, _SEEDS)
+        yield from self.in_turn(seeds, _SEEDS, self.before)
 
     def signature(self, timed: Timed) -> tuple[Floats, Floats]:
         """Shape and start."""
