@@ -1367,7 +1367,7 @@ class Descent:
             if not out[n] <= before:
                 out[n] = before
                 self.take(0, n)
-            self.evaluate(0, False, 1 if self.pose_is_best else 0, False)
+            self.evaluate(0, False, 1 if self.pose_is_best else 2, False)
             self.give(0, n)
         return lacked
 
