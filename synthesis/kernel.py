@@ -1438,6 +1438,9 @@ class Descent:
                     again = True
             if not again:
                 break
+        for c in range(last + 1):  # what no sample's row depends on stays zero
+            for j in range(rows):
+                self.m[s, c, j] = 0.0
         for j in range(self.samples):
             self.turn_step[j] = 0.0
         if self.has_rotation:
