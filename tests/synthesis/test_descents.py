@@ -338,6 +338,18 @@ def test_rows_of_limits_and_their_derivatives(chart: Any, timing: str, posed: bo
     assert np.abs(np.concatenate(by_crank)).max() > 0.1
 
 
+@timings
+def test_a_problem_keeps_nothing_of_what_it_was_asked_before(timing: str) -> None:
+    """Once steps onto limits left their rows where rows of samples have zeros, and all later steps went astray."""
+    problem, timed = candidates(GrashofChart(), limits=KEPT_LIMITS, timing=timing)
+    fresh = problem.linearised(timed, 1e-3)
+    problem.moved_onto(timed)
+    problem.descended(timed, [Stage(9)])
+    for one, other in zip(fresh, problem.linearised(timed, 1e-3)):
+        for name in ("rows", "turn", "step"):
+            np.testing.assert_array_equal(one[name], other[name])
+
+
 def test_what_a_bound_holds_is_not_derived_by() -> None:
     held, chart = [], GrashofChart()
     for unknown in range(4):
