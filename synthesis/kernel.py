@@ -1367,7 +1367,7 @@ class Descent:
             if not out[n] <= before:
                 out[n] = before
                 self.take(0, n)
-            self.evaluate(0, False, 1 if self.pose_is_best else 0, False)
+            self.evaluate(0, False, 1 if self.pose_is_best else 2, False)
             self.give(0, n)
         return lacked
 
@@ -1438,6 +1438,9 @@ class Descent:
                     again = True
             if not again:
                 break
+        for c in range(last + 1):  # what no sample's row depends on stays zero
+            for j in range(rows):
+                self.m[s, c, j] = 0.0
         for j in range(self.samples):
             self.turn_step[j] = 0.0
         if self.has_rotation:
@@ -2045,9 +2048,9 @@ class Descent:
         for c in range(self.columns):
             self.ridge[c] = damping
             if self.square[c] > 0.0:
-                self.ridge[c] = (
-                    0.0 if self.timed else damping * (LINEAR_ if c < self.linear else 1.0) * self.square[c]
-                )
+                # in their best pose linear unknowns need none; beside limits that a step meets it must come to an end
+                none: cython.bint = self.timed and self.pose_is_best
+                self.ridge[c] = 0.0 if none else damping * (LINEAR_ if c < self.linear else 1.0) * self.square[c]
         if not (damping > NORMAL_ and self.cholesky(damping)):
             self.orthogonal(damping)
 

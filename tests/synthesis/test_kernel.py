@@ -1,4 +1,4 @@
-"""The compiled kernel against its own source run as Python; what it computes is checked at its doors (`free.joint`)."""
+"""The compiled kernel against its own source run as Python; what it computes is checked at its door (`descents`)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from synthesis import kernel
-from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart, LengthsChart
+from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.limits import Constraints, Limits, Reach
 from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from, uncompiled
+from tests.oracles.slider_crank import SliderCrankChart, body_angle
 
 
 def test_a_library_of_another_source_is_noticed(tmp_path: Path) -> None:
@@ -29,8 +30,19 @@ def test_the_library_runs_without_cython() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, cwd=SOURCE.parents[1])
 
 
-CHARTS = [GrashofChart(scaled=False), GrashofChart(), LengthsChart(), AnyChart(), FullCrankChart()]
+CHARTS = [GrashofChart(), AnyChart(), FullCrankChart()]
+every_chart = pytest.mark.parametrize(
+    "chart", [*CHARTS, SliderCrankChart()], ids=["grashof", "any", "full", "slider"]
+)
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
+SLIDERS = np.array([[1.0, 2.2, 0.7], [1.0, 1.9, -0.4]])
+TIMINGS: dict[str, dict[str, Any]] = {
+    "free": {},
+    "given": {},
+    "start given": {"fixed": (True, False)},
+    "offset given": {"fixed": (False, True)},
+}
+timings = pytest.mark.parametrize("timing", TIMINGS)
 EVERY_KIND = Limits(
     transmission_angle_min=0.6,
     transmission_angle_min_turn=0.3,
@@ -67,19 +79,25 @@ class Descent:
         self,
         module: ModuleType,
         chart: Any,
-        rotation: bool,
+        timing: str = "free",
+        rotation: bool = True,
         position: bool = True,
         limited: bool = False,
         ordered: bool = True,
         samples: int = 6,
+        posed: bool = True,
     ) -> None:
-        random = np.random.default_rng(5)
-        crank = 0.4 + np.sort(random.uniform(0, 3, samples))
-        turned = chart.at(chart.unknowns(LENGTHS[:1]), crank[None], np.ones(1)).angle[0]
+        random, slider = np.random.default_rng(5), isinstance(chart, SliderCrankChart)
+        crank, lengths = 0.4 + np.sort(random.uniform(0, 3, samples)), SLIDERS if slider else LENGTHS
+        if slider:
+            turned = body_angle(lengths[:1], crank)[0]
+        else:
+            turned = chart.at(chart.unknowns(lengths[:1]), crank[None], np.ones(1)).angle[0]
         place = 0.5 * np.exp(1j * crank) + np.exp(1j * (turned + 0.3)) + 0.05 * random.standard_normal(samples)
         place -= place.mean()
         root = np.sqrt(random.dirichlet(np.full(samples, 9.0)))
-        limits = limits_of(module, smooth=chart.kind == kernel.LENGTHS) if limited else None
+        limits = limits_of(module, chart.kind == kernel.ANY, posed) if limited else None
+        given = timing != "free"
         self.kernel = module.Descent(
             turned + 0.02 * random.standard_normal(samples) if rotation else None,
             root,
@@ -89,16 +107,21 @@ class Descent:
             ordered,
             6.0,
             limits,
+            crank=crank - crank[0] if given else None,
+            shortest=1e-9 if given and position else 0.0,
+            **TIMINGS[timing],
         )
+        angles = np.stack([crank, crank[::-1]]) + 0.1 * random.uniform(-1, 1, (2, 1))
         self.arrays = [
-            chart.unknowns(LENGTHS * random.uniform(0.9, 1.1, (2, 4))),
+            chart.unknowns(lengths * random.uniform(0.9, 1.1, lengths.shape)),
             random.normal(size=(2, 6)),
             random.normal(size=2),
-            np.stack([crank, crank[::-1]]) + 0.1 * random.uniform(-1, 1, (2, 1)),
-            np.array([1.0, -1.0]),
+            angles[:, :1].copy() if given else angles,
+            np.array([1.0, 1.0 if slider else -1.0]),
             0.01 * random.uniform(size=(2, limits.count_rows if limits else 0)),
         ]
-        self.columns = self.arrays[0].shape[1] + 6 * position + rotation
+        self.columns = self.arrays[0].shape[1] + 6 * position + rotation + given
+        self.turns = (2, samples)
         self.random, self.costs = random, self.kernel.begin(*self.arrays, 0.3)
 
     @property
@@ -136,12 +159,16 @@ def test_limits_of_every_kind(smooth: bool, posed: bool) -> None:
 
 
 @pytest.mark.parametrize("limited", [False, True])
-@pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: str(chart.kind))
-def test_rows_and_steps(chart: Any, limited: bool) -> None:
+@timings
+@every_chart
+def test_rows_and_steps(chart: Any, timing: str, limited: bool) -> None:
+    if limited and isinstance(chart, SliderCrankChart):
+        return  # limits are those of four-bars
+
     def work(module: ModuleType) -> list[Any]:
         told = []
         for damping in (1e-2, 1e-12):  # by normal equations and by reflections
-            descent = Descent(module, chart, rotation=True, limited=limited)
+            descent = Descent(module, chart, timing, limited=limited)
             told += [value for n in range(2) for value in descent.kernel.linearised(n, damping).values()]
         return told
 
@@ -149,30 +176,47 @@ def test_rows_and_steps(chart: Any, limited: bool) -> None:
 
 
 @pytest.mark.parametrize(("rotation", "position"), [(True, True), (False, True), (True, False)])
-@pytest.mark.parametrize("bent", [False, True])
-def test_descents(rotation: bool, position: bool, bent: bool) -> None:
+@pytest.mark.parametrize("bent_below", [0.0, np.inf])
+@timings
+def test_descents(timing: str, rotation: bool, position: bool, bent_below: float) -> None:
     def work(module: ModuleType) -> list[Any]:
-        descent = Descent(module, CHARTS[1], rotation, position)
+        descent = Descent(module, CHARTS[0], timing, rotation, position)
         descent.kernel.look(True, rotation)
-        descent.kernel.descend(4, 1e-3, 1e-9, 0.0, True, bent)
+        descent.kernel.descend(4, 1e-3, 1e-9, 0.0, 1.0, bent_below)
         assert not descent.kernel.run(3) and descent.kernel.run(100)
         return [*descent.state, descent.kernel.steps]
 
     same(work, 1e-9)
 
 
-@pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: str(chart.kind))
-def test_descents_within_limits(chart: Any) -> None:
+@pytest.mark.parametrize(
+    ("timing", "posed"), [(one, way) for one in TIMINGS for way in sorted({True, one == "free"})]
+)
+@pytest.mark.parametrize("chart", CHARTS, ids=["grashof", "any", "full"])
+def test_descents_within_limits(chart: Any, timing: str, posed: bool) -> None:
     def work(module: ModuleType) -> list[Any]:
-        descent = Descent(module, chart, rotation=True, limited=True)
+        descent = Descent(module, chart, timing, limited=True, posed=posed)
         descent.kernel.look(False, False)
         for weight in (0.3, 3.0):
             descent.kernel.renew(weight)
-            descent.kernel.descend(2, 1e-3, 1e-9, 0.0, True, False)
+            descent.kernel.descend(2, 1e-3, 1e-9, 0.0, 1.0, 0.0)
             assert descent.kernel.run(100)
         return [*descent.state, *descent.kernel.broken()]
 
     same(work, 1e-9)
+
+
+def test_others_go_on_for_a_part_of_the_steps_of_the_first_exact_one() -> None:
+    for others in (0.0, 1.0, np.inf):
+
+        def work(module: ModuleType, others: float = others) -> list[Any]:
+            descent = Descent(module, CHARTS[0])
+            descent.kernel.look(True, True)
+            descent.kernel.descend(6, 1e-3, 1e-9, 0.9 * descent.costs[0], others, 0.0)
+            assert descent.kernel.run(100)
+            return [*descent.state, descent.kernel.steps]
+
+        same(work, 1e-9)
 
 
 TASKS: dict[str, Callable[[Descent], Any]] = {
@@ -181,7 +225,7 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
     "nearest": lambda one: one.kernel.nearest(3),
     "loose": lambda one: one.kernel.loose(one.random.normal(size=(2, one.columns)), np.array([0.5, -2.0]), 0.5),
     "moved": lambda one: one.kernel.moved(
-        3 * one.random.normal(size=(2, one.columns)), one.random.normal(size=one.arrays[3].shape)
+        3 * one.random.normal(size=(2, one.columns)), one.random.normal(size=one.turns)
     ),
     "broken": lambda one: one.kernel.broken(),
     "restore": lambda one: one.kernel.restore(3),
@@ -190,27 +234,30 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
 
 @pytest.mark.parametrize("samples", [1, 2, 3])
 @pytest.mark.parametrize("limited", [False, True])
-def test_few_samples(samples: int, limited: bool) -> None:
+@pytest.mark.parametrize("timing", ["free", "given"])
+def test_few_samples(timing: str, samples: int, limited: bool) -> None:
     """Where there are fewer rows than unknowns; only the source notices what is written beyond an array's end."""
 
     def work(module: ModuleType) -> list[Any]:
-        descent = Descent(module, CHARTS[2], rotation=True, limited=limited, samples=samples)
+        descent = Descent(module, CHARTS[2], timing, limited=limited, samples=samples)
         for task in TASKS.values():
             task(descent)
-        descent.kernel.descend(3, 1e-3, 1e-9, 0.0, True, not limited)
+        descent.kernel.descend(3, 1e-3, 1e-9, 0.0, 1.0, 0.0 if limited else np.inf)
         assert descent.kernel.run(100)
         return [descent.costs] if samples == 3 else []
 
     same(work, 1e-5)
 
 
-@pytest.mark.parametrize("ordered", [True, False])
+@pytest.mark.parametrize(
+    ("timing", "ordered"), [("free", True), ("free", False), ("given", True), ("start given", True)]
+)
 @pytest.mark.parametrize("task", TASKS)
-def test_what_else_is_asked(task: str, ordered: bool) -> None:
+def test_what_else_is_asked(task: str, timing: str, ordered: bool) -> None:
     def work(module: ModuleType) -> list[Any]:
         told = []
         for chart in (CHARTS[0], CHARTS[2]):
-            descent = Descent(module, chart, rotation=True, limited=True, ordered=ordered)
+            descent = Descent(module, chart, timing, limited=True, ordered=ordered)
             answer = TASKS[task](descent)
             told += [*descent.state, *([] if answer is None else [answer])]
         return told

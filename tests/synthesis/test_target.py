@@ -11,7 +11,8 @@ from synthesis.atlas.scan import Scan
 from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.pose import objective
-from synthesis.search.problems import ProjectedProblem
+from synthesis.search import problems
+from synthesis.search.problems import GivenProblem
 from synthesis.target import TURN, Interval, Mean, Target, make_target
 
 LINE = np.array([0.0, 1, 3, 4])
@@ -71,10 +72,13 @@ def test_the_value_of_a_sample_of_weight_0_does_not_matter(weights, others) -> N
     angle = coupler_angle([19.0, 72, 144, 165], [[1], [-1]], [1 + plain.crank]).reshape(2, -1)
     assert objective(changed, angle) == pytest.approx(objective(plain, angle), rel=1e-13 * size)
     random = np.random.default_rng(1)
-    unknowns, branch = random.uniform(-1.5, 1.5, (20, 4)), random.choice([-1.0, 1.0], 20)
-    ours, theirs = (ProjectedProblem(one, FullCrankChart()).evaluate(unknowns, branch) for one in (plain, changed))
-    np.testing.assert_allclose(theirs.cost, ours.cost, rtol=1e-13 * size)
-    np.testing.assert_allclose(theirs.stack, ours.stack, rtol=0, atol=1e-12 * size)
+    timed = problems.given(
+        random.uniform(-1.5, 1.5, (20, 3)), random.choice([-1.0, 1.0], 20), random.uniform(-1.5, 1.5, 20)
+    )
+    ours, theirs = (GivenProblem(one, FullCrankChart()) for one in (plain, changed))
+    np.testing.assert_allclose(theirs.measured(timed).cost, ours.measured(timed).cost, rtol=1e-13 * size)
+    for one, other in zip(ours.linearised(timed, 1e-3), theirs.linearised(timed, 1e-3)):
+        np.testing.assert_allclose(other["rows"], one["rows"], rtol=0, atol=1e-12 * size)
 
 
 @settings(LAW, max_examples=8)

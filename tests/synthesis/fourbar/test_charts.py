@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.charts import AnyChart, FullCrankChart
+from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.kinematics import FULL_CRANK, family
 
 CHARTS = [FullCrankChart(), AnyChart()]
@@ -85,3 +85,18 @@ def test_no_point_is_too_far_out() -> None:
 def test_lengths_at_a_change_point_have_finite_unknowns() -> None:
     folded = np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 3.0, 3.0, 1.0], [2.0, 2.0, 2.0, 2.0]])
     assert np.all(np.isfinite(FullCrankChart().unknowns(folded)))
+
+
+def test_grashof_chart_gives_the_lengths_back_and_holds_its_bounds() -> None:
+    chart, lengths = GrashofChart(), np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
+    unknowns = chart.unknowns(lengths)
+    assert np.sign(unknowns[:, 0]).tolist() == [1.0, -1.0]
+    shape = chart.shape(unknowns)
+    np.testing.assert_allclose(shape.lengths / shape.lengths.sum(axis=1, keepdims=True), lengths, atol=1e-12)
+    l1, l2, l3, l4 = shape.lengths.T
+    np.testing.assert_allclose(shape.x0, (l2 + l3) ** 2 - (l1 + l4) ** 2)
+    np.testing.assert_allclose(shape.y0, (l4 - l1) ** 2 - (l3 - l2) ** 2)
+    pushed = chart.within(unknowns + np.array([[0.0, -9, 0, 0], [-9.0, 0, 0, -9]]))
+    assert pushed[0, 1] == chart.LEAST and pushed[1, 3] == chart.LEAST and pushed[1, 0] < 0
+    # a trial a little past a bound: once a short link with it came out negative
+    assert chart.shape(np.array([[1e-3, 0.5, -0.01, -0.01]])).lengths.min() > 0

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from synthesis.descents import Stage, Timed
 from synthesis.fourbar.charts import FullCrankChart
 from synthesis.free.dyads import Body, evaluate_dyads, linear_dyads, polished
-from synthesis.free.joint import JointProblem, Stage, Timed
+from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses, make_poses
 from tests.oracles.free_classes import burmester_dyads, free_case, recompute_free
 

@@ -9,15 +9,17 @@ from functools import cache
 import numpy as np
 import pytest
 
+from synthesis.descents import Stage
 from synthesis.fourbar.charts import FullCrankChart, GrashofChart
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution
-from synthesis.free.joint import JointProblem, Stage
+from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, PathScreen
-from synthesis.free.search import EXACT_SAMPLES, Found, Plan, Rounds, path_screens, search_free
+from synthesis.free.search import EXACT_SAMPLES, FreeRounds, path_screens, search_free
+from synthesis.rounds import Found, Plan
 from synthesis.work import Work
 
 CHART = GrashofChart()
@@ -56,7 +58,8 @@ def test_exact_paths_are_reached(lengths: tuple[float, ...], samples: int, span:
     found, report = search_free(poses, Limits(), 3, screens=screens)
     assert recomputed(poses, found[0]) < 1e-9
     seconds, best = zip(*report.trace)
-    assert list(seconds) == sorted(seconds) and best[-1] == found[0].errors.objective
+    # those below the tolerance are ranked by other merits
+    assert list(seconds) == sorted(seconds) and best[-1] == min(one.errors.objective for one in found)
 
 
 @pytest.mark.parametrize("change", ["mirrored", "reversed"])
@@ -79,7 +82,7 @@ def test_same_request_same_answer(screens) -> None:
 def test_the_few_samples_of_the_rounds_lead_to_all_of_them(screens) -> None:
     # once A stayed counted from the mean of the few: the polish had to find the path again, and sometimes did not
     poses = request(DOUBLE, 40, 320)
-    run = Rounds(poses, Limits(), CHART, Found(1e-10, lambda _: None), Work(), EXACT_SAMPLES, limited=False)
+    run = FreeRounds(poses, Limits(), CHART, Found(1e-10, lambda _: None), Work(), EXACT_SAMPLES, limited=False)
     run.round(screens("full_crank")[0].seeds(run.thin, CHART).take(slice(0, 100)), Plan((Stage(100, 1e-2),)))
     assert run.least < 1e-10
     problem = JointProblem(poses, CHART)

@@ -1,8 +1,9 @@
-"""The search within limits: its problems' derivatives, its descents, and that what it finds keeps what was asked."""
+"""The search within limits: its seeds, its descents, and that what it finds keeps what was asked."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,15 @@ from hypothesis import strategies as st
 
 import linkage_atlas as la
 from linkage_atlas.limits import read_limits
-from synthesis.fourbar.charts import GrashofChart, LengthsChart
+from synthesis.descents import Stage, Timed
+from synthesis.fourbar.charts import GrashofChart
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.search.problems import Descended, Plan, PosedProblem, ShapeProblem, descend, restored
-from synthesis.search.search import LimitedSearch
+from synthesis.pose import objective
+from synthesis.rounds import Found
+from synthesis.search import problems
+from synthesis.search.problems import GivenProblem, problem_of
+from synthesis.search.search import GivenRounds
 from synthesis.search.seeds import Windows
 from synthesis.target import Target, make_target
 from synthesis.work import Work
@@ -33,79 +38,65 @@ def windows() -> Windows:
     return Windows(FOURBAR, FOURBAR.bounded_types("full_crank"))
 
 
-def target_of(request: dict[str, Any]) -> Target:
+def motion_of(request: dict[str, Any]) -> la.Motion:
     parts = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
-    return la.Motion(**{name: request.get(name) for name in parts}).target
+    return la.Motion(**{name: request.get(name) for name in parts})
 
 
-def posed_problem(seed: int, chart: Any, weighted: bool = False) -> tuple[PosedProblem, np.ndarray, np.ndarray]:
-    """A problem and candidates that close."""
+def target_of(request: dict[str, Any]) -> Target:
+    return motion_of(request).target
+
+
+def drawn(seed: int, posed: bool) -> tuple[GivenProblem, Timed]:
+    """A motion that no linkage is bound to perform, within limits, and candidates in random poses."""
     random, samples = np.random.default_rng(seed), 14
-    weights = random.uniform(0.1, 2, (2, samples)) if weighted else (None, None)
     position = np.cumsum(random.normal(size=samples)) + 1j * np.cumsum(random.normal(size=samples))
-    rotation = np.cumsum(random.normal(size=samples)) / 5
-    target = make_target(rotation, position, 3.0, rotation_weights=weights[0], position_weights=weights[1])
-    middle = complex(target.position_mean(target.position))
-    problem = PosedProblem(target, chart, Constraints(LIMITS, middle, target.length_scale))
-    shapes = random.uniform(0.2, 1.0, (20, 4))
-    lengths = GrashofChart(scaled=False).shape(shapes).lengths
-    rest = np.column_stack([random.uniform(0, 6, 20), random.normal(size=(20, 5))])
-    return problem, np.hstack([chart.unknowns(lengths), rest]), random.choice([-1.0, 1.0], 20)
-
-
-@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
-@pytest.mark.parametrize("chart", [GrashofChart(scaled=False), LengthsChart()], ids=lambda one: type(one).__name__)
-def test_derivatives_are_those_of_central_differences(chart, weighted) -> None:
-    problem, unknowns, branch = posed_problem(1, chart, weighted)
-    rows, limits = problem.evaluate(unknowns, branch).stack, problem.constrained(unknowns, branch)
-    for k in range(problem.unknowns):
-        step = 1e-6 * np.eye(problem.unknowns)[k]
-        ahead, behind = (problem.evaluate(unknowns + sign * step, branch).stack[:, -1] for sign in (1, -1))
-        np.testing.assert_allclose(rows[:, k], (ahead - behind) / 2e-6, atol=1e-6 * (1 + np.abs(rows[:, k]).max()))
-        ahead, behind = (problem.constrained(unknowns + sign * step, branch).values for sign in (1, -1))
-        gap = np.abs(limits.slopes[:, :, k] - (ahead - behind) / 2e-6)
-        assert np.quantile(gap, 0.98) < 1e-6 * (1 + np.abs(limits.slopes).max())
+    target = make_target(np.cumsum(random.normal(size=samples)) / 5, position, 3.0)
+    constraints = Constraints(Limits(transmission_angle_min=0.6))
+    if posed:
+        constraints = Constraints(LIMITS, target.middle, target.length_scale)
+    chart = GrashofChart()
+    shape = chart.within(random.uniform(0.2, 1.0, (20, 4)))
+    start, pose = random.uniform(0, 6, 20), random.normal(size=(20, 6)).view(complex)
+    timed = problems.given(shape, random.choice([-1.0, 1.0], 20), start, pose)
+    return GivenProblem(target, chart, constraints, posed), timed
 
 
 @LAW
-@given(st.integers(0, 10_000), st.sampled_from(["shape", "pose"]))
-@example(13, "pose")
-@example(123, "pose")
-@example(205, "pose")
-def test_no_candidate_is_worse_than_its_seed(seed, kind) -> None:
-    """By the augmented Lagrangian of a single weight; restoring never leaves more broken than it finds."""
-    problem, unknowns, branch = posed_problem(seed, GrashofChart(scaled=False))
-    if kind == "shape":
-        plain = Constraints(Limits(transmission_angle_min=0.6))
-        problem = ShapeProblem(problem.target, GrashofChart(), plain)
-        unknowns = np.hstack([problem.chart.within(unknowns[:, :4]), unknowns[:, 4:5]])
-
-    def merit(at: np.ndarray) -> np.ndarray:
-        lacking = np.maximum(1e-7 - problem.constrained(at, branch).values, 0.0)
-        return problem.evaluate(at, branch).cost + 3.0 * np.sum(lacking**2, axis=1)
-
-    found = descend(problem, unknowns, branch, Plan(12, (3.0,), 100), Work())
-    assert np.all(merit(found.unknowns) <= merit(unknowns) * (1 + 1e-9))
-    assert np.all(restored(problem, found).broken <= found.broken * (1 + 1e-9))
+@given(st.integers(0, 10_000), st.booleans())
+@example(13, True)
+@example(123, True)
+@example(205, True)
+def test_no_candidate_is_worse_than_its_seed(seed, posed) -> None:
+    """By J squared and the squares of broken limits of a single weight; moving onto limits breaks none more."""
+    problem, timed = drawn(seed, posed)
+    begin = problem.descended(timed, [Stage(0, weight=1.7)])
+    found = problem.descended(timed, [Stage(12, weight=1.7)])
+    assert np.all(found.cost <= begin.cost)
+    lacking = problem.lacking(found.timed)
+    # a limit counts from its margin on
+    assert np.all(found.cost >= problem.measured(found.timed, posed=not posed).cost + 1.7**2 * lacking[0] - 1e-12)
+    assert np.all(problem.moved_onto(found.timed)[1] <= lacking[1])
 
 
-def test_equations_are_met_by_each_step_and_to_rounding_in_the_end(windows) -> None:
+def test_equations_are_met_to_rounding_in_the_end(windows) -> None:
     target = target_of(make_case("unreachable", 3).request)
-    middle, scale = complex(target.position_mean(target.position)), target.length_scale
-    limits = Limits(pivot_b=middle + scale * (1 - 2j), links=(0.7 * scale, None, None, None))
-    way = FOURBAR.bounded(target, limits)[0]
-    run = LimitedSearch(target, way, windows, Work(), lambda cost: None)
-    found, problem = run.search(10), run.whole
-    assert found.branch.size
-    for linkage in problem.linkages(FOURBAR, found.unknowns, found.branch, target):
+    scale = target.length_scale
+    limits = Limits(pivot_b=target.middle + scale * (1 - 2j), links=(0.7 * scale, None, None, None))
+    way, found = FOURBAR.bounded(target, limits)[0], Found(1e-10, lambda least: None)
+    run = GivenRounds(target, way, limits.family, found, Work())
+    for _ in run.closest(run.seeds(windows), 4):
+        pass
+    pool = found.pools[way.chart]
+    assert pool.cost.size > 5
+    for linkage in run.within.linkages(FOURBAR, pool):
         assert abs(linkage.pivot_b - limits.pivot_b) < 1e-12 * scale * 4
         assert abs(linkage.links[0] / (0.7 * scale) - 1) < 1e-12
-    nothing = np.empty(0)
-    seeds = windows.seeds(problem, way.on_shape, way.boxes)
-    on_them = restored(problem, Descended(seeds.unknowns[:20], seeds.branch[:20], nothing, nothing))
-    down = descend(problem, on_them.unknowns, on_them.branch, Plan(10, (1.0, 10.0), 5), Work())
-    moved = np.abs(problem.constrained(down.unknowns, down.branch).values[:, :3])
-    assert np.median(moved) < 1e-3
+    seeds = windows.seeds(run.within, way.on_shape, way.boxes).take(slice(0, 20))
+    down = run.within.descended(seeds, [Stage(10, weight=10.0)])
+    assert np.median(run.within.lacking(down.timed)[1]) < 1e-2
+    on_them, broken = run.within.moved_onto(down.timed)
+    assert np.mean(broken < 1e-13) > 0.9 and np.isfinite(on_them.cost).all()
 
 
 def test_windows_come_in_the_best_pose_that_boxes_leave(windows) -> None:
@@ -115,29 +106,45 @@ def test_windows_come_in_the_best_pose_that_boxes_leave(windows) -> None:
     low, high = middle - scale * (1 + 1j), middle + scale * (1 + 0.5j)
     limits = Limits(pivot_box=(low.real, low.imag, high.real, high.imag))
     way = FOURBAR.bounded(target, limits)[0]
-    problem = PosedProblem(target.condensed(12), way.chart, way.constraints)
-    seeds = windows.seeds(problem, way.on_shape, way.boxes)
-    cost = problem.evaluate(seeds.unknowns[:2], seeds.branch[:2]).cost
-    for unknowns, branch, mine in zip(seeds.unknowns[:2], seeds.branch[:2], cost):
-        with_pivots = _with_pivots(problem, unknowns, branch)
-        places = [complex(x, y) for x in np.linspace(-1, 1, 9) for y in np.linspace(-1, 0.5, 9)]
-        assert mine <= min(with_pivots(a, b) for a in places for b in places) + 0.02
+    problem = problem_of(target.condensed(12), way)
+    seeds = windows.seeds(problem, way.on_shape, way.boxes).take(slice(0, 2))
+    with_offset = problem.descended(seeds, [Stage(0)]).timed
+    cost = problem.measured(with_offset, posed=False).cost
+    places = [complex(x, y) for x in np.linspace(-1, 1, 9) for y in np.linspace(-1, 0.5, 9)]
+    for k, mine in enumerate(cost):
+        squared = with_pivots(problem, seeds.take([k]))
+        assert mine <= min(squared(a, b) for a in places for b in places) + 0.02
 
 
-def _with_pivots(problem: PosedProblem, unknowns: np.ndarray, branch: float) -> Callable[[complex, complex], float]:
+def test_first_answers_are_told_with_their_own_objective(windows) -> None:
+    """Once with that of a rotation's offset that was never sought: up to 20 times too much."""
+    for seed in range(3):
+        request = make_limited("boxed", seed).request
+        target, asked = target_of(request), read_limits(request["limits"], motion_of(request))
+        if target.clockwise:
+            target, asked = target.mirrored(), asked.mirrored()
+        way, found = FOURBAR.bounded(target, asked)[0], Found(1e-10, lambda least: None)
+        run = GivenRounds(target, way, asked.family, found, Work())
+        next(run.seeds(windows))
+        pool = found.pools[way.chart]
+        errors = [one.errors.objective for one in FOURBAR.assess(target, run.within.linkages(FOURBAR, pool))]
+        np.testing.assert_allclose(np.sqrt(pool.cost), errors, rtol=1e-8)
+        assert found.least == np.sqrt(pool.cost[0])
+
+
+def with_pivots(problem: GivenProblem, timed: Timed) -> Callable[[complex, complex], float]:
     """J squared of a shape and start with pivots A and B at given places and the best z2."""
-    target, start = problem.target, unknowns[problem.size]
-    lengths = problem.chart.shape(unknowns[None, : problem.size]).lengths
-    angle = FOURBAR.body_angle(lengths, np.array([branch]), start + target.crank)[0]
-    gap = target.rotation - angle
-    turned = target.rotation_mean((gap - target.rotation_mean(gap)) ** 2)
-    mean, arm = target.position_mean, np.exp(1j * angle)
-    crank = lengths[0, 0] / lengths[0, 3] * np.exp(1j * (start + target.crank))
+    target, lengths = problem.target, problem.chart.shape(timed.shape).lengths
+    crank = timed.angles[0] + target.crank
+    angle = FOURBAR.body_angle(lengths, timed.branch, crank)
+    turned = objective(replace(target, position=None), angle)[0] ** 2
+    mean, arm = target.position_mean, np.exp(1j * angle[0])
+    pin = lengths[0, 0] / lengths[0, 3] * np.exp(1j * crank)
 
     def squared(a: complex, b: complex) -> float:
         if abs(b - a) < 1e-9:
             return np.inf
-        rest = problem.scaled - a - (b - a) * crank
+        rest = target.scaled - a - (b - a) * pin
         rest = rest - arm * mean(np.conj(arm) * rest)
         return float(mean(np.abs(rest) ** 2) + turned)
 
@@ -156,11 +163,58 @@ def test_what_is_found_keeps_every_limit(kind, seed) -> None:
         assert recompute(request, reply["solutions"][0]).objective < 1e-9
 
 
-@pytest.mark.parametrize(("kind", "seed", "best"), [("boxed", 13, 0.9055), ("boxed", 37, 0.3576)])
-def test_limits_that_are_hard_to_keep_do_not_hide_the_best(kind, seed, best) -> None:
+BOXED = [
+    0.3407,
+    0.1491,
+    0.09562,
+    0.5419,
+    0.1466,
+    0.2858,
+    0.2101,
+    0.6646,
+    0.113,
+    0.3274,
+    0.3486,
+    0.2593,
+    0.181,
+    0.9055,
+    0.06044,
+    0.5297,
+    0.2169,
+    0.1514,
+    0.2361,
+    0.3575,
+    0.1795,
+    0.4176,
+    0.4458,
+    0.3789,
+    0.2063,
+    0.2618,
+    0.0833,
+    0.2264,
+    0.3471,
+    0.3635,
+    0.3143,
+    0.2648,
+    0.3243,
+    0.3062,
+    0.3748,
+    0.1446,
+    0.1303,
+    0.3576,
+    0.4906,
+    0.2558,
+]
+"""The least J that any search found for the first requests with boxes, long ones too."""
+
+
+def test_limits_that_are_hard_to_keep_do_not_hide_the_best() -> None:
     """Candidates that move better but break limits must not crowd out those that keep them."""
-    found = la.synthesize(**make_limited(kind, seed).request, top=3)
-    assert found.best.errors.objective < 1.01 * best
+    over = []
+    for seed, best in enumerate(BOXED):
+        found = la.synthesize(**make_limited("boxed", seed).request, top=1)
+        over.append(found.best.errors.objective / best)
+    assert np.mean(np.array(over) > 1.01) <= 0.1 and max(over) < 1.1
 
 
 def test_an_exact_linkage_in_a_narrow_valley_that_just_keeps_its_limits() -> None:
@@ -254,17 +308,18 @@ def test_what_excludes_everything_is_named() -> None:
 
 
 def test_diverse_solutions_lie_farther_apart() -> None:
-    request = make_case("unreachable", 6, 12).request
-    plain, spread = (la.synthesize(**request, top=5, diverse=diverse) for diverse in (False, True))
-    best = plain.solutions[0].errors.objective
-    assert spread.solutions[0].errors.objective == best
-    assert all(one.errors.objective <= 2 * best for one in spread.solutions)
-
-    def apart(result: la.Result) -> float:
-        rows = np.array([np.log(one.linkage.links) for one in result.solutions])
-        return float(np.mean(np.abs(rows[:, None] - rows)))
-
-    assert apart(spread) > apart(plain)
+    """Over several requests: those of one may lie far apart by chance."""
+    apart: dict[bool, float] = {False: 0.0, True: 0.0}
+    for seed in range(4):
+        request, best = make_case("unreachable", seed, 12).request, []
+        for diverse in apart:
+            found = la.synthesize(**request, top=5, diverse=diverse).solutions
+            best.append(found[0].errors.objective)
+            assert not diverse or all(one.errors.objective <= 2 * best[0] for one in found)
+            rows = np.array([np.log(one.linkage.links) for one in found])
+            apart[diverse] += float(np.mean(np.abs(rows[:, None] - rows)))
+        assert best[0] == best[1]
+    assert apart[True] > 1.2 * apart[False]
 
 
 def test_determination_leaves_out_what_limits_hold() -> None:

@@ -1,6 +1,6 @@
 """A second mechanism through the same search: what `synthesis.mechanism` asks for is all that the search needs to know.
 
-The toy is a slider-crank whose rod is the body: crank r, rod l, offset e, r + |e| < l, theta2 = asin((e - r sin theta1) / l).
+The toy is a slider-crank whose rod is the body.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthesis import kernel
 from synthesis.atlas import window_search
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
@@ -23,33 +22,7 @@ from synthesis.search.search import search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import Target, make_target
 from synthesis.work import Work
-
-
-def body_angle(lengths: np.ndarray, crank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """theta2, (n, N), and its derivatives by r, l, e and theta1, (n, N, 4)."""
-    r, l, e = (column[:, None] for column in np.asarray(lengths, dtype=float).T)  # noqa: E741
-    sine = (e - r * np.sin(crank)) / l
-    parts = np.stack(np.broadcast_arrays(-np.sin(crank), -sine, 1.0, -r * np.cos(crank)), axis=-1)
-    return np.arcsin(sine), parts / (l * np.sqrt(1 - sine**2))[..., None]
-
-
-class Chart:
-    """With r = 1: the rod beyond its least length, (l - r - |e|) / r = exp(x), and the offset as a part of it."""
-
-    cell, hop = np.array([0.7, 0.5, 0.6]), np.array([0.7, 0.5, 0.4])
-    edges = np.empty((0, 2))
-    kind, sheet = kernel.SLIDER_CRANK, 0
-
-    def shape(self, unknowns: np.ndarray) -> Any:
-        excess, e = np.exp(np.clip(unknowns[:, 0], -20, 20)), unknowns[:, 1]
-        return SimpleNamespace(lengths=np.stack([np.ones_like(e), 1 + np.abs(e) + excess, e], axis=1))
-
-    def unknowns(self, lengths: Any) -> np.ndarray:
-        r, l, e = np.asarray(lengths, dtype=float).T  # noqa: E741
-        return np.stack([np.log((l - r - np.abs(e)) / r), e / r], axis=1)
-
-    def hopped(self, unknowns: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        return unknowns + noise
+from tests.oracles.slider_crank import SliderCrankChart, body_angle
 
 
 @dataclass(frozen=True)
@@ -78,13 +51,13 @@ class Mechanism:
         return np.zeros(len(lengths), dtype=int)
 
     def body_angle(self, lengths: np.ndarray, branch: Any, crank: np.ndarray) -> np.ndarray:
-        return body_angle(lengths, crank)[0]
+        return body_angle(lengths, crank)
 
     def in_family(self, family: str, lengths: np.ndarray) -> np.ndarray:
         return np.ones(len(lengths), dtype=bool)
 
-    def charts(self, family: str) -> list[Chart]:
-        return [Chart()]
+    def charts(self, family: str) -> list[SliderCrankChart]:
+        return [SliderCrankChart()]
 
     def bounded(self, target: Target, limits: Any) -> list[Any]:
         return []
@@ -95,14 +68,14 @@ class Mechanism:
     def mounted(self, target: Target, lengths: np.ndarray, branch: Any, start: np.ndarray) -> list[SliderCrank]:
         if target.position is None:
             return [SliderCrank(row, at, (0j, 0.0, 0j)) for row, at in zip(lengths, start)]
-        fit = fit_positions(target, body_angle(lengths, start[:, None] + target.crank)[0])
+        fit = fit_positions(target, body_angle(lengths, start[:, None] + target.crank))
         scaled = lengths * (np.abs(fit.crank_vector) / lengths[:, 0])[:, None]
         pose = zip(fit.pivot, np.angle(fit.crank_vector) - start, fit.coupler_vector)
         return [SliderCrank(*one) for one in zip(scaled, start, pose)]
 
     def assess(self, target: Target, linkages: list[SliderCrank], rows: Any = None) -> list[SliderCrank]:
         crank = np.array([one.start for one in linkages])[:, None] + target.crank
-        angle = body_angle(np.array([one.lengths for one in linkages]), crank)[0]
+        angle = body_angle(np.array([one.lengths for one in linkages]), crank)
         pivot, turn, arm = (np.array(column)[:, None] for column in zip(*(one.pose for one in linkages)))
         r = np.array([[one.lengths[0]] for one in linkages])
         points = pivot + r * np.exp(1j * (crank + turn)) + arm * np.exp(1j * angle)
@@ -116,7 +89,7 @@ class Mirrored(Mechanism):
 
     def body_angle(self, lengths: np.ndarray, branch: Any, crank: np.ndarray) -> np.ndarray:
         side = np.reshape(branch, (-1, 1))
-        return side * body_angle(lengths, side * crank)[0]
+        return side * body_angle(lengths, side * crank)
 
 
 ANY = SimpleNamespace(family="full_crank", only_family=True)
@@ -126,9 +99,12 @@ def test_random_slider_cranks_are_recovered() -> None:
     tables = SeedTables(Mechanism())
     for seed in range(20):  # every other one with positions too
         random = np.random.default_rng(seed)
-        lengths, start = Chart().shape(random.uniform([[-2, -2]], [[1.5, 2]])).lengths, random.uniform(0, 6)
+        lengths, start = (
+            SliderCrankChart().shape(random.uniform([[-2, -2]], [[1.5, 2]])).lengths,
+            random.uniform(0, 6),
+        )
         crank = np.linspace(0, random.uniform(2, 6), 24)
-        angle = body_angle(lengths, start + crank)[0][0]
+        angle = body_angle(lengths, start + crank)[0]
         pivot, z1, z2 = random.normal(size=3) + 1j * random.normal(size=3)
         position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * angle) if seed % 2 else None
         target = make_target(angle + random.uniform(-3, 3), position, crank_angle=crank)
@@ -172,11 +148,11 @@ def always_by_the_index(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 @pytest.mark.parametrize("span", [20.0, 75.0, 360.0])
 def test_the_scan_finds_the_best_windows_of_all_branches_that_there_are(mechanism, span, always_by_the_index) -> None:
     random = np.random.default_rng(int(span))
-    lengths = Chart().shape(random.uniform([[-2, -2]], [[1.5, 2]], (24, 2))).lengths
+    lengths = SliderCrankChart().shape(random.uniform([[-2, -2]], [[1.5, 2]], (24, 2))).lengths
     scan = Scan(make_table(mechanism, lengths, 64))
     assert scan.windows == len(lengths) * STARTS * len(mechanism.branches)
     crank = np.deg2rad(np.linspace(0, span, 13))
-    wanted = -body_angle(lengths[:1] * [1, 1.02, 1], 0.3 - crank)[0][0]  # nearly what a second branch would do
+    wanted = -body_angle(lengths[:1] * [1, 1.02, 1], 0.3 - crank)[0]  # nearly what a second branch would do
     position = np.array([1, 0.3, -0.8]) @ [np.ones(13), np.exp(1j * crank), np.exp(1j * wanted)]
     targets = [
         make_target(turned, points, crank_angle=crank)
