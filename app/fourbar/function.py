@@ -29,7 +29,7 @@ from app.query import (
     Query,
     RequestModel,
     Resources,
-    bundled,
+    bundled_requests,
 )
 from linkage_atlas.limits import FUNCTION_LIMITS
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES
@@ -168,25 +168,20 @@ FUNCTION_FILES = Files(
     "A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
     FunctionExportRequest,
     _function_file,
-    bundled("export_function"),
+    bundled_requests()["export_function"],
 )
 QUERIES = (
     Query(
-        "/v1/function",
         "function",
         QUESTIONS["function"],
-        FunctionRequest,
-        la.FunctionResult,
         solve_function,
         function_table,
-        bundled("function"),
-        exports_of(
+        exports=exports_of(
             ("csv", "svg", "dxf", "mjcf"),
             lambda request, resources, kind: solve_function(request, resources).render(kind),
         ),
-        function_from_csv,
-        is_long,
-        FUNCTION_FILES,
-        shows_units=True,
+        from_csv=function_from_csv,
+        is_long=is_long,
+        files=FUNCTION_FILES,
     ),
 )

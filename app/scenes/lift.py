@@ -22,7 +22,6 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
-    bundled,
 )
 from app.replies import reply_model
 from linkage_atlas import FieldError, Work
@@ -742,14 +741,11 @@ def _motion_drawn(draw: Callable[[Design, float], str]) -> Callable[[MotionReque
 
 QUERIES = (
     Query(
-        path="/v1/lift/motion",
         command="lift motion",
         summary="Motion of a cylinder-driven lifting linkage, in closed form.",
-        request=MotionRequest,
-        reply=MotionReply,
         answer=answer_motion,
         table=motion_table,
-        examples=bundled("lift motion"),
+        shows_units=False,
         exports={
             "csv": motion_csv,
             "svg": _motion_drawn(design_svg),
@@ -758,30 +754,24 @@ QUERIES = (
         is_long=lambda request: max(request.samples or 0, len(request.times or ())) > LONG_SAMPLES,
     ),
     Query(
-        path="/v1/lift/optimize",
         command="lift optimize",
         summary="Optimum design of a lifting linkage for a cylinder and a stroke.",
-        request=OptimizeRequest,
-        reply=OptimizeReply,
         answer=answer_optimize,
         table=optimize_table,
+        shows_units=False,
         is_long=lambda _: True,
         exports={
             "csv": optimum_csv,
             "svg": _optimum_drawn(design_svg),
             "dxf": _optimum_drawn(design_dxf),
         },
-        examples=bundled("lift optimize"),
     ),
     Query(
-        path="/v1/lift/batch",
         command="lift batch",
         summary="Optimum designs of a lifting linkage for many cylinders.",
-        request=BatchRequest,
-        reply=BatchReply,
         answer=answer_batch,
         table=batch_table,
+        shows_units=False,
         is_long=lambda _: True,
-        examples=bundled("lift batch"),
     ),
 )

@@ -15,21 +15,8 @@ import pytest
 from data_build.batch import build_atlas
 from data_build.cli import EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, main
 from data_build.executors import local_executor
-from synthesis.atlas.file import encode_atlas
 from synthesis.errors import FieldError
-from tests.conftest import make_atlas
-from tests.data_build.test_batch import OPTIONS, ROOT, RULE, Here, left_in, start
-
-
-@pytest.fixture(scope="module")
-def wanted() -> bytes:
-    """The file of `RULE`, without the batch."""
-    return encode_atlas(make_atlas(RULE))
-
-
-@pytest.fixture
-def out(tmp_path) -> Path:
-    return tmp_path / "atlas.h5"
+from tests.data_build.conftest import OPTIONS, ROOT, RULE, Here, left_in, start
 
 
 @pytest.mark.parametrize("kind", ["fifo", "folder", "device", "link to a device", "link to nowhere", "link"])
