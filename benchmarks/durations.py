@@ -1,7 +1,7 @@
 """What everyday questions take, by their kind: makes the table by which the service tells short requests from long ones.
 
-``python -m benchmarks.durations`` asks the rows of `tests.everyday.battery` without a budget, in this process, and fits a time for
-each kind of request and one power of the number of samples.
+``python -m benchmarks.durations`` asks the rows of `tests.everyday.battery` without a budget, in this process, and fits a time
+for each kind of request and one power of the number of samples.
 """
 
 from __future__ import annotations
