@@ -11,9 +11,9 @@ import linkage_atlas as la
 from app.fourbar import QUESTIONS
 from app.fourbar.answers import SHORT_MS, budget_of
 from app.fourbar.export import as_json, exports_of, pointing
-from app.fourbar.given import GivenGenerator
 from app.fourbar.models import (
     Curve,
+    GivenGenerator,
     Length,
     limits_request,
 )
