@@ -12,9 +12,9 @@ from app.fourbar import QUESTIONS
 from app.fourbar.answers import SHORT_MS, budget_of
 from app.fourbar.durations import seconds_of
 from app.fourbar.export import as_json, exports_of, pointing
-from app.fourbar.given import GivenGenerator
 from app.fourbar.models import (
     Curve,
+    GivenGenerator,
     Length,
     limits_request,
 )
