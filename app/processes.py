@@ -67,9 +67,13 @@ class _Process:
         return head, pieces, held
 
     def kill(self) -> None:
-        """End it."""
+        """End it, from any thread: who waits for its answer sees that."""
         with contextlib.suppress(ProcessLookupError):
             os.kill(self.number, signal.SIGKILL)
+
+    def close(self) -> None:
+        """End it, and the connection to it."""
+        self.kill()
         if self._streams is None:
             self._socket.close()
         else:
@@ -135,7 +139,7 @@ class Processes:
 
     def stop(self) -> None:
         self._turnstile.stop()
-        for process in self._alive.values():
+        for process in list(self._alive.values()):
             process.kill()
 
     async def answer(self, request: Request, question: Question, content: bytes) -> Response:
@@ -177,12 +181,12 @@ class Processes:
 
     async def _next(self) -> _Process:
         while (process := await self._free.get()).end.done():
-            process.kill()  # it ended while it had nothing to do
+            process.close()  # it ended while it had nothing to do
         return process
 
     def _end(self, process: _Process) -> None:
         self._alive.pop(process.number, None)
-        process.kill()
+        process.close()
 
     async def _why(self, process: _Process, path: str) -> Exception:
         """What is to be said of a process that ended before its answer."""

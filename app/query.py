@@ -203,16 +203,9 @@ def bundled_requests() -> dict[str, Any]:
 class Files:
     """Any solution of a reply as a file: a route, and what the command writes with ``--export``.
 
-    Parameters
-    ----------
-    path, name, summary : str
-        Of the route, and ``stem``, the name of its files.
-    request : type
-        With fields ``request``, ``solution``, ``format`` (of `FILES`) and ``length_unit``.
-    render : callable
-        ``render(request, resources) -> bytes``.
-    example : mapping
-        A body without its format.
+    ``path``, ``name``, ``summary``: of the route, and ``stem``, the name of its files. ``request``: with fields
+    ``request``, ``solution``, ``format`` (of `FILES`) and ``length_unit``. ``render``: ``render(request, resources) ->
+    bytes``. ``example``: a body without its format.
     """
 
     path: str
@@ -233,6 +226,9 @@ class Files:
 @dataclass(frozen=True)
 class Query:
     """One question to the service.
+
+    ``path``: route, answered to POST. ``request``, ``reply``: the model of the request, and that of the reply or its
+    dataclass.
 
     Parameters
     ----------
@@ -263,13 +259,6 @@ class Query:
         Whether its table names the units of angle and length.
     reads_atlas : bool
         Whether it may need an atlas.
-
-    Attributes
-    ----------
-    path : str
-        Route, answered to POST.
-    request, reply : type
-        The model of the request, and that of the reply or its dataclass.
     """
 
     command: str

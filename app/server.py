@@ -15,7 +15,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from app.arguments import Exit
-from app.connections import BACKLOG, cut_addresses, protocol_of
+from app.connections import BACKLOG, Connection, cut_addresses, protocol_of
 from app.doors import LOOPBACK
 from app.main import create_app
 from app.processes import Processes
@@ -118,7 +118,7 @@ def listening(host: str, port: int) -> list[socket.socket]:
 
 def _serve_with_threads(settings: Settings, resources: ServiceResources, listeners: list[socket.socket]) -> int:
     sys.setswitchinterval(SWITCH_SECONDS)
-    _run(_server(settings, create_app(settings, resources)), listeners)
+    _run(_server(settings, create_app(settings, resources), protocol_of(settings)), listeners)
     return Exit.OK
 
 
@@ -131,11 +131,13 @@ def _serve_with_processes(
 ) -> int:
     settings = settings.model_copy(update={"max_concurrent": workers})  # each computes one request at a time
     app = create_app(settings, resources, lambda turnstile: Processes(turnstile, settings))
-    server = _server(settings, app)
+    protocol = protocol_of(settings)
+    server = _server(settings, app, protocol)
     server.predecessor = predecessor
 
     def drain(*_: object) -> None:
         server.seconds = server.config.timeout_graceful_shutdown = int(DRAIN_SECONDS)
+        protocol.drains = True
         server.handle_exit(signal.SIGTERM, None)
 
     def front(supervisor: socket.socket) -> None:
@@ -147,12 +149,12 @@ def _serve_with_processes(
     return Supervisor(front, app.state.questions, resources, listeners, workers).run()
 
 
-def _server(settings: Settings, app: FastAPI) -> _Server:
+def _server(settings: Settings, app: FastAPI, protocol: type[Connection]) -> _Server:
     config = uvicorn.Config(
         app,
         log_level="info",
         access_log=not settings.log_json,
-        http=protocol_of(settings),
+        http=protocol,
         ws="none",
         backlog=BACKLOG,
         server_header=False,

@@ -87,9 +87,7 @@ class Atlas:
     def make(self, part: str, work: Work | None = None) -> None:
         """Make a part of the index now, unless it is there.
 
-        Raises
-        ------
-        OutOfTime, Cancelled
+        Raises `OutOfTime` or `Cancelled`.
         """
         work = work or Work()
         if part == "rockers":
@@ -187,16 +185,8 @@ def _quietly(done: int, total: int) -> None:
 class AtlasSource:
     """An atlas file that has been verified, and its index.
 
-    Attributes
-    ----------
-    path : Path
-    sha256 : str
-        In its header.
-    limits : tuple
-        Most bytes, most types.
-    index : Index
-    progress : callable
-        ``progress(done, total)`` while the index is made.
+    ``sha256``: in its header. ``limits``: most bytes, most types. ``progress``: ``progress(done, total)`` while the
+    index is made.
     """
 
     path: Path

@@ -879,7 +879,7 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
     reproduced = best.worst > 0
     bounds: dict[str, Any] = dict.fromkeys(("alone", "directions", "rank", "free"))
     with suppress(OutOfTime):  # then they are left out
-        if reproduced:
+        if reproduced and best.slopes is not None:
             alone, ways = single_ranges(pattern, best.share, whole), directions(pattern, best, whole)
             bounds = {
                 "alone": {name: [low / u, high / u] for name, (low, high), u in zip(names, alone, units)},

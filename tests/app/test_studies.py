@@ -120,7 +120,7 @@ def test_a_study_keeps_to_the_budget(client) -> None:
     ids=lambda wishes: next(iter(wishes)),
 )
 def test_what_takes_long_waits_with_what_takes_long(wishes) -> None:
-    body = {"rotation": [0, 1, 3, 6], "position": [[0, 0], [1, 0], [2, 1], [3, 2]]}
+    body = {"rotation": [k * k for k in range(8)], "position": [[k, k * k] for k in range(8)]}
     plain = body | ({} if "timing" in wishes else {"crank_span": 50})
     assert is_long(SynthesizeRequest(**plain | wishes))
     assert not is_long(SynthesizeRequest(**plain | wishes | {"budget_ms": 100}))

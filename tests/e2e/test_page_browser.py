@@ -494,45 +494,8 @@ def test_the_picture_stops_at_samples(standing) -> None:
     assert max(seen) > 60
 
 
-BODIES = [
-    {
-        "rotation": [0, None, 20],
-        "position": [[0, 0], [3, 4], None],
-        "timing": "free",
-        "order": "any",
-        "closed": True,
-        "limits": {"preset": "none"},
-    },
-    {
-        "rotation": [0, 5, 20],
-        "position": [[0, 0], [3, 4], [5, 9]],
-        "timing": "free",
-        "crank_span_max": 120,
-        "prefer": "crank_span",
-        "weights": {"rotation": [1, 0, 2], "position": [1, 2, 3]},
-        "tolerances": {"rotation": 0.5, "position": [0.1, 0.2, 0.3]},
-        "limits": {"preset": "none", "transmission_angle_min": 35},
-    },
-    {
-        "position": [[0, 0], [3, 4]],
-        "timing": "free",
-        "tolerances": {"position": 0.2},
-        "prefer": "error",
-        "sensitivity": True,
-        "limits": {"preset": "practical", "link_ratio_max": 1e6},
-    },
-    {"rotation": [0, 5, None, 20], "crank_angle": [0, -5, -9, -20], "limits": {"family": "any", "link_ratio_max": 5}},
-    {"rotation": [0, 5, 20], "crank_span": 70, "weights": {"rotation": [1, 0, 1]}},
-    {
-        "position": [[0, 0], [3, 4], [5, 9]],
-        "crank_span": -70,
-        "prefer": "size",
-        "lengths_from": [20, 35.5, 50],
-        "analysis": {"crank_speed": -30, "load": {"force": [0, -20], "torque": 4}},
-        "tolerance_study": {"links": 0.05, "clearance": 0.02, "samples": 3000, "seed": 1},
-    },
-    {"rotation": [0, 5, 20], "crank_span": 70, "analysis": {"crank_speed": 30}},
-]
+BODIES = json.loads((ROOT / "tests/e2e/bodies.json").read_text())
+"""Requests that between them have every field."""
 
 
 @pytest.mark.parametrize("body", BODIES)
