@@ -2048,9 +2048,9 @@ class Descent:
         for c in range(self.columns):
             self.ridge[c] = damping
             if self.square[c] > 0.0:
-                self.ridge[c] = (
-                    0.0 if self.timed else damping * (LINEAR_ if c < self.linear else 1.0) * self.square[c]
-                )
+                # in their best pose linear unknowns need none; beside limits that a step meets it must come to an end
+                none: cython.bint = self.timed and self.pose_is_best
+                self.ridge[c] = 0.0 if none else damping * (LINEAR_ if c < self.linear else 1.0) * self.square[c]
         if not (damping > NORMAL_ and self.cholesky(damping)):
             self.orthogonal(damping)
 

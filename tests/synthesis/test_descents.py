@@ -393,11 +393,15 @@ def test_step_is_that_of_dense_least_squares_over_all_unknowns(
             square = np.sum(own**2, axis=0)
             ridge_own = 1e-2 * damping * np.maximum(square, 1e-6 * square.mean()) + 1e-20 * square.mean()
             np.testing.assert_allclose(one["inner"], square + ridge_own, rtol=1e-13)
-        else:  # relative to what the linear unknowns, which are not damped, leave of each column
+        elif limits is None:  # relative to what the linear unknowns, which are not damped, leave of each column
             basis = np.linalg.qr(rows[:, :linear])[0]
             left = rows - basis @ (basis.T @ rows)
             told = np.where(np.arange(rows.shape[1]) < linear, 0.0, damping * np.sum(left**2, axis=0))
             np.testing.assert_allclose(ridge, told, rtol=1e-9)
+        else:
+            told = 1e-2 * damping * np.sum(rows[:, :linear] ** 2, axis=0)
+            np.testing.assert_allclose(ridge[:linear], told, rtol=1e-12)
+            assert np.all((ridge[linear:] > 0) & (ridge[linear:] <= damping * np.sum(rows[:, linear:] ** 2, axis=0)))
         dense = np.vstack([np.hstack([rows, own]), np.diag(np.sqrt(np.concatenate([ridge, ridge_own])))])
         right = np.concatenate([-one["rows"][-1], np.zeros(dense.shape[1])])
         expected = np.linalg.lstsq(dense, right, rcond=None)[0]

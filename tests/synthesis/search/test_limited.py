@@ -163,11 +163,58 @@ def test_what_is_found_keeps_every_limit(kind, seed) -> None:
         assert recompute(request, reply["solutions"][0]).objective < 1e-9
 
 
-@pytest.mark.parametrize(("kind", "seed", "best"), [("boxed", 13, 0.9055), ("boxed", 37, 0.3576)])
-def test_limits_that_are_hard_to_keep_do_not_hide_the_best(kind, seed, best) -> None:
+BOXED = [
+    0.3407,
+    0.1491,
+    0.09562,
+    0.5419,
+    0.1466,
+    0.2858,
+    0.2101,
+    0.6646,
+    0.113,
+    0.3274,
+    0.3486,
+    0.2593,
+    0.181,
+    0.9055,
+    0.06044,
+    0.5297,
+    0.2169,
+    0.1514,
+    0.2361,
+    0.3575,
+    0.1795,
+    0.4176,
+    0.4458,
+    0.3789,
+    0.2063,
+    0.2618,
+    0.0833,
+    0.2264,
+    0.3471,
+    0.3635,
+    0.3143,
+    0.2648,
+    0.3243,
+    0.3062,
+    0.3748,
+    0.1446,
+    0.1303,
+    0.3576,
+    0.4906,
+    0.2558,
+]
+"""The least J that any search found for the first requests with boxes, long ones too."""
+
+
+def test_limits_that_are_hard_to_keep_do_not_hide_the_best() -> None:
     """Candidates that move better but break limits must not crowd out those that keep them."""
-    found = la.synthesize(**make_limited(kind, seed).request, top=3)
-    assert found.best.errors.objective < 1.01 * best
+    over = []
+    for seed, best in enumerate(BOXED):
+        found = la.synthesize(**make_limited("boxed", seed).request, top=1)
+        over.append(found.best.errors.objective / best)
+    assert np.mean(np.array(over) > 1.01) <= 0.1 and max(over) < 1.1
 
 
 def test_an_exact_linkage_in_a_narrow_valley_that_just_keeps_its_limits() -> None:

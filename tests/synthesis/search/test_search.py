@@ -206,7 +206,10 @@ def test_the_same_request_gives_the_same_reply(kind, resources) -> None:
 def test_solutions_are_sorted_and_differ(kind, resources) -> None:
     solutions = ask(make_case(kind, 5700).request | {"top": 20}, resources)["solutions"]
     objectives = [solution["errors"]["objective"] for solution in solutions]
-    assert objectives == sorted(objectives) and [s["rank"] for s in solutions] == list(range(1, len(solutions) + 1))
+    counted = np.maximum(objectives, DEFAULT_TOLERANCE)  # below it they tell nothing
+    assert counted.tolist() == sorted(counted) and [s["rank"] for s in solutions] == list(
+        range(1, len(solutions) + 1)
+    )
     for k, one in enumerate(solutions):
         for other in solutions[:k]:
             gap = np.max(np.abs(links_of(one) / links_of(one).max() - links_of(other) / links_of(other).max()))
