@@ -410,16 +410,19 @@ class _Search:
             # the first way is that of full cranks alone, so that the larger family is never worse
             family = "full_crank" if self.limits.family == "any" and way is ways[0] else self.limits.family
             run = GivenRounds(self.target, way, family, found, self.work, self.kept.searches)
-            run.go_on(self._left(self.limits.family if way is ways[-1] else family, way.chart))
+            run.go_on(self._left(family, way.chart))
             seeds = run.seeds(windows(family))
             late = self.work.expired() and way.chart in found.pools
             begin = [] if late else list(islice(seeds, 1))
+            most = 0.0 if late else np.inf
             if not (looked or late):  # one round tells whether an exact answer keeps the limits
                 first, looked = self.look(FIRST_LOOK[:1], top), True
                 self.note(np.array([one.errors.objective for one in first]) ** 2)
                 if Status.of(first, self.tolerance) is Status.REACHED:
-                    return first
-            for one in run.closest(chain(begin, seeds)) if not late else ():
+                    if len(first) >= top:
+                        return first
+                    most = 1  # for alternatives
+            for one in run.closest(chain(begin, seeds), most):
                 self.seeds += len(one.branch)
                 if found.least < _EXACT_NEAR or self.work.expired():
                     break
@@ -442,7 +445,8 @@ class _Search:
             if self.done(sorted(solutions, key=lambda one: one.errors.objective)):
                 break
         best = min((one.errors.objective for one in solutions), default=np.inf)
-        return solutions + [one for one in first if one.errors.objective < best]
+        reached = Status.of(first, self.tolerance) is Status.REACHED
+        return solutions + [one for one in first if reached or one.errors.objective < best]
 
     def report(self, solutions: list[Any]) -> SearchReport:
         """How it went, by the objectives of the solutions that are returned."""
