@@ -318,8 +318,8 @@ class _Search:
 
     def go_on(self) -> None:
         """Begin with what an earlier search left, descended to its end without limits."""
-        timed = self._left(self.limits.family if self.limits.family != "any" else "full_crank", self.chart)
-        if timed.branch.size:
+        if len(self.kept.branch):
+            timed = self._left("full_crank" if self.limits.family == "any" else self.limits.family, self.chart)
             self.seeds += timed.branch.size
             exact = 0.3 * self.tolerance
             self.pool = self.problem.descended(timed, [Stage(_ON)], exact, self.work, bent_below=_BENT_BELOW)
@@ -410,7 +410,8 @@ class _Search:
             # the first way is that of full cranks alone, so that the larger family is never worse
             family = "full_crank" if self.limits.family == "any" and way is ways[0] else self.limits.family
             run = GivenRounds(self.target, way, family, found, self.work, self.kept.searches)
-            run.go_on(self._left(family, way.chart))
+            if len(self.kept.branch):
+                run.go_on(self._left(family, way.chart))
             seeds = run.seeds(windows(family))
             late = self.work.expired() and way.chart in found.pools
             begin = [] if late else list(islice(seeds, 1))
