@@ -1664,13 +1664,11 @@ class Descent:
         value: cython.double
         if self.has_rotation:
             mean: cython.double = 0.0
-            if self.timed:
-                for i in range(n):
-                    self.gap[i] -= self.offset[s]
-            else:
+            told: cython.double = self.offset[s] if self.timed else 0.0
+            if not self.timed:
                 self.gaps(s)
             for i in range(n):
-                mean += self.rotation_root[i] * self.rotation_root[i] * self.gap[i]
+                mean += self.rotation_root[i] * self.rotation_root[i] * (self.gap[i] - told)
             if self.fixed_offset:
                 mean = TURN * rint(mean / TURN)
             elif pose:
@@ -1678,7 +1676,7 @@ class Descent:
             else:
                 mean = 0.0
             for i in range(n):
-                value = self.gap[i] - mean
+                value = self.gap[i] - told - mean
                 if not self.timed:
                     value -= TURN * rint(value / TURN)
                 value *= self.rotation_root[i]
