@@ -53,13 +53,14 @@ def evolve(target: product.Target, generations: int, seed: int) -> float:
     tolerance. scipy's own polishing (L-BFGS-B) follows. Within the tolerance no second branch is tried. The crank must turn
     counter-clockwise.
     """
-    problem = product.ProjectedProblem(target, product.FullCrankChart())
+    problem = product.GivenProblem(target, product.FullCrankChart())
     best, goal = np.inf, product.DEFAULT_TOLERANCE**2
     for branch in (1.0, -1.0):
 
         def cost(unknowns: np.ndarray, branch: float = branch) -> np.ndarray:
             points = np.atleast_2d(unknowns.T)
-            value = problem.evaluate(points, np.full(len(points), branch), derivatives=False).cost
+            timed = product.given(points[:, :3], np.full(len(points), branch), points[:, 3])
+            value = problem.measured(timed).cost
             value = np.where(np.isfinite(value), value, 1e6)
             return value if unknowns.ndim == 2 else value[0]
 

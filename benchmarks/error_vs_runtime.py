@@ -105,13 +105,15 @@ def refined(
     unknowns = np.column_stack([grid.unknowns[row], start])
     sides = [np.flatnonzero(branch == side) for side in (1.0, -1.0)]
     seed = np.concatenate([places[spread_out(unknowns[places], seeds)] for places in sides])
-    problem, tolerance = product.ProjectedProblem(target, chart), 0.3 * product.DEFAULT_TOLERANCE
-    done = product.refine(problem, unknowns[seed], branch[seed], STEPS, tolerance)
-    best = np.argmin(done.cost, keepdims=True)
-    if not np.isfinite(done.cost[best[0]]):
+    problem, tolerance = product.GivenProblem(target, chart), 0.3 * product.DEFAULT_TOLERANCE
+    done = product.refine(
+        problem, product.given(grid.unknowns[row[seed]], branch[seed], start[seed]), STEPS, tolerance
+    )
+    best = done.take(np.argmin(done.cost, keepdims=True))
+    if not np.isfinite(best.cost[0]):
         return []
-    lengths = chart.shape(done.unknowns[best, :3]).lengths
-    return product.solved(target, lengths, branch[seed][best], done.unknowns[best, 3])
+    lengths = chart.shape(best.timed.shape).lengths
+    return product.solved(target, lengths, best.timed.branch, best.timed.angles[:, 0])
 
 
 def clocked(method: str, setting: str, solve: Callable[..., Any], *arguments: Any, before: float = 0.0) -> Measured:

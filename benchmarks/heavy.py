@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks import product
 
+STAGES = [product.Stage(15, weight=weight) for weight in (0.3, 1.0, 3.0, 10.0, 10.0, 17.0, 30.0, 100.0)]
 FAMILIES = {-1: ["crank_rocker"], 1: ["double_crank"], 0: ["crank_rocker", "double_crank"]}
 
 
@@ -29,27 +30,15 @@ def heavy_within(
             lengths = lengths[np.isin(product.family(lengths).astype(str), families)]
         lengths = lengths[:draws]
         start, branch = random.uniform(0, product.TURN, len(lengths)), random.choice([-1.0, 1.0], len(lengths))
-        angle = product.coupler_angle(lengths, branch, start[:, None] + target.crank)
-        closes = np.isfinite(angle).all(axis=1)
-        lengths, start, branch, angle = lengths[closes], start[closes], branch[closes], angle[closes]
-        if way.boxes is None:
-            seeds = np.column_stack([way.chart.unknowns(lengths), start])
-        else:
-            fit, scale = product.fit_positions(target, angle), target.length_scale
-            size = np.abs(fit.crank_vector) / scale / lengths[:, 0]
-            size = np.clip(size, 1e-3, 1e3)
-            pose = product.Poses(
-                (fit.pivot - problem.middle) / scale, np.angle(fit.crank_vector) - start, fit.coupler_vector / scale
-            )
-            seeds = problem.posed(way.chart.unknowns(lengths * size[:, None]), start, pose)
-        cost = problem.evaluate(seeds, branch).cost
-        best = np.argsort(cost, kind="stable")
+        seeds = product.GivenProblem(target, way.chart).measured(
+            product.given(way.chart.unknowns(lengths), branch, start)
+        )
+        best = np.argsort(seeds.cost, kind="stable")[: np.isfinite(seeds.cost).sum()]
         chosen = np.concatenate([best[: starts // 2], random.permutation(best)[: starts // 2]])
-        for plan in ((60, (0.1, 1.0, 10.0, 100.0), 15), (60, (100.0, 300.0, 1000.0), 15)):
-            found = product.descend(problem, seeds[chosen], branch[chosen], product.Plan(*plan), product.Work())
-            seeds[chosen] = found.unknowns
-        found = product.restored(problem, found)
-        linkages = problem.linkages(product.FOURBAR, found.unknowns, found.branch, target)
+        found = problem.descended(seeds.timed.take(chosen), STAGES)
+        found, _ = problem.moved_onto(found.timed)
+        found = found.take(np.isfinite(found.cost))
+        linkages = problem.linkages(product.FOURBAR, found)
         kept = product.FOURBAR.within(target, limits, product.FOURBAR.assess(target, linkages))
         least = min([least, *(one.errors.objective for one in kept)])
     return float(least) if np.isfinite(least) else None

@@ -27,45 +27,80 @@ GENERATIONS, POPULATION = 300, 60
 
 
 class General:
-    """A request as general optimisers take it: J squared and its gradient, constraints and theirs, of one or many points."""
+    """A request as general optimisers take it: J squared and its gradient, constraints and theirs, of one or many points.
+
+    Unknowns are those of the chart, the start, and where limits concern the pose, pivot A, the ground angle and z2.
+    """
 
     def __init__(self, target: product.Target, limits: product.Limits) -> None:
         self.target, self.limits = target, limits
         way = product.FOURBAR.bounded(target, limits)[0]
-        self.problem = product.problem_of(target, way)
-        size = self.problem.unknowns
+        self.problem, self.constraints = product.problem_of(target, way), way.constraints
+        self.posed = way.boxes is not None
+        size = 10 if self.posed else 5
         low, high = np.full(size, -3.0), np.full(size, 3.0)
-        low[:4], high[:4] = 1e-6, 4.0 if way.boxes else 1.0
+        low[:4], high[:4] = 1e-6, 4.0 if self.posed else 1.0
         high[4], low[4] = product.TURN, 0.0
         self.bounds = np.column_stack([low, high])
 
+    def timed(self, points: np.ndarray, branch: np.ndarray) -> product.Timed:
+        """Candidates at points; a rotation's offset is the best."""
+        pose = None
+        if self.posed:
+            crank = self.problem.chart.shape(points[:, :4]).lengths[:, 0]
+            a, turned, z2 = points[:, 5] + 1j * points[:, 6], points[:, 7], points[:, 8] + 1j * points[:, 9]
+            pose = np.stack([a, crank * np.exp(1j * turned), z2], axis=1)
+        timed = product.given(points[:, :4], branch, points[:, 4], pose)
+        return self.problem.descended(timed, [product.Stage(0)]).timed
+
+    def constrained(self, points: np.ndarray, branch: np.ndarray) -> Any:
+        """The constraints at points."""
+        lengths = self.problem.chart.shape(points[:, :4]).lengths
+        used, pose = self.target.interval.after(points[:, 4]), points[:, 5:].T
+        place = (pose[0] + 1j * pose[1], pose[2], pose[3] + 1j * pose[4]) if self.posed else ()
+        return self.constraints(product.Placed(lengths, branch, used, *place))
+
     def cost(self, point: np.ndarray, branch: float, family: int) -> tuple[float, np.ndarray]:
         """J squared and its gradient at one point."""
-        side = np.concatenate([[family], np.ones(point.size - 1)])
-        found = self.problem.evaluate((side * point)[None], np.array([branch]))
-        if not np.isfinite(found.cost[0]):
+        at = point[None] * np.concatenate([[family], np.ones(point.size - 1)])
+        told = self.problem.linearised(self.timed(at, np.array([branch])), 1.0)[0]
+        if told is None:
             return 1e6, np.zeros(point.size)
-        return float(found.cost[0]), 2 * side * (found.stack[0, :-1] @ found.stack[0, -1])
+        rows = told["rows"][:, : told["turn"].size]
+        slope, residual = 2 * rows[:-1] @ rows[-1], rows[-1]
+        gradient = slope[-5:]
+        if self.posed:  # z1 = L1 e^{i turned}
+            by_crank = complex(slope[2], -slope[3]) * np.exp(1j * at[0, 7])
+            shape = self.problem.chart.shape(at[:, :4])
+            gradient[:4] += by_crank.real * shape.jacobian[0, 0]
+            by_turn = -by_crank.imag * shape.lengths[0, 0]
+            gradient = np.concatenate([gradient, slope[:2], [by_turn], slope[4:6]])
+        gradient[0] *= family
+        return float(residual @ residual), gradient
 
     def slack(self, point: np.ndarray, branch: float, family: int) -> tuple[np.ndarray, np.ndarray]:
         """Constraints and their derivatives at one point."""
-        side = np.concatenate([[family], np.ones(point.size - 1)])
-        found = self.problem.constrained((side * point)[None], np.array([branch]))
-        return found.values[0] - 1e-7, found.slopes[0] * side
+        at = point[None] * np.concatenate([[family], np.ones(point.size - 1)])
+        found, by = self.constrained(at, np.array([branch])), self.problem.chart.shape(at[:, :4]).jacobian[0]
+        slopes = found.slopes[0]
+        columns = [slopes[:, :4] @ by, slopes[:, 4:6].sum(axis=1, keepdims=True), slopes[:, 6:]]
+        slopes = np.hstack(columns if self.posed else columns[:2])
+        slopes[:, 0] *= family
+        return found.values[0] - 1e-7, slopes
 
     def penalised(self, points: np.ndarray) -> np.ndarray:
         """J squared and 10 times what is broken, at many points whose last two entries choose branch and family."""
-        unknowns, branch = points[:-2].T.copy(), np.where(points[-2] > 0, 1.0, -1.0)
-        unknowns[:, 0] *= np.where(points[-1] > 0, 1.0, -1.0)
-        cost = self.problem.evaluate(unknowns, branch).cost
-        lacking = np.maximum(1e-6 - self.problem.constrained(unknowns, branch).values, 0.0)
+        at, branch = points[:-2].T.copy(), np.where(points[-2] > 0, 1.0, -1.0)
+        at[:, 0] *= np.where(points[-1] > 0, 1.0, -1.0)
+        cost = self.problem.measured(self.timed(at, branch), posed=not self.posed).cost
+        lacking = np.maximum(1e-6 - self.constrained(at, branch).values, 0.0)
         return np.where(np.isfinite(cost), cost + 10 * np.sum(lacking, axis=1), 1e6)
 
     def objective(self, point: np.ndarray, branch: float, family: int) -> float:
         """J of the linkage at a point, infinite outside of the limits."""
-        unknowns = point[None].copy()
-        unknowns[:, 0] *= family
-        linkages = self.problem.linkages(product.FOURBAR, unknowns, np.array([branch]), self.target)
+        at = point[None] * np.concatenate([[family], np.ones(point.size - 1)])
+        pool = self.problem.measured(self.timed(at, np.array([branch])), posed=not self.posed)
+        linkages = self.problem.linkages(product.FOURBAR, pool)
         found = product.FOURBAR.within(self.target, self.limits, product.FOURBAR.assess(self.target, linkages))
         return found[0].errors.objective if found else np.inf
 

@@ -23,6 +23,7 @@ from synthesis.atlas.file import load_atlas
 from synthesis.atlas.scan import STARTS, Scan, best_rows
 from synthesis.atlas.table import Atlas, Table, make_table
 from synthesis.atlas.windows import TIE, Windows
+from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
@@ -31,9 +32,11 @@ from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.rounding import best_from_stock
 from synthesis.fourbar.solution import Solution, assess, mounted
-from synthesis.least_squares import Minima, minimise
-from synthesis.pose import fit_positions, objective
-from synthesis.search.problems import Places, Plan, ProjectedProblem, descend, problem_of, restored
+from synthesis.free.joint import JointProblem
+from synthesis.free.poses import make_poses
+from synthesis.mechanism import Placed
+from synthesis.pose import objective
+from synthesis.search.problems import GivenProblem, given, problem_of
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MIN_SPAN, TURN, Target, make_target
@@ -81,9 +84,9 @@ def counter_clockwise(motion: Target, *limits: Limits) -> Any:
     return both if limits else both[0]
 
 
-def refine(problem: ProjectedProblem, seeds: Any, branch: Any, steps: int, tolerance: float = 0.0) -> Minima:
-    """Seeds refined all at once."""
-    return minimise(problem.evaluate, seeds, branch, steps, tolerance)
+def refine(problem: GivenProblem, seeds: Timed, steps: int, tolerance: float = 0.0) -> Pool:
+    """Seeds refined one after the other, until one is below the tolerance."""
+    return problem.descended(seeds, [Stage(steps)], tolerance, others=0.0)
 
 
 def solved(target: Target, lengths: Any, branch: Any, start: Any) -> list[Solution]:

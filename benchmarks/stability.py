@@ -101,12 +101,13 @@ def kinematics() -> Iterator[dict[str, Any]]:
         errors.append(theta2_error(simplex(random, is_crank_rocker), 1, crank))
     yield row("short-span-angle", 8 * len(errors), "{theta2:.1e} rad", {"theta2": max(errors)})
     random, count = np.random.default_rng(2), 400
-    problem = product.ProjectedProblem(product.target_of(make_case("any order", 3).request), product.FullCrankChart())
+    problem = product.GivenProblem(product.target_of(make_case("any order", 3).request), product.FullCrankChart())
     unknowns = random.uniform((-5, -30, -12, 0), (5, 3, 12, 6.28), (count, 4))
-    branch = random.choice([-1.0, 1.0], count)
-    state = problem.evaluate(unknowns, branch)
-    finite = bool(np.all(np.isfinite(state.stack)))
-    worse = int(np.sum(product.refine(problem, unknowns, branch, 60).cost > state.cost))
+    seeds = product.given(unknowns[:, :3], random.choice([-1.0, 1.0], count), unknowns[:, 3])
+    seeds = problem.measured(seeds)
+    told = [one for one in problem.linearised(seeds.timed, 1e-3) if one is not None]
+    finite = len(told) == count and all(np.all(np.isfinite(one["rows"])) for one in told)
+    worse = int(np.sum(product.refine(problem, seeds.timed, 60).cost > seeds.cost))
     text = f"{worse} worse than their seed; numbers {'all finite' if finite else 'NOT all finite'}"
     yield row("chart-ends", count, text, {"worse": worse, "finite": finite})
 

@@ -66,7 +66,7 @@ def test_a_free_answer_is_refined_from_its_own_crank_angles() -> None:
 
 
 def test_what_no_descent_leads_to_is_unknown_and_nothing_is_claimed(exact) -> None:
-    limits = {"link_min": 4e4, "link_max": 5e4}
+    limits = {"link_min": 4e4, "pivot_box": [0, 0, 100, 100]}
     found = la.synthesize(**EXAMPLE, limits=limits, refine_from=exact)
     assert found.status == "unknown" and not found.solutions
     assert found.report.notes == [LOCAL, NOWHERE]

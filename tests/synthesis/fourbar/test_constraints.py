@@ -39,7 +39,7 @@ EVERY = {
 def placed(seed: int, count: int = 30) -> Placed:
     """Random full cranks in random poses."""
     random = np.random.default_rng(seed)
-    chart = GrashofChart(scaled=False)
+    chart = GrashofChart()
     unknowns = random.uniform(0.1, 1.0, (count, 4)) * np.column_stack(
         [random.choice([-1, 1], count), np.ones((count, 3))]
     )
