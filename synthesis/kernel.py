@@ -12,123 +12,110 @@ so that a refused one evaluates nothing again. The third, of which only the resi
 
 import cython
 import numpy as np
+from cython import Py_ssize_t, bint, cclass, cfunc, declare, double, doublecomplex, final, inline
 from cython.cimports.libc.math import atan2, copysign, cos, exp, fabs, floor, isfinite, log, rint, sin, sqrt
 
 # -- constants: angles in radians, lengths over the length scale, J squared over its square ------------------------------
 
-PI = cython.declare(cython.double, 3.141592653589793)
-TURN = cython.declare(cython.double, 6.283185307179586)
-NAN = cython.declare(cython.double, float("nan"))
-INFINITE = cython.declare(cython.double, float("inf"))
-TINY = cython.declare(cython.double, 1e-300)  # keeps a divisor from zero
+PI = declare(double, 3.141592653589793)
+TURN = declare(double, 6.283185307179586)
+NAN = declare(double, float("nan"))
+INFINITE = declare(double, float("inf"))
+TINY = declare(double, 1e-300)  # keeps a divisor from zero
 
-DEAD = cython.declare(
-    cython.double, 1e-8
-)  # least sqrt(X Y) of slopes, so that a dead position stops a step and not the program
-FAR = cython.declare(cython.double, 16.0)  # largest logarithm of a ratio of lengths, as of `fourbar.charts`
-FAR_EXCESS = cython.declare(cython.double, 30.0)  # largest |u| of a full crank
-FAR_SHARE = cython.declare(cython.double, 17.0)  # largest |w| of a full crank: beyond, tanh is one
-FAR_ROD = cython.declare(cython.double, 20.0)  # largest logarithm of a slider-crank's rod less what it must have
-SERIES = cython.declare(
-    cython.double, 1e-3
-)  # |x| below which tanh comes from its series, whose next term is below rounding
-LEAST = cython.declare(
-    cython.double, 1e-9
+DEAD = declare(double, 1e-8)  # least sqrt(X Y) of slopes, so that a dead position stops a step and not the program
+FAR = declare(double, 16.0)  # largest logarithm of a ratio of lengths, as of `fourbar.charts`
+FAR_EXCESS = declare(double, 30.0)  # largest |u| of a full crank
+FAR_SHARE = declare(double, 17.0)  # largest |w| of a full crank: beyond, tanh is one
+FAR_ROD = declare(double, 20.0)  # largest logarithm of a slider-crank's rod less what it must have
+SERIES = declare(double, 1e-3)  # |x| below which tanh comes from its series, whose next term is below rounding
+LEAST = declare(
+    double, 1e-9
 )  # least magnitude of an unknown of a Grashof chart: at change points theta2 has no slope
-AT_LEAST = cython.declare(cython.double, 1.01e-9)  # an unknown below it stands on that bound
+AT_LEAST = declare(double, 1.01e-9)  # an unknown below it stands on that bound
 
-MARGIN = cython.declare(cython.double, 1e-7)  # by which descents keep limits, so that rounding breaks none
-BEYOND = cython.declare(cython.double, 1.1e-7)  # to where Newton's steps aim, so that the margin is reached
-KEPT = cython.declare(cython.double, 1e-15)  # an equation that lacks less needs no Newton step
-SHORTEST = cython.declare(
-    cython.double, 1e-12
-)  # damping of Newton's steps: of rows that say the same, the shortest step
+MARGIN = declare(double, 1e-7)  # by which descents keep limits, so that rounding breaks none
+BEYOND = declare(double, 1.1e-7)  # to where Newton's steps aim, so that the margin is reached
+KEPT = declare(double, 1e-15)  # an equation that lacks less needs no Newton step
+SHORTEST = declare(double, 1e-12)  # damping of Newton's steps: of rows that say the same, the shortest step
 
-ANGLE = cython.declare(cython.double, 1e-2)  # damping of the crank angles relative to that of the shape
-LINEAR = cython.declare(cython.double, 1e-2)  # damping of pose and offset relative to that of the shape
-BLUNT = cython.declare(
-    cython.double, 1e-6
-)  # least square of a derivative by a crank angle for damping, over their mean
-FLAT = cython.declare(
-    cython.double, 1e-20
-)  # least damping of a crank angle over that mean, and of a column over its square
-STEEP = cython.declare(cython.double, 1e-12)  # the same where angles move to the nearest point of the path
-NORMAL = cython.declare(
-    cython.double, 1e-9
+ANGLE = declare(double, 1e-2)  # damping of the crank angles relative to that of the shape
+LINEAR = declare(double, 1e-2)  # damping of pose and offset relative to that of the shape
+BLUNT = declare(double, 1e-6)  # least square of a derivative by a crank angle for damping, over their mean
+FLAT = declare(double, 1e-20)  # least damping of a crank angle over that mean, and of a column over its square
+STEEP = declare(double, 1e-12)  # the same where angles move to the nearest point of the path
+NORMAL = declare(
+    double, 1e-9
 )  # damping from which on a triangle may come from normal equations: condition below 1e11
-LEFT = cython.declare(cython.double, 1e-6)  # of a column's square, least part that others must leave for that
-PIVOT = cython.declare(cython.double, 1e-14)  # least pivot of Cholesky's method, of scaled columns
-LOOSE = cython.declare(cython.double, 1e-12)  # damping of the triangle that says where the cost is flat
-ZERO = cython.declare(cython.double, 0.02)  # size from which on an unknown of the shape changes by a part of itself
+LEFT = declare(double, 1e-6)  # of a column's square, least part that others must leave for that
+PIVOT = declare(double, 1e-14)  # least pivot of Cholesky's method, of scaled columns
+LOOSE = declare(double, 1e-12)  # damping of the triangle that says where the cost is flat
+ZERO = declare(double, 0.02)  # size from which on an unknown of the shape changes by a part of itself
 
-AHEAD = cython.declare(cython.double, 0.1)  # how far ahead a step's curvature is taken, as a part of it,
-NOT_FAR = cython.declare(cython.double, 0.01)  # and in the unknowns, whichever is less
-BENT = cython.declare(
-    cython.double, 0.75
-)  # a step is bent by its curvature where that is by less than this part of it
-STRAIGHT = cython.declare(
-    cython.double, 0.999999999999
-)  # largest cosine between steps: an infinite cost is never straight on
+AHEAD = declare(double, 0.1)  # how far ahead a step's curvature is taken, as a part of it,
+NOT_FAR = declare(double, 0.01)  # and in the unknowns, whichever is less
+BENT = declare(double, 0.75)  # a step is bent by its curvature where that is by less than this part of it
+STRAIGHT = declare(double, 0.999999999999)  # largest cosine between steps: an infinite cost is never straight on
 
-LONGEST = cython.declare(cython.double, 1.0)  # step of an unknown of the shape, most are logarithms;
-LONGEST_GRASHOF = cython.declare(cython.double, 0.35)  # of one of a Grashof chart, whose sum is one
-LONGEST_START = cython.declare(cython.double, 0.75)  # of all crank angles, where their increments are given
-LONGEST_ANGLE = cython.declare(cython.double, 0.6)  # of a crank angle, where the order is free
-CLOSER = cython.declare(cython.double, 0.2)  # part of a gap between samples that a step leaves at least,
-WIDER = cython.declare(cython.double, 0.8)  # and of the room below the largest span that it takes at most
-GAP = cython.declare(cython.double, 1e-12)  # least gap between samples
+LONGEST = declare(double, 1.0)  # step of an unknown of the shape, most are logarithms;
+LONGEST_GRASHOF = declare(double, 0.35)  # of one of a Grashof chart, whose sum is one
+LONGEST_START = declare(double, 0.75)  # of all crank angles, where their increments are given
+LONGEST_ANGLE = declare(double, 0.6)  # of a crank angle, where the order is free
+CLOSER = declare(double, 0.2)  # part of a gap between samples that a step leaves at least,
+WIDER = declare(double, 0.8)  # and of the room below the largest span that it takes at most
+GAP = declare(double, 1e-12)  # least gap between samples
 
-FALL = cython.declare(
-    cython.double, 0.1
+FALL = declare(
+    double, 0.1
 )  # damping falls to this part in a step at least (Nielsen's rule), grows twice as fast each time,
-UNDAMPED = cython.declare(cython.double, 1e-22)  # counts for nothing below,
-STUCK = cython.declare(cython.double, 1e10)  # and ends a descent above
-EXACT = cython.declare(cython.double, 1e-30)  # J squared that is rounding
+UNDAMPED = declare(double, 1e-22)  # counts for nothing below,
+STUCK = declare(double, 1e10)  # and ends a descent above
+EXACT = declare(double, 1e-30)  # J squared that is rounding
 
 # -- complex numbers -----------------------------------------------------------------------------------------------------
 
 
-@cython.cfunc
-@cython.inline
+@cfunc
+@inline
 @cython.exceptval(check=False)
-def vector(x: cython.double, y: cython.double) -> cython.doublecomplex:
+def vector(x: double, y: double) -> doublecomplex:
     """x + i y, in C without a product."""
-    if cython.compiled:
-        z: cython.doublecomplex
-        z.real = x
-        z.imag = y
-        return z
-    return x + 1j * y
+    if not cython.compiled:
+        return x + 1j * y
+    z: doublecomplex
+    z.real = x  # noqa: F821
+    z.imag = y  # noqa: F821
+    return z  # noqa: F821
 
 
-@cython.cfunc
-@cython.inline
+@cfunc
+@inline
 @cython.exceptval(check=False)
-def times(size: cython.double, z: cython.doublecomplex) -> cython.doublecomplex:
+def times(size: double, z: doublecomplex) -> doublecomplex:
     """A real multiple, in C without products by zero."""
     return vector(size * z.real, size * z.imag)
 
 
-@cython.cfunc
-@cython.inline
+@cfunc
+@inline
 @cython.exceptval(check=False)
-def inner(a: cython.doublecomplex, b: cython.doublecomplex) -> cython.double:
+def inner(a: doublecomplex, b: doublecomplex) -> double:
     """Inner product of plane vectors, the real part of conj(a) b."""
     return a.real * b.real + a.imag * b.imag
 
 
-@cython.cfunc
-@cython.inline
+@cfunc
+@inline
 @cython.exceptval(check=False)
-def cross(a: cython.doublecomplex, b: cython.doublecomplex) -> cython.double:
+def cross(a: doublecomplex, b: doublecomplex) -> double:
     """Their outer product, the imaginary part of conj(a) b."""
     return a.real * b.imag - a.imag * b.real
 
 
-@cython.cfunc
-@cython.inline
+@cfunc
+@inline
 @cython.exceptval(check=False)
-def inside(value: cython.double, most: cython.double) -> cython.double:
+def inside(value: double, most: double) -> double:
     """A value within -most and most."""
     return min(max(value, -most), most)
 
@@ -136,8 +123,8 @@ def inside(value: cython.double, most: cython.double) -> cython.double:
 # -- the loop of a four-bar ----------------------------------------------------------------------------------------------
 
 
-@cython.cfunc
-def pair_difference(a: cython.double, b: cython.double, c: cython.double, d: cython.double) -> cython.double:
+@cfunc
+def pair_difference(a: double, b: double, c: double, d: double) -> double:
     """(a + b) - (c + d) to nearly full relative accuracy (Knuth, TAOCP vol. 2, 4.2.2, theorem B)."""
     left = a + b
     part = left - a
@@ -148,8 +135,8 @@ def pair_difference(a: cython.double, b: cython.double, c: cython.double, d: cyt
     return (left - right) + (left_error - right_error)
 
 
-@cython.final
-@cython.cclass
+@final
+@cclass
 class Loop:
     """A linkage at a crank angle, whose coupler is guided in one of two ways.
 
@@ -157,26 +144,26 @@ class Loop:
     distance l2 from the crank pin, a slider-crank: crank l1, rod l2, offset l3, sin theta2 = (l3 - l1 sin theta1) / l2.
     """
 
-    on_line: cython.bint
-    length: cython.double[4]
-    x0: cython.double
-    y0: cython.double
-    side: cython.double
-    e1: cython.doublecomplex
-    e2: cython.doublecomplex
-    by: cython.double[5]
-    root: cython.double
-    square: cython.double
-    both: cython.double
-    across: cython.double
+    on_line: bint
+    length: double[4]
+    x0: double
+    y0: double
+    side: double
+    e1: doublecomplex
+    e2: doublecomplex
+    by: double[5]
+    root: double
+    square: double
+    both: double
+    across: double
 
     def __init__(self, on_line=False):
         self.on_line = on_line
         self.length = np.zeros(4)
         self.by = np.zeros(5)
 
-    @cython.cfunc
-    def of_lengths(self, l1: cython.double, l2: cython.double, l3: cython.double, l4: cython.double):
+    @cfunc
+    def of_lengths(self, l1: double, l2: double, l3: double, l4: double):
         """Take the lengths of a four-bar."""
         self.length[0] = l1
         self.length[1] = l2
@@ -185,10 +172,10 @@ class Loop:
         self.x0 = pair_difference(l2, l3, l1, l4) * (l1 + l2 + l3 + l4)
         self.y0 = pair_difference(l2, l4, l1, l3) * pair_difference(l3, l4, l1, l2)
 
-    @cython.cfunc
-    @cython.inline
+    @cfunc
+    @inline
     @cython.exceptval(check=False)
-    def turn(self, theta1: cython.double, slopes: cython.bint) -> cython.bint:
+    def turn(self, theta1: double, slopes: bint) -> bint:
         """Crank and coupler directions at a crank angle; False where the loop does not close.
 
         With ``slopes`` the derivatives of theta2 by the lengths and theta1 as well, into ``by``.
@@ -231,8 +218,8 @@ class Loop:
             self.by[4] = lever * l1 * cross(e1, e3)
         return True
 
-    @cython.cfunc
-    def slide(self, theta1: cython.double) -> cython.bint:
+    @cfunc
+    def slide(self, theta1: double) -> bint:
         """The same of a slider-crank."""
         self.e1 = vector(cos(theta1), sin(theta1))
         sine = (self.length[2] - self.length[0] * self.e1.imag) / self.length[1]
@@ -248,10 +235,10 @@ class Loop:
         self.by[4] = -self.length[0] * self.e1.real / rod
         return True
 
-    @cython.cfunc
-    @cython.inline
+    @cfunc
+    @inline
     @cython.exceptval(check=False)
-    def angle(self, theta1: cython.double) -> cython.double:
+    def angle(self, theta1: double) -> double:
         """theta2 where the loop was turned to, continuous over the turn."""
         if self.on_line:
             return atan2(self.e2.imag, self.e2.real)
@@ -265,36 +252,34 @@ class Loop:
 # -- limits --------------------------------------------------------------------------------------------------------------
 
 # Kinds of limits; the columns behind the kind in a table of limits
-USED = cython.declare(cython.int, 0)  # cosine of the least transmission angle over the used interval
-OVER_TURN = cython.declare(
-    cython.int, 1
-)  # the same over the turn; 1: of every linkage, 0: of those whose crank turns fully
-LENGTH = cython.declare(cython.int, 2)  # link, sign, rest: sign times the length, and the rest, is at least 0 (or 0)
-RATIO = cython.declare(cython.int, 3)  # the shortest length times this is at least each other
-RATIOS = cython.declare(cython.int, 4)  # the same, pair by pair, in logarithms
-FAMILY = cython.declare(cython.int, 5)  # sign of the first two excesses (0: those of any full crank)
-AT = cython.declare(cython.int, 6)  # point, x, y: the point is there
-NEAR = cython.declare(cython.int, 7)  # point, x, y, distance
-INSIDE = cython.declare(cython.int, 8)  # point, xmin, ymin, xmax, ymax
-OUTSIDE = cython.declare(cython.int, 9)  # the same: beyond the side that is nearest
-ENVELOPE = cython.declare(
+USED = declare(cython.int, 0)  # cosine of the least transmission angle over the used interval
+OVER_TURN = declare(cython.int, 1)  # the same over the turn; 1: of every linkage, 0: of those whose crank turns fully
+LENGTH = declare(cython.int, 2)  # link, sign, rest: sign times the length, and the rest, is at least 0 (or 0)
+RATIO = declare(cython.int, 3)  # the shortest length times this is at least each other
+RATIOS = declare(cython.int, 4)  # the same, pair by pair, in logarithms
+FAMILY = declare(cython.int, 5)  # sign of the first two excesses (0: those of any full crank)
+AT = declare(cython.int, 6)  # point, x, y: the point is there
+NEAR = declare(cython.int, 7)  # point, x, y, distance
+INSIDE = declare(cython.int, 8)  # point, xmin, ymin, xmax, ymax
+OUTSIDE = declare(cython.int, 9)  # the same: beyond the side that is nearest
+ENVELOPE = declare(
     cython.int, 10
 )  # xmin, ymin, xmax, ymax, places traced, refinements: all joints, over the used interval
 COUNTS = (2, 2, 1, 4, 12, 3, 2, 1, 4, 1, 20)
 """Rows of each kind."""
 
 # Points of limits, and what is followed along the motion after them
-PIVOT_A = cython.declare(cython.int, 0)
-PIVOT_B = cython.declare(cython.int, 1)
-BODY = cython.declare(cython.int, 2)  # z2, the body point from the crank pin
+PIVOT_A = declare(cython.int, 0)
+PIVOT_B = declare(cython.int, 1)
+BODY = declare(cython.int, 2)  # z2, the body point from the crank pin
 
 # Derivatives: by four lengths,
-BY_FIRST = cython.declare(cython.int, 4)  # the first and the last crank angle,
-BY_LAST = cython.declare(cython.int, 5)
-BY_PIVOT = cython.declare(cython.int, 6)  # A (x, y),
-BY_TURNED = cython.declare(cython.int, 8)  # the ground angle,
-BY_BODY = cython.declare(cython.int, 9)  # and z2 (x, y)
-COLUMNS = cython.declare(cython.int, 11)
+BY_FIRST = declare(cython.int, 4)  # the first and the last crank angle,
+BY_LAST = declare(cython.int, 5)
+BY_PIVOT = declare(cython.int, 6)  # A (x, y),
+BY_TURNED = declare(cython.int, 8)  # the ground angle,
+BY_BODY = declare(cython.int, 9)  # and z2 (x, y)
+COLUMNS = declare(cython.int, 11)
 
 globals().update(
     USED=USED,
@@ -311,19 +296,17 @@ globals().update(
 )
 
 
-@cython.cfunc
-@cython.inline
+@cfunc
+@inline
 @cython.exceptval(check=False)
-def depth(point: cython.doublecomplex, side: cython.int, edge: cython.double) -> cython.double:
+def depth(point: doublecomplex, side: cython.int, edge: double) -> double:
     """How far inside of one side of a box a point is: left, lower, right, upper."""
     value = (point.imag if side % 2 else point.real) - edge
     return value if side < 2 else -value
 
 
-@cython.cfunc
-def vertex(
-    middle: cython.double, before: cython.double, here: cython.double, after: cython.double, step: cython.double
-) -> cython.double:
+@cfunc
+def vertex(middle: double, before: double, here: double, after: double, step: double) -> double:
     """Where a function is least, from its values a step before a place, there, and a step after: a parabola's vertex."""
     bend = before - 2.0 * here + after
     if bend > 0.0:
@@ -335,8 +318,8 @@ def vertex(
     return min(max(middle + step * part, 0.0), 1.0)
 
 
-@cython.final
-@cython.cclass
+@final
+@cclass
 class Limits:
     """The limits of a request as functions of a linkage in its place, at least 0 where they are kept.
 
@@ -350,31 +333,31 @@ class Limits:
         Of all rows: which are equations.
     """
 
-    table: cython.double[:, ::1]
+    table: double[:, ::1]
     begins: cython.int[::1]
     rows: cython.int
     equal: cython.int[::1]
-    posed: cython.bint
-    values: cython.double[::1]
-    slopes: cython.double[:, ::1]
+    posed: bint
+    values: double[::1]
+    slopes: double[:, ::1]
     # the linkage
     loop: Loop
-    excess: cython.double[3]
-    first: cython.double
-    last: cython.double
-    pivot: cython.doublecomplex
-    turned: cython.doublecomplex
-    body: cython.doublecomplex
+    excess: double[3]
+    first: double
+    last: double
+    pivot: doublecomplex
+    turned: doublecomplex
+    body: doublecomplex
     # a point of it that does not move, crank pin, coupler pin, and body point
-    joint: cython.doublecomplex[4]
-    joint_by: cython.doublecomplex[:, ::1]
-    trace: cython.double[:, ::1]
+    joint: doublecomplex[4]
+    joint_by: doublecomplex[:, ::1]
+    trace: double[:, ::1]
 
     def __init__(self, table, posed, equal=()):
         table = np.ascontiguousarray(table, dtype=float).reshape(-1, 8)
         counts = [COUNTS[int(row[0])] for row in table]
         self.table = table
-        self.begins = np.cumsum([0] + counts).astype(np.intc)
+        self.begins = np.cumsum([0, *counts]).astype(np.intc)
         self.rows = sum(counts)
         self.posed = posed
         self.equal = np.array(equal if len(equal) else np.zeros(self.rows + 1), dtype=np.intc)
@@ -393,13 +376,13 @@ class Limits:
 
     def __call__(
         self,
-        lengths: cython.double[:, ::1],
-        branch: cython.double[::1],
-        first: cython.double[::1],
-        last: cython.double[::1],
-        pivot: cython.double[:, ::1],
-        turned: cython.double[::1],
-        body: cython.double[:, ::1],
+        lengths: double[:, ::1],
+        branch: double[::1],
+        first: double[::1],
+        last: double[::1],
+        pivot: double[:, ::1],
+        turned: double[::1],
+        body: double[:, ::1],
     ):
         """Values (n, C) and derivatives (n, C, 11) at linkages; NaN where one does not close.
 
@@ -421,14 +404,14 @@ class Limits:
             slopes[n] = np.asarray(self.slopes)[: self.rows]
         return values, slopes
 
-    @cython.cfunc
+    @cfunc
     def at(
         self,
-        first: cython.double,
-        last: cython.double,
-        pivot: cython.doublecomplex,
-        turned: cython.doublecomplex,
-        body: cython.doublecomplex,
+        first: double,
+        last: double,
+        pivot: doublecomplex,
+        turned: doublecomplex,
+        body: doublecomplex,
     ):
         """Values and derivatives of the linkage in ``loop`` at a place, into ``values`` and ``slopes``."""
         self.first = first
@@ -459,10 +442,8 @@ class Limits:
             else:
                 self.place(begin, kind, n)
 
-    @cython.cfunc
-    def transmission(
-        self, row: cython.int, least: cython.double, at: cython.double, sign: cython.double
-    ) -> cython.double:
+    @cfunc
+    def transmission(self, row: cython.int, least: double, at: double, sign: double) -> double:
         """One row of a transmission angle at a crank angle; returns its derivative by that angle."""
         l1, l2, l3, l4 = self.loop.length[0], self.loop.length[1], self.loop.length[2], self.loop.length[3]
         sine, cosine, product = sin(0.5 * at), cos(at), l2 * l3
@@ -475,8 +456,8 @@ class Limits:
         self.values[row] = least - sign * ratio
         return sign * l1 * l4 * sin(at) / product
 
-    @cython.cfunc
-    def used_transmission(self, row: cython.int, least: cython.double):
+    @cfunc
+    def used_transmission(self, row: cython.int, least: double):
         """Where the diagonal is shortest and longest within the used interval."""
         first, last = min(self.first, self.last), max(self.first, self.last)
         for k in range(2):
@@ -489,8 +470,8 @@ class Limits:
             if at >= last:
                 self.slopes[row + k, BY_LAST] = by_angle
 
-    @cython.cfunc
-    def turn_transmission(self, row: cython.int, least: cython.double, every: cython.bint):
+    @cfunc
+    def turn_transmission(self, row: cython.int, least: double, every: bint):
         """Where the diagonal is shortest and longest over the turn."""
         if not every:
             self.excesses()
@@ -503,7 +484,7 @@ class Limits:
             else:
                 self.values[row + k] = 1.0
 
-    @cython.cfunc
+    @cfunc
     def excesses(self):
         """The three excesses of `fourbar.kinematics`."""
         l1, l2, l3, l4 = self.loop.length[0], self.loop.length[1], self.loop.length[2], self.loop.length[3]
@@ -511,8 +492,8 @@ class Limits:
         self.excess[1] = pair_difference(l3, l4, l1, l2)
         self.excess[2] = pair_difference(l2, l3, l1, l4)
 
-    @cython.cfunc
-    def of_length(self, row: cython.int, link: cython.int, sign: cython.double, rest: cython.double):
+    @cfunc
+    def of_length(self, row: cython.int, link: cython.int, sign: double, rest: double):
         """A length's bound."""
         self.slopes[row, link] = sign
         if self.posed:
@@ -521,13 +502,13 @@ class Limits:
             self.values[row] = sign * self.loop.length[link] + rest * self.loop.length[3]
             self.slopes[row, 3] += rest
 
-    @cython.cfunc
-    def perimeter(self) -> cython.double:
+    @cfunc
+    def perimeter(self) -> double:
         """Sum of the lengths."""
         return self.loop.length[0] + self.loop.length[1] + self.loop.length[2] + self.loop.length[3]
 
-    @cython.cfunc
-    def ratio(self, row: cython.int, most: cython.double):
+    @cfunc
+    def ratio(self, row: cython.int, most: double):
         """Over the perimeter, whose change does not matter where the constraint holds."""
         shortest, size = 0, self.perimeter()
         for k in range(1, 4):
@@ -538,8 +519,8 @@ class Limits:
             self.slopes[row + k, shortest] = most / size
             self.slopes[row + k, k] -= 1.0 / size
 
-    @cython.cfunc
-    def ratios(self, row: cython.int, most: cython.double):
+    @cfunc
+    def ratios(self, row: cython.int, most: double):
         """The logarithm of no length is above that of another by more than that of the ratio."""
         for long in range(4):
             for short in range(4):
@@ -549,8 +530,8 @@ class Limits:
                     self.slopes[row, short] = 1.0 / self.loop.length[short]
                     row += 1
 
-    @cython.cfunc
-    def family(self, row: cython.int, sign: cython.double):
+    @cfunc
+    def family(self, row: cython.int, sign: double):
         """The signs of the three excesses, over the perimeter."""
         size = self.perimeter()
         if sign == 0.0:
@@ -562,10 +543,10 @@ class Limits:
             self.values[row + k] = value
             for c in range(4):
                 # (L2 + L4) - (L1 + L3), (L3 + L4) - (L1 + L2), (L2 + L3) - (L1 + L4)
-                less: cython.bint = c == 0 or c == (3 if k == 2 else 2 - k)
+                less: bint = c == 0 or c == (3 if k == 2 else 2 - k)
                 self.slopes[row + k, c] = ((-own if less else own) - value) / size
 
-    @cython.cfunc
+    @cfunc
     def fixed(self, point: cython.int):
         """Pivot A or B, or the body point from the crank pin, and its derivatives, into the first of the joints."""
         for c in range(COLUMNS):
@@ -584,8 +565,8 @@ class Limits:
             self.joint_by[0, 3] = self.turned
             self.joint_by[0, BY_TURNED] = 1j * ground
 
-    @cython.cfunc
-    def place(self, row: cython.int, kind: cython.int, n: cython.Py_ssize_t):
+    @cfunc
+    def place(self, row: cython.int, kind: cython.int, n: Py_ssize_t):
         """Limits on pivot A, pivot B and the body point from the crank pin."""
         self.fixed(cython.cast(cython.int, self.table[n, 1]))
         if kind == AT:
@@ -609,21 +590,21 @@ class Limits:
                     nearest = side
             self.beside(row, nearest, self.table[n, 2 + nearest], 0, -1.0)
 
-    @cython.cfunc
-    def beside(self, row: cython.int, side: cython.int, edge: cython.double, k: cython.int, sign: cython.double):
+    @cfunc
+    def beside(self, row: cython.int, side: cython.int, edge: double, k: cython.int, sign: double):
         """How far inside of one side of a box a joint is, times a sign."""
         self.values[row] = sign * depth(self.joint[k], side, edge)
         for c in range(COLUMNS):
             self.slopes[row, c] = sign * depth(self.joint_by[k, c], side, 0.0)
 
-    @cython.cfunc
-    def within(self, row: cython.int, n: cython.Py_ssize_t, column: cython.int):
+    @cfunc
+    def within(self, row: cython.int, n: Py_ssize_t, column: cython.int):
         """The first of the joints inside of all sides of a box, whose numbers begin in a column."""
         for side in range(4):
             self.beside(row + side, side, self.table[n, column + side], 0, 1.0)
 
-    @cython.cfunc
-    def joints(self, share: cython.double, slopes: cython.bint) -> cython.bint:
+    @cfunc
+    def joints(self, share: double, slopes: bint) -> bint:
         """Crank pin, coupler pin and body point at a part of the used interval, into ``joint``; False where it is open."""
         loop = self.loop
         if not loop.turn(self.first + share * (self.last - self.first), slopes):
@@ -652,12 +633,12 @@ class Limits:
                 self.joint_by[k, BY_BODY + 1] = 1j * loop.e2
         return True
 
-    @cython.cfunc
-    def envelope(self, row: cython.int, n: cython.Py_ssize_t):
+    @cfunc
+    def envelope(self, row: cython.int, n: Py_ssize_t):
         """Both pivots within a box, and each joint where it goes farthest to each side."""
         traced = cython.cast(cython.int, self.table[n, 5])
         refinements = cython.cast(cython.int, self.table[n, 6])
-        closes: cython.bint = True
+        closes: bint = True
         for pivot in range(2):
             self.fixed(pivot)
             self.within(row + 4 * pivot, n, 1)
@@ -671,8 +652,8 @@ class Limits:
             else:
                 self.values[row + 8 + k] = NAN
 
-    @cython.cfunc
-    def farthest(self, k: cython.int, side: cython.int, traced: cython.int, refinements: cython.int) -> cython.double:
+    @cfunc
+    def farthest(self, k: cython.int, side: cython.int, traced: cython.int, refinements: cython.int) -> double:
         """Where in the used interval a joint goes farthest to a side."""
         row, best, step = 4 * (k - 1) + side, 0, 1.0 / (traced - 1)
         for t in range(1, traced):
@@ -688,8 +669,8 @@ class Limits:
             at = vertex(at, before, here, self.depth_at(at + step, k, side), step)
         return at
 
-    @cython.cfunc
-    def depth_at(self, share: cython.double, k: cython.int, side: cython.int) -> cython.double:
+    @cfunc
+    def depth_at(self, share: double, k: cython.int, side: cython.int) -> double:
         """How far a joint is from going beyond a side at a part of the used interval."""
         return depth(self.joint[k], side, 0.0) if self.joints(share, False) else 0.0
 
@@ -697,16 +678,16 @@ class Limits:
 # -- shapes --------------------------------------------------------------------------------------------------------------
 
 # Charts, see `fourbar.charts`
-GRASHOF = cython.declare(cython.int, 0)
-ANY = cython.declare(cython.int, 1)
-FULL_CRANK = cython.declare(cython.int, 2)
-SLIDER_CRANK = cython.declare(cython.int, 3)  # of crank 1: ln(rod - 1 - |offset|), offset
+GRASHOF = declare(cython.int, 0)
+ANY = declare(cython.int, 1)
+FULL_CRANK = declare(cython.int, 2)
+SLIDER_CRANK = declare(cython.int, 3)  # of crank 1: ln(rod - 1 - |offset|), offset
 
 globals().update(GRASHOF=GRASHOF, ANY=ANY, FULL_CRANK=FULL_CRANK, SLIDER_CRANK=SLIDER_CRANK)
 
 
-@cython.cfunc
-def tanh_of(x: cython.double) -> cython.double:
+@cfunc
+def tanh_of(x: double) -> double:
     """Hyperbolic tangent, without cancellation where it is small."""
     if fabs(x) < SERIES:
         return x * (1.0 - x * x * (1.0 / 3.0 - x * x * (2.0 / 15.0)))
@@ -714,15 +695,15 @@ def tanh_of(x: cython.double) -> cython.double:
     return copysign((1.0 - e) / (1.0 + e), x)
 
 
-@cython.final
-@cython.cclass
+@final
+@cclass
 class Shape:
     """Lengths by the unknowns of a chart, with derivatives."""
 
     chart: cython.int
     size: cython.int
     loop: Loop
-    by: cython.double[:, ::1]
+    by: double[:, ::1]
 
     def __init__(self, chart):
         self.chart = chart
@@ -730,8 +711,8 @@ class Shape:
         self.loop = Loop(chart == SLIDER_CRANK)
         self.by = np.zeros((4, 4))
 
-    @cython.cfunc
-    def at(self, q0: cython.double, q1: cython.double, q2: cython.double, q3: cython.double, side: cython.double):
+    @cfunc
+    def at(self, q0: double, q1: double, q2: double, q3: double, side: double):
         """Lengths, X0 and Y0 into ``loop``, derivatives by the unknowns into ``by``."""
         self.loop.side = side
         if self.chart == GRASHOF:
@@ -750,8 +731,8 @@ class Shape:
             self.loop.length[1] = 1.0 + fabs(q1) + self.by[1, 0]
             self.loop.length[2] = q1
 
-    @cython.cfunc
-    def grashof(self, q0: cython.double, x: cython.double, y: cython.double, z: cython.double):
+    @cfunc
+    def grashof(self, q0: double, x: double, y: double, z: double):
         """Of shortest link and excesses, of `fourbar.charts.GrashofChart`; excesses below zero count as zero."""
         loop, least = self.loop, fabs(q0)
         short = 0 if q0 > 0.0 else 3
@@ -770,8 +751,8 @@ class Shape:
             self.by[k - 1, 1] = 0.5
             self.by[k - 1, k] = 0.5
 
-    @cython.cfunc
-    def full_crank(self, p: cython.double, u: cython.double, w: cython.double):
+    @cfunc
+    def full_crank(self, p: double, u: double, w: double):
         """Of `fourbar.charts.FullCrankChart`."""
         loop, ratio, excess = self.loop, exp(p), exp(u)
         gap, share, e = fabs(tanh_of(0.5 * p)), tanh_of(w), exp(-2.0 * fabs(w))
@@ -796,16 +777,14 @@ class Shape:
 # -- descents ------------------------------------------------------------------------------------------------------------
 
 # Poses in which a candidate is evaluated
-AS_IS = cython.declare(cython.int, 0)
-BEST_OFFSET = cython.declare(cython.int, 1)  # as it is, with the best offset of the rotation
-BEST = cython.declare(cython.int, 2)
-BEST_WITHIN = cython.declare(
-    cython.int, 3
-)  # in its best pose where that keeps the limits, otherwise with the best offset
+AS_IS = declare(cython.int, 0)
+BEST_OFFSET = declare(cython.int, 1)  # as it is, with the best offset of the rotation
+BEST = declare(cython.int, 2)
+BEST_WITHIN = declare(cython.int, 3)  # in its best pose where that keeps the limits, otherwise with the best offset
 
 
-@cython.final
-@cython.cclass
+@final
+@cclass
 class Descent:
     """Levenberg-Marquardt over shape, pose and crank angles of candidates toward the samples of one request.
 
@@ -837,100 +816,100 @@ class Descent:
     """
 
     # the request
-    samples: cython.Py_ssize_t
-    goal: cython.double[::1]
-    facing: cython.doublecomplex[::1]
-    place: cython.doublecomplex[::1]
-    rotation_root: cython.double[::1]
-    position_root: cython.double[::1]
-    crank: cython.double[::1]
-    has_rotation: cython.bint
-    has_position: cython.bint
-    timed: cython.bint
-    fixed_start: cython.bint
-    fixed_offset: cython.bint
-    ordered: cython.bint
-    span_max: cython.double
+    samples: Py_ssize_t
+    goal: double[::1]
+    facing: doublecomplex[::1]
+    place: doublecomplex[::1]
+    rotation_root: double[::1]
+    position_root: double[::1]
+    crank: double[::1]
+    has_rotation: bint
+    has_position: bint
+    timed: bint
+    fixed_start: bint
+    fixed_offset: bint
+    ordered: bint
+    span_max: double
     sheet: cython.int
-    shortest: cython.double
+    shortest: double
     shape: Shape
     limits: Limits
-    limited: cython.bint
-    posed: cython.bint
-    rho: cython.double
+    limited: bint
+    posed: bint
+    rho: double
     # rows and columns: of pose and offset, then of the shape, then the start
     parts: cython.int
-    flat: cython.Py_ssize_t
-    width: cython.Py_ssize_t
+    flat: Py_ssize_t
+    width: Py_ssize_t
     linear: cython.int
     size: cython.int
     unknowns: cython.int
     columns: cython.int
     # sets: where the candidate stands, where its step leads, and a look ahead
-    q: cython.double[:, ::1]
-    pose: cython.doublecomplex[:, ::1]
-    offset: cython.double[::1]
-    phi: cython.double[:, ::1]
-    side: cython.double[::1]
-    cost: cython.double[::1]
-    plain: cython.double[::1]
-    m: cython.double[:, :, ::1]
-    turn: cython.double[:, ::1]
+    q: double[:, ::1]
+    pose: doublecomplex[:, ::1]
+    offset: double[::1]
+    phi: double[:, ::1]
+    side: double[::1]
+    cost: double[::1]
+    plain: double[::1]
+    m: double[:, :, ::1]
+    turn: double[:, ::1]
     active: cython.int[::1]
-    by_angle: cython.double[:, ::1]
-    at_sample: cython.Py_ssize_t[:, ::1]
+    by_angle: double[:, ::1]
+    at_sample: Py_ssize_t[:, ::1]
     # of the set evaluated last
-    e1: cython.doublecomplex[::1]
-    e2: cython.doublecomplex[::1]
-    slope: cython.double[:, ::1]
-    lever: cython.doublecomplex[::1]
-    basis: cython.doublecomplex[:, ::1]
-    missing: cython.double[::1]
-    gap: cython.double[::1]
-    first_sample: cython.Py_ssize_t
-    last_sample: cython.Py_ssize_t
-    column: cython.double[::1]
-    shift: cython.double[::1]
-    shifted: cython.bint
+    e1: doublecomplex[::1]
+    e2: doublecomplex[::1]
+    slope: double[:, ::1]
+    lever: doublecomplex[::1]
+    basis: doublecomplex[:, ::1]
+    missing: double[::1]
+    gap: double[::1]
+    first_sample: Py_ssize_t
+    last_sample: Py_ssize_t
+    column: double[::1]
+    shift: double[::1]
+    shifted: bint
     # of a step
-    red: cython.double[:, ::1]
-    along: cython.double[:, ::1]
-    inner: cython.double[::1]
-    coefficient: cython.double[::1]
-    square: cython.double[::1]
-    ridge: cython.double[::1]
-    upper: cython.double[:, ::1]
-    step: cython.double[::1]
-    turn_step: cython.double[::1]
-    straight: cython.double[::1]
-    way: cython.double[::1]
-    bow_step: cython.double[::1]
-    bow_turn: cython.double[::1]
-    spare: cython.double[::1]
+    red: double[:, ::1]
+    along: double[:, ::1]
+    inner: double[::1]
+    coefficient: double[::1]
+    square: double[::1]
+    ridge: double[::1]
+    upper: double[:, ::1]
+    step: double[::1]
+    turn_step: double[::1]
+    straight: double[::1]
+    way: double[::1]
+    bow_step: double[::1]
+    bow_turn: double[::1]
+    spare: double[::1]
     # the run
-    candidate: cython.Py_ssize_t
-    begun: cython.bint
+    candidate: Py_ssize_t
+    begun: bint
     iteration: cython.int
     iterations: cython.int
     here: cython.int
-    first_damping: cython.double
-    damping: cython.double
-    growth: cython.double
-    stall: cython.double
-    exact: cython.double
-    others: cython.double
-    bent_below: cython.double
-    best_cost: cython.double
-    least: cython.double
-    taken: cython.Py_ssize_t
+    first_damping: double
+    damping: double
+    growth: double
+    stall: double
+    exact: double
+    others: double
+    bent_below: double
+    best_cost: double
+    least: double
+    taken: Py_ssize_t
     # the candidates
-    shapes: cython.double[:, ::1]
-    poses: cython.doublecomplex[:, ::1]
-    offsets: cython.double[::1]
-    angles: cython.double[:, ::1]
-    branches: cython.double[::1]
-    shifts: cython.double[:, ::1]
-    costs: cython.double[::1]
+    shapes: double[:, ::1]
+    poses: doublecomplex[:, ::1]
+    offsets: double[::1]
+    angles: double[:, ::1]
+    branches: double[::1]
+    shifts: double[:, ::1]
+    costs: double[::1]
 
     def __init__(
         self,
@@ -988,7 +967,7 @@ class Descent:
         self.along, self.spare = np.zeros((columns, samples)), np.zeros(max(self.width, columns))
         self.constant_columns()
 
-    @cython.cfunc
+    @cfunc
     def constant_columns(self):
         """What no candidate changes: derivatives by pivot A and the offset."""
         for s in range(2):
@@ -1001,8 +980,8 @@ class Descent:
 
     # -- candidates of arrays --------------------------------------------------------------------------------------------
 
-    @cython.cfunc
-    def take(self, s: cython.int, n: cython.Py_ssize_t):
+    @cfunc
+    def take(self, s: cython.int, n: Py_ssize_t):
         """A candidate into a set."""
         for k in range(self.size):
             self.q[s, k] = self.shapes[n, k]
@@ -1017,8 +996,8 @@ class Descent:
             self.shift[row] = self.shifts[n, row]
             self.shifted = self.shifted or self.shift[row] != 0.0
 
-    @cython.cfunc
-    def give(self, s: cython.int, n: cython.Py_ssize_t):
+    @cfunc
+    def give(self, s: cython.int, n: Py_ssize_t):
         """A set into its candidate's place."""
         for k in range(self.size):
             self.shapes[n, k] = self.q[s, k]
@@ -1029,7 +1008,7 @@ class Descent:
             self.angles[n, i] = self.phi[s, i]
         self.costs[n] = self.cost[s]
 
-    def look(self, best_pose: cython.bint, facing: cython.bint):
+    def look(self, best_pose: bint, facing: bint):
         """Costs of the candidates: as they are, or in their best pose, which they keep; rotations by their mean direction."""
         for n in range(self.costs.shape[0]):
             self.take(0, n)
@@ -1058,7 +1037,7 @@ class Descent:
                 self.move(0, 0)
             self.give(0, n)
 
-    def loose(self, noise: cython.double[:, ::1], factors: cython.double[::1], size: cython.double):
+    def loose(self, noise: double[:, ::1], factors: double[::1], size: double):
         """Move the candidates mostly where their cost is flat: along valleys, where the next minimum lies.
 
         Steps are R^{-1} times normal noise (n, m), longest where the rows change least; each is scaled to change the shape by
@@ -1154,8 +1133,8 @@ class Descent:
 
     # -- rows ------------------------------------------------------------------------------------------------------------
 
-    @cython.cfunc
-    def evaluate(self, s: cython.int, full: cython.bint, pose: cython.int, face: cython.bint) -> cython.bint:
+    @cfunc
+    def evaluate(self, s: cython.int, full: bint, pose: cython.int, face: bint) -> bint:
         """Residual, cost and, where wanted, derivatives of a set in a pose; False where it does not close.
 
         ``face``: the offset begins with the mean direction of the gaps.
@@ -1188,13 +1167,13 @@ class Descent:
                 self.hold(s)
         return True
 
-    @cython.cfunc
+    @cfunc
     def shaped(self, s: cython.int):
         """The shape of a set into ``shape``."""
         self.shape.at(self.q[s, 0], self.q[s, 1], self.q[s, 2], self.q[s, 3], self.side[s])
 
-    @cython.cfunc
-    def turned(self, s: cython.int, full: cython.bint) -> cython.bint:
+    @cfunc
+    def turned(self, s: cython.int, full: bint) -> bint:
         """Crank and body at the crank angles; the body's slopes by the unknowns of the shape and the crank angle."""
         loop, shape = self.shape.loop, self.shape
         if self.sheet and not (loop.length[0] - loop.length[3]) * self.sheet > 0.0:
@@ -1218,7 +1197,7 @@ class Descent:
                 self.slope[4, i] = loop.by[4]
         return True
 
-    @cython.cfunc
+    @cfunc
     def ends(self, s: cython.int):
         """The samples of the least and the largest crank angle, into ``first_sample`` and ``last_sample``."""
         self.first_sample = 0
@@ -1229,8 +1208,8 @@ class Descent:
             if self.phi[s, i] > self.phi[s, self.last_sample]:
                 self.last_sample = i
 
-    @cython.cfunc
-    def closes_between(self, s: cython.int) -> cython.bint:
+    @cfunc
+    def closes_between(self, s: cython.int) -> bint:
         """Whether the loop closes at theta1 = 0 and pi where the motion passes them: the diagonal is least or most there."""
         loop = self.shape.loop
         if loop.on_line or (loop.x0 > 0.0 and loop.y0 > 0.0):
@@ -1241,7 +1220,7 @@ class Descent:
             return False
         return not (loop.x0 <= 0.0 and floor((last - PI) / TURN) >= -floor((PI - first) / TURN))
 
-    @cython.cfunc
+    @cfunc
     def face(self, s: cython.int):
         """The offset right to within its own error, from the mean direction of the gaps."""
         mean = 0j
@@ -1249,7 +1228,7 @@ class Descent:
             mean += self.rotation_root[i] * self.rotation_root[i] * self.facing[i] * self.e2[i].conjugate()
         self.offset[s] = atan2(mean.imag, mean.real)
 
-    @cython.cfunc
+    @cfunc
     def best_pose(self, s: cython.int):
         """A, z1, z2 of the least mean square, by Gram and Schmidt twice over {1, e1, e2}: never by normal equations."""
         for i in range(self.samples):
@@ -1269,40 +1248,40 @@ class Descent:
         self.pose[s, 1] = z1
         self.pose[s, 2] = z2
 
-    @cython.cfunc
-    def centred(self, k: cython.int) -> cython.doublecomplex:
+    @cfunc
+    def centred(self, k: cython.int) -> doublecomplex:
         """Take the mean out of a column of ``basis``, and return it."""
-        mean: cython.doublecomplex = 0j
+        mean: doublecomplex = 0j
         for i in range(self.samples):
             mean += times(self.position_root[i], self.basis[k, i])
         for i in range(self.samples):
             self.basis[k, i] = self.basis[k, i] - times(self.position_root[i], mean)
         return mean
 
-    @cython.cfunc
-    def without(self, k: cython.int, j: cython.int, square: cython.double) -> cython.doublecomplex:
+    @cfunc
+    def without(self, k: cython.int, j: cython.int, square: double) -> doublecomplex:
         """Take the part along a column of ``basis`` from another; returns how much of it that was."""
         part = times(1.0 / square, self.along_basis(k, j))
         for i in range(self.samples):
             self.basis[k, i] = self.basis[k, i] - part * self.basis[j, i]
         return part
 
-    @cython.cfunc
-    def along_basis(self, k: cython.int, j: cython.int) -> cython.doublecomplex:
+    @cfunc
+    def along_basis(self, k: cython.int, j: cython.int) -> doublecomplex:
         """Product of two columns of ``basis``."""
-        part: cython.doublecomplex = 0j
+        part: doublecomplex = 0j
         for i in range(self.samples):
             part += self.basis[j, i].conjugate() * self.basis[k, i]
         return part
 
-    @cython.cfunc
-    def basis_square(self, k: cython.int) -> cython.double:
+    @cfunc
+    def basis_square(self, k: cython.int) -> double:
         """Square of a column of ``basis``; one where others leave nothing of it."""
         total = self.along_basis(k, k).real
         return total if total > EXACT else 1.0
 
-    @cython.cfunc
-    def residual(self, s: cython.int, pose: cython.bint):
+    @cfunc
+    def residual(self, s: cython.int, pose: bint):
         """The samples' rows of the last column, and the sum of their squares; ``pose``: with the best offset."""
         last, total = self.columns, 0.0
         if self.has_rotation:
@@ -1332,8 +1311,8 @@ class Descent:
         self.plain[s] = total
         self.cost[s] = total
 
-    @cython.cfunc
-    def gaps(self, s: cython.int) -> cython.double:
+    @cfunc
+    def gaps(self, s: cython.int) -> double:
         """What the body lacks of the rotations wanted, within half a turn where no crank angles are given; returns its mean."""
         mean, back = 0.0, vector(cos(self.offset[s]), -sin(self.offset[s]))
         for i in range(self.samples):
@@ -1345,10 +1324,10 @@ class Descent:
             mean += self.rotation_root[i] * self.rotation_root[i] * self.gap[i]
         return mean
 
-    @cython.cfunc
-    @cython.inline
+    @cfunc
+    @inline
     @cython.exceptval(check=False)
-    def put(self, s: cython.int, c: cython.int, i: cython.Py_ssize_t, value: cython.doublecomplex) -> cython.void:
+    def put(self, s: cython.int, c: cython.int, i: Py_ssize_t, value: doublecomplex) -> cython.void:
         """A sample's derivatives by a complex unknown, whose two columns begin at c."""
         x = self.flat - 2 * self.samples + i
         y = x + self.samples
@@ -1357,7 +1336,7 @@ class Descent:
         self.m[s, c + 1, x] = -value.imag
         self.m[s, c + 1, y] = value.real
 
-    @cython.cfunc
+    @cfunc
     def derivatives(self, s: cython.int):
         """Derivatives of the samples' rows by all unknowns that are no constants, and by each sample's own crank angle."""
         n = self.samples
@@ -1388,13 +1367,13 @@ class Descent:
             for j in range(self.flat):
                 self.m[s, self.columns - 1, j] = self.turn[s, j]
 
-    @cython.cfunc
+    @cfunc
     def hold(self, s: cython.int):
         """No derivatives by unknowns of the shape that a bound holds."""
         rows = self.flat + self.active[s]
         for k in range(self.linear, self.linear + self.size):
             value = self.q[s, k - self.linear]
-            toward: cython.double = 0.0
+            toward: double = 0.0
             if fabs(value) > AT_LEAST:
                 continue
             for j in range(rows):
@@ -1405,8 +1384,8 @@ class Descent:
 
     # -- rows of limits --------------------------------------------------------------------------------------------------
 
-    @cython.cfunc
-    def constrained(self, s: cython.int) -> cython.double:
+    @cfunc
+    def constrained(self, s: cython.int) -> double:
         """The limits at a set, into ``limits``; returns |z1| over the crank's length in the chart."""
         loop, own = self.shape.loop, self.limits.loop
         z1 = self.pose[s, 1]
@@ -1427,8 +1406,8 @@ class Descent:
         )
         return scale
 
-    @cython.cfunc
-    def lacking(self, row: cython.int) -> cython.double:
+    @cfunc
+    def lacking(self, row: cython.int) -> double:
         """What a limit lacks, its shift added; 0 where it is kept."""
         value = self.limits.values[row]
         if not isfinite(value):
@@ -1437,8 +1416,8 @@ class Descent:
             return self.shift[row] - value
         return max(MARGIN - value + self.shift[row], 0.0)
 
-    @cython.cfunc
-    def worst(self) -> cython.double:
+    @cfunc
+    def worst(self) -> double:
         """What is lacked most, without margins; the sum of squares into ``spare``."""
         most, total = 0.0, 0.0
         for row in range(self.limits.rows):
@@ -1451,8 +1430,8 @@ class Descent:
         self.spare[0] = total
         return most
 
-    @cython.cfunc
-    def limit_rows(self, s: cython.int, full: cython.bint):
+    @cfunc
+    def limit_rows(self, s: cython.int, full: bint):
         """The rows of the limits that are broken, or held by a shift, behind those of the samples; their squares' sum."""
         limits, scale, root, at = self.limits, self.constrained(s), sqrt(self.rho), 0
         for row in range(limits.rows):
@@ -1463,14 +1442,14 @@ class Descent:
             if not full:
                 continue
             j = self.flat + at
-            known: cython.bint = isfinite(limits.values[row])
+            known: bint = isfinite(limits.values[row])
             if known:
                 self.limit_column(s, row, scale)
             for c in range(self.columns):
                 self.m[s, c, j] = -root * self.column[c] if known else 0.0
             self.m[s, self.columns, j] = value
             # a limit that hangs on where the crank begins or ends stands beside that sample
-            late: cython.bint = fabs(limits.slopes[row, BY_LAST]) > fabs(limits.slopes[row, BY_FIRST])
+            late: bint = fabs(limits.slopes[row, BY_LAST]) > fabs(limits.slopes[row, BY_FIRST])
             self.at_sample[s, at] = self.last_sample if late else self.first_sample
             self.by_angle[s, at] = -root * limits.slopes[row, BY_LAST if late else BY_FIRST]
             if self.timed or not known:
@@ -1478,11 +1457,11 @@ class Descent:
             at += 1
         self.active[s] = at
 
-    @cython.cfunc
-    def limit_column(self, s: cython.int, row: cython.int, scale: cython.double):
+    @cfunc
+    def limit_column(self, s: cython.int, row: cython.int, scale: double):
         """Derivatives of a limit by shape and pose, into ``column``; lengths are the chart's over its crank, times |z1|."""
         limits, loop, shape = self.limits, self.shape.loop, self.shape
-        by_size: cython.double = 0.0
+        by_size: double = 0.0
         for c in range(self.linear):
             self.column[c] = 0.0
         if limits.posed:
@@ -1500,7 +1479,7 @@ class Descent:
             self.column[4] = limits.slopes[row, BY_BODY]
             self.column[5] = limits.slopes[row, BY_BODY + 1]
         for k in range(self.size):
-            total: cython.double = -by_size * shape.by[0, k]
+            total: double = -by_size * shape.by[0, k]
             for c in range(4):
                 total += limits.slopes[row, c] * shape.by[c, k]
             self.column[self.linear + k] = scale * total
@@ -1508,15 +1487,15 @@ class Descent:
             both = limits.slopes[row, BY_FIRST] + limits.slopes[row, BY_LAST]
             self.column[self.columns - 1] = 0.0 if self.fixed_start else both
 
-    @cython.cfunc
-    def newton(self, s: cython.int, scale: cython.double) -> cython.bint:
+    @cfunc
+    def newton(self, s: cython.int, scale: double) -> bint:
         """One step of shape and pose onto the limits that are broken, the shortest there is; False where none is."""
         for k in range(4):
             self.way[k] = 0.0
         if not self.shortest_step(s, scale):
             return False
         if self.shape.chart == GRASHOF:
-            held: cython.bint = False
+            held: bint = False
             for k in range(4):
                 if fabs(self.q[s, k]) <= AT_LEAST and copysign(1.0, self.q[s, k]) * self.step[self.linear + k] < 0.0:
                     self.way[k] = 1.0
@@ -1530,8 +1509,8 @@ class Descent:
         self.move(s, s)
         return True
 
-    @cython.cfunc
-    def shortest_step(self, s: cython.int, scale: cython.double) -> cython.bint:
+    @cfunc
+    def shortest_step(self, s: cython.int, scale: double) -> bint:
         """That step, without unknowns of the shape that ``way`` tells to stay; False where no limit is broken."""
         rows, largest = 0, 0.0
         for c in range(self.columns + 1):
@@ -1564,8 +1543,8 @@ class Descent:
 
     # -- a step ----------------------------------------------------------------------------------------------------------
 
-    @cython.cfunc
-    def angle_squares(self, s: cython.int) -> cython.double:
+    @cfunc
+    def angle_squares(self, s: cython.int) -> double:
         """Squares of the samples' rows' derivatives by their crank angles, into ``inner``; returns their mean."""
         n, total = self.samples, 0.0
         for i in range(n):
@@ -1580,8 +1559,8 @@ class Descent:
             total += self.inner[i]
         return total / n
 
-    @cython.cfunc
-    def reduce(self, s: cython.int, damping: cython.double):
+    @cfunc
+    def reduce(self, s: cython.int, damping: double):
         """Rows with the crank angles eliminated, into ``red``; squares of its columns."""
         n, flat, active = self.samples, self.flat, self.active[s]
         if not self.timed:
@@ -1602,7 +1581,7 @@ class Descent:
                 self.red[c, j] = 0.0
             self.square[c] = self.dot(c, c)
 
-    @cython.cfunc
+    @cfunc
     def eliminate(self, s: cython.int, c: cython.int):
         """A column of ``red``, and what it has along the crank angles."""
         n, flat = self.samples, self.flat
@@ -1624,15 +1603,15 @@ class Descent:
             part = self.coefficient[i] * self.by_angle[s, k] * self.along[c, i]
             self.red[c, flat + k] = self.m[s, c, flat + k] - part
 
-    @cython.cfunc
-    @cython.inline
+    @cfunc
+    @inline
     @cython.exceptval(check=False)
-    def dot(self, a: cython.int, b: cython.int) -> cython.double:
+    def dot(self, a: cython.int, b: cython.int) -> double:
         """Product of two columns, in four sums that a processor takes at once."""
-        s0: cython.double = 0.0
-        s1: cython.double = 0.0
-        s2: cython.double = 0.0
-        s3: cython.double = 0.0
+        s0: double = 0.0
+        s1: double = 0.0
+        s2: double = 0.0
+        s3: double = 0.0
         for j in range(0, self.width, 4):
             s0 += self.red[a, j] * self.red[b, j]
             s1 += self.red[a, j + 1] * self.red[b, j + 1]
@@ -1640,20 +1619,20 @@ class Descent:
             s3 += self.red[a, j + 3] * self.red[b, j + 3]
         return (s0 + s1) + (s2 + s3)
 
-    @cython.cfunc
-    def triangle(self, damping: cython.double):
+    @cfunc
+    def triangle(self, damping: double):
         """R of the damped rows, the residual's column last, from normal equations where they will do."""
         for c in range(self.columns):
             self.ridge[c] = damping
             if self.square[c] > 0.0:
                 # in their best pose linear unknowns need none; beside limits that a step meets it must come to an end
-                none: cython.bint = self.timed and not self.posed
+                none: bint = self.timed and not self.posed
                 self.ridge[c] = 0.0 if none else damping * (LINEAR if c < self.linear else 1.0) * self.square[c]
         if not (damping > NORMAL and self.cholesky(damping)):
             self.orthogonal(damping)
 
-    @cython.cfunc
-    def orthogonal(self, damping: cython.double):
+    @cfunc
+    def orthogonal(self, damping: double):
         """R by Gram and Schmidt with the pivot of each column as its own damping row, ``red`` used up.
 
         That is Householder's method on the rows with the damping rows above them. Given timing, damping is relative to what the
@@ -1676,15 +1655,15 @@ class Descent:
                     for j in range(self.width):
                         self.red[k, j] -= product * self.red[c, j]
 
-    @cython.cfunc
-    def cholesky(self, damping: cython.double) -> cython.bint:
+    @cfunc
+    def cholesky(self, damping: double) -> bint:
         """R from the normal matrix of the scaled columns; False where that is not well conditioned."""
         count = self.columns
         for c in range(count + 1):
             self.spare[c] = sqrt(self.square[c]) if self.square[c] > 0.0 else 1.0
         for c in range(count):
             for k in range(c, count + 1):
-                value: cython.double = self.square[c] if k == c else self.dot(c, k)
+                value: double = self.square[c] if k == c else self.dot(c, k)
                 value /= self.spare[c] * self.spare[k]
                 for j in range(c if k > c else min(c, self.linear)):
                     value -= self.upper[j, c] * self.upper[j, k]
@@ -1706,12 +1685,12 @@ class Descent:
                 self.upper[c, k] *= self.spare[k]
         return True
 
-    @cython.cfunc
-    def upper_solve(self, x: cython.double[::1]):
+    @cfunc
+    def upper_solve(self, x: double[::1]):
         """R^{-1} x in place; zero where R is singular."""
-        good: cython.bint = True
+        good: bint = True
         for c in range(self.columns - 1, -1, -1):
-            value: cython.double = x[c]
+            value: double = x[c]
             for k in range(c + 1, self.columns):
                 value -= self.upper[c, k] * x[k]
             x[c] = value / self.upper[c, c]
@@ -1720,8 +1699,8 @@ class Descent:
             for c in range(self.columns):
                 x[c] = 0.0
 
-    @cython.cfunc
-    def angles_of(self, step: cython.double[::1], turns: cython.double[::1]):
+    @cfunc
+    def angles_of(self, step: double[::1], turns: double[::1]):
         """The crank angles' part of a step of the other unknowns; ``turns`` begin as what the residual has along them."""
         n = self.samples
         if self.timed:
@@ -1734,8 +1713,8 @@ class Descent:
         for i in range(n):
             turns[i] = -turns[i] / self.inner[i]
 
-    @cython.cfunc
-    def solve(self, s: cython.int, damping: cython.double) -> cython.double:
+    @cfunc
+    def solve(self, s: cython.int, damping: double) -> double:
         """The step from a set; returns by how much a linear model's cost falls."""
         total = 0.0
         self.reduce(s, damping)
@@ -1752,7 +1731,7 @@ class Descent:
         self.angles_of(self.step, self.turn_step)
         return total
 
-    @cython.cfunc
+    @cfunc
     def bow(self, s: cython.int):
         """Bend the step by its second-order correction, from one more residual, unless that is not small beside it."""
         n, longest, length = self.samples, 0.0, 0.0
@@ -1775,7 +1754,7 @@ class Descent:
         for j in range(self.flat):
             self.spare[j] = (self.m[2, self.columns, j] - self.m[s, self.columns, j]) / ahead
         for c in range(self.columns):
-            value: cython.double = self.step[c]
+            value: double = self.step[c]
             for j in range(self.flat):
                 self.spare[j] -= value * self.m[s, c, j]
         for i in range(n):
@@ -1812,8 +1791,8 @@ class Descent:
             for i in range(n):
                 self.turn_step[i] += self.bow_turn[i]
 
-    @cython.cfunc
-    def place_ahead(self, s: cython.int, t: cython.int, part: cython.double):
+    @cfunc
+    def place_ahead(self, s: cython.int, t: cython.int, part: double):
         """Pose and offset of the set t: those of s after a part of its step."""
         self.side[t] = self.side[s]
         self.offset[t] = self.offset[s]
@@ -1823,7 +1802,7 @@ class Descent:
         if self.has_rotation:
             self.offset[t] += part * self.step[self.linear - 1]
 
-    @cython.cfunc
+    @cfunc
     def move(self, s: cython.int, t: cython.int):
         """The set s after its step, into the set t; each unknown and gap cut by itself."""
         self.place_ahead(s, t, 1.0)
@@ -1842,11 +1821,11 @@ class Descent:
             for i in range(self.samples):
                 self.phi[t, i] = self.phi[s, i] + inside(self.turn_step[i], LONGEST_ANGLE)
 
-    @cython.cfunc
+    @cfunc
     def move_within(self, s: cython.int, t: cython.int):
         """The unknowns of a Grashof chart, each of its own sign, within their bounds and of scale one."""
         sign = copysign(1.0, self.q[s, 0])
-        total: cython.double = 0.0
+        total: double = 0.0
         for k in range(4):
             own = sign if k == 0 else 1.0
             self.q[t, k] = max(own * (self.q[s, k] + inside(self.step[self.linear + k], LONGEST_GRASHOF)), TINY)
@@ -1855,7 +1834,7 @@ class Descent:
             self.q[t, k] = max(self.q[t, k] / total, LEAST)
         self.q[t, 0] *= sign
 
-    @cython.cfunc
+    @cfunc
     def move_in_order(self, s: cython.int, t: cython.int):
         """Crank angles after steps that are cut so that the samples keep their order and the crank stays within its span.
 
@@ -1863,10 +1842,10 @@ class Descent:
         valleys run that way.
         """
         n = self.samples
-        span: cython.double = 0.0
-        new: cython.double = 0.0
-        cut: cython.double = 0.0
-        mean: cython.double = self.turn_step[0]
+        span: double = 0.0
+        new: double = 0.0
+        cut: double = 0.0
+        mean: double = self.turn_step[0]
         way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
         for i in range(n - 1):
             gap = way * (self.phi[s, i + 1] - self.phi[s, i])
@@ -1900,7 +1879,7 @@ class Descent:
         self.candidate, self.begun, self.least, self.taken = 0, False, INFINITE, 0
         return costs
 
-    def renew(self, weight: cython.double):
+    def renew(self, weight: double):
         """The shifts of the candidates' limits for another weight: what is still broken counts on."""
         for n in range(self.costs.shape[0]):
             self.take(0, n)
@@ -1916,7 +1895,7 @@ class Descent:
         self.exact, self.others, self.bent_below = exact, others, bent_below
         self.candidate, self.begun = 0, False
 
-    def run(self, most: cython.Py_ssize_t):
+    def run(self, most: Py_ssize_t):
         """Go on for so many steps; True once all candidates came to their end."""
         if self.others == 0.0 and self.least <= self.exact:
             return True
@@ -1928,7 +1907,7 @@ class Descent:
                 self.costs[self.candidate] = INFINITE
                 self.candidate += 1
                 continue
-            ended: cython.bint = self.iteration >= self.iterations or self.advance()
+            ended: bint = self.iteration >= self.iterations or self.advance()
             self.iteration += 1
             self.least = min(self.least, self.best_cost)
             if self.best_cost <= self.exact:
@@ -1946,8 +1925,8 @@ class Descent:
         """Steps of all candidates so far."""
         return self.taken
 
-    @cython.cfunc
-    def start(self) -> cython.bint:
+    @cfunc
+    def start(self) -> bint:
         """Begin with the next candidate; False where it does not close."""
         self.take(0, self.candidate)
         if not self.first(0):
@@ -1963,13 +1942,13 @@ class Descent:
             self.way[k] = 0.0
         return True
 
-    @cython.cfunc
-    def first(self, s: cython.int) -> cython.bint:
+    @cfunc
+    def first(self, s: cython.int) -> bint:
         """A candidate's beginning: in its best pose, where limits leave it that."""
         return self.evaluate(s, True, BEST_OFFSET if self.posed else BEST, False)
 
-    @cython.cfunc
-    def advance(self) -> cython.bint:
+    @cfunc
+    def advance(self) -> bint:
         """One step of the candidate; whether it was its last."""
         s, t, free = self.here, 1 - self.here, BEST_OFFSET
         before, predicted = self.cost[s], self.solve(s, self.damping)
@@ -1982,9 +1961,9 @@ class Descent:
             free = BEST_WITHIN
         closes = self.evaluate(t, True, free, False)
         decrease = before - self.cost[t]
-        better: cython.bint = closes and decrease > 0.0
-        taken: cython.bint = better or (closes and self.goes_on(self.cost[t]))
-        finished: cython.bint = (better and decrease < self.stall * before) or before < max(EXACT, self.exact)
+        better: bint = closes and decrease > 0.0
+        taken: bint = better or (closes and self.goes_on(self.cost[t]))
+        finished: bint = (better and decrease < self.stall * before) or before < max(EXACT, self.exact)
         if better:
             gain = 2.0 * inside(decrease / max(predicted, TINY), 1.0) - 1.0
             self.damping = max(self.damping * max(FALL, 1.0 - gain * gain * gain), UNDAMPED)
@@ -2001,8 +1980,8 @@ class Descent:
                 self.give(t, self.candidate)
         return finished or self.damping > STUCK
 
-    @cython.cfunc
-    def goes_on(self, cost: cython.double) -> cython.bint:
+    @cfunc
+    def goes_on(self, cost: double) -> bint:
         """Whether a step uphill is taken: the farther, the straighter it goes on; so valleys are followed above their floor."""
         product, own, last = 0.0, 0.0, 0.0
         for k in range(self.unknowns):
@@ -2018,21 +1997,19 @@ class Descent:
 # -- valleys -------------------------------------------------------------------------------------------------------------
 
 
-def apart(
-    rows: cython.double[:, ::1], reach: cython.double[::1], kept, start: cython.Py_ssize_t, most: cython.Py_ssize_t
-):
+def apart(rows: double[:, ::1], reach: double[::1], kept, start: Py_ssize_t, most: Py_ssize_t):
     """Which rows to keep, best first: those that differ from every row kept before by their own reach in some number.
 
     ``rows`` (n, m), ``reach`` (n,); ``kept`` are kept already, the others are looked at from ``start`` on; ``most`` at most.
     """
     room = np.empty(len(rows) + len(kept), dtype=np.intp)
-    out: cython.Py_ssize_t[::1] = room
-    count: cython.Py_ssize_t = len(kept)
+    out: Py_ssize_t[::1] = room
+    count: Py_ssize_t = len(kept)
     room[:count] = kept
     for n in range(start, rows.shape[0]):
         if count >= most:
             break
-        twin: cython.bint = False
+        twin: bint = False
         for k in range(count):
             twin = True
             for c in range(rows.shape[1]):
