@@ -64,6 +64,7 @@ def drawn(seed: int, posed: bool) -> tuple[GivenProblem, Timed]:
 
 @LAW
 @given(st.integers(0, 10_000), st.booleans())
+@example(1, True)
 @example(13, True)
 @example(123, True)
 @example(205, True)
