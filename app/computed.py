@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import anyio
@@ -24,10 +25,10 @@ from app import bodies, problems
 from app.query import RequestModel, Resources
 from app.resources import ServiceResources, give_back_memory
 from app.settings import Settings
-from app.turnstile import Turnstile
+from app.turnstile import Attended, Turnstile
 
-SMALL = 4096
-"""Bytes of a body that is parsed faster than it is handed to another thread or process."""
+SMALL = 1 << 14
+"""Bytes of a body that is parsed in half a millisecond, whatever it holds; a larger one counts as long."""
 LARGE = 1 << 16
 """Bytes of a body beyond which few are received at the same time: the others stay with their senders."""
 
@@ -58,6 +59,8 @@ class Computing(Protocol):
     """Of its processes."""
     ends: Counter[str]
     """How those ended that have."""
+    preparing: Iterable[str]
+    """Parts of the atlas's index that are being made."""
 
     def running(self) -> AbstractAsyncContextManager[None]:
         """Ready to answer, until the end of the block."""
@@ -74,20 +77,22 @@ class Threads:
 
     def __init__(self, resources: ServiceResources, turnstile: Turnstile) -> None:
         self._resources, self._turnstile = resources, turnstile
-        self.numbers, self.ends = [os.getpid()], Counter[str]()
+        self.numbers, self.ends, self.preparing = [os.getpid()], Counter[str](), list[str]()
         self.stop = turnstile.stop
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         self._turnstile.start()
-        self._resources.prepare()
-        self._readers = anyio.CapacityLimiter(1)
+        self._resources.load()
+        self._resources.prepare_rest()
+        self._threads = anyio.CapacityLimiter(self._turnstile.places)
         stopping = threading.Event()
 
         def prepare() -> None:
-            if self._resources.wants_more:
-                self._resources.prepare_rest()
-                self._resources.prepare_more(stopping.is_set)
+            self.preparing[:] = self._resources.missing()
+            while self.preparing and not stopping.is_set():
+                self._resources.make(self.preparing[0], stopping.is_set)
+                self.preparing.pop(0)
 
         behind = threading.Thread(target=prepare)
         behind.start()  # the service is ready meanwhile
@@ -99,13 +104,14 @@ class Threads:
             behind.join()
 
     async def answer(self, request: Request, question: Question, content: bytes) -> Response:
-        read, model = bodies.read_request, question.model
-        if len(content) <= SMALL:
-            body = read(content, model)
-        else:
-            body = await anyio.to_thread.run_sync(read, content, model, limiter=self._readers)
-        long = question.is_long(body)
-        return await self._turnstile.run(request, question.timed, body, self._resources, long)
+        read = partial(bodies.read_request, content, question.model)
+        body = read() if len(content) <= SMALL else await anyio.to_thread.run_sync(read)
+
+        async def compute(queued: float, cancelled: Callable[[], bool]) -> Response:
+            attended = Attended(self._resources, cancelled, queued)
+            return await anyio.to_thread.run_sync(question.timed, body, attended, limiter=self._threads)
+
+        return await self._turnstile.turn(request, compute, question.is_long(body))  # type: ignore[no-any-return]
 
 
 class LargeBodies:

@@ -1,8 +1,8 @@
 """One process that computes answers: a request at a time, each bounded by the system in processor time and in memory.
 
 It is forked from a process that has loaded everything, and shares its memory. It reads a `Task` from a socket, answers with a
-`Head` and the bytes of the reply, and ends with the socket's other end, or with a request that takes more than it may: the
-system ends it then, wherever it is, and another takes its place.
+`Head` and the bytes of the reply in pieces, each a message of `multiprocessing.connection`, and ends with the socket's other
+end, or with a request that takes more than it may: the system ends it then, wherever it is, and another takes its place.
 """
 
 from __future__ import annotations
@@ -10,16 +10,13 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-import pickle
 import resource
 import signal
 import socket
-import struct
 from collections.abc import Mapping
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
-
-from starlette.responses import Response
+from typing import NamedTuple
 
 from app import bodies, problems
 from app.computed import Question
@@ -34,7 +31,6 @@ _SHARE_OF_SEARCH = 0.8
 _NICE = 2
 _LOST_MEMORY = 1 << 25
 """Bytes that a request may leave behind; after more of them another process takes over."""
-_LENGTH = struct.Struct(">I")
 
 
 class Task(NamedTuple):
@@ -43,8 +39,8 @@ class Task(NamedTuple):
     path: str
     content: bytes
     queued: float
-    may_be_long: bool
-    """Whether an answer may take long; one that may and must not is not begun."""
+    makes: bool
+    """Whether a part of the index that is missing may be made for this answer alone."""
 
 
 class Head(NamedTuple):
@@ -55,22 +51,8 @@ class Head(NamedTuple):
     size: int
     last: bool
     """Whether the process ends after this reply."""
-    instead: str = ""
-    """Why there is no reply yet: "long", or what must be prepared first."""
-
-
-def packed(value: Task | Head | int) -> bytes:
-    """A message between the two processes."""
-    content = pickle.dumps(tuple(value) if isinstance(value, tuple) else value, pickle.HIGHEST_PROTOCOL)
-    return _LENGTH.pack(len(content)) + content
-
-
-def length_of(head: bytes) -> int:
-    """Bytes of a message that begins so."""
-    return int(_LENGTH.unpack(head)[0])
-
-
-LENGTH_BYTES = _LENGTH.size
+    missing: str = ""
+    """The part of the index that must be made first: there is no reply yet."""
 
 
 def processor_seconds(max_budget_ms: float) -> float:
@@ -93,18 +75,17 @@ class Computer:
     def __init__(
         self, connection: socket.socket, questions: Mapping[str, Question], resources: ServiceResources
     ) -> None:
-        self._connection, self._questions, self._resources = connection, questions, resources
+        self._socket, self._questions, self._resources = connection, questions, resources
         self._seconds = processor_seconds(resources.max_budget_ms)
-        resources.complete = True
+        resources.alone = True
         resources.max_budget_ms *= _SHARE_OF_SEARCH
         for ignored in (signal.SIGINT, signal.SIGTERM):  # meant for the service; this ends with its socket
             signal.signal(ignored, signal.SIG_IGN)
         signal.signal(signal.SIGPROF, signal.SIG_DFL)
         os.nice(_NICE)  # those who talk to the clients come first
         with contextlib.suppress(OSError):
-            Path("/proc/self/oom_score_adj").write_text(
-                "500"
-            )  # where the system lacks memory, this goes and not the service
+            # where the system lacks memory, this goes and not the service
+            Path("/proc/self/oom_score_adj").write_text("500")
         take_working_memory()
         self._own = _writable_bytes()
         limit = self._own + resources.settings.request_memory_bytes
@@ -113,32 +94,25 @@ class Computer:
 
     def run(self) -> None:
         """Answer until the other end is closed."""
-        self._connection.sendall(packed(os.getpid()))
-        with self._connection.makefile("rb") as received, contextlib.suppress(BrokenPipeError, ConnectionResetError):
-            while (task := _read(received)) is not None:
-                if not self._answer(task):
-                    return
-
-    def _answer(self, task: Task) -> bool:
-        """Answer a task; whether this process may go on."""
-        signal.setitimer(signal.ITIMER_PROF, self._seconds)
-        try:
-            head, pieces = self._replied(task)
-        finally:
-            signal.setitimer(signal.ITIMER_PROF, 0)
-        last = self._left_behind()
-        self._connection.sendall(packed(head._replace(last=last)))
-        pieces.reverse()
-        while pieces:
-            self._connection.sendall(pieces.pop())
-        return not last
+        connection, last = Connection(self._socket.detach()), False
+        with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+            while not last:
+                task = Task(*connection.recv())
+                signal.setitimer(signal.ITIMER_PROF, self._seconds)
+                head, pieces = self._replied(task)
+                signal.setitimer(signal.ITIMER_PROF, 0)
+                last = self._left_behind()
+                connection.send(tuple(head._replace(last=last)))
+                pieces.reverse()
+                while pieces:
+                    connection.send_bytes(pieces.pop())
 
     def _replied(self, task: Task) -> tuple[Head, list[bytes]]:
+        self._resources.makes = task.makes
+        self._resources.look()
         try:
             question = self._questions[task.path]
             body = bodies.read_request(task.content, question.model)
-            if not task.may_be_long and question.is_long(body):
-                return Head(0, [], 0, False, "long"), []
             reply = question.timed(body, Attended(self._resources, _never, task.queued))
         except Unprepared as missing:
             return Head(0, [], 0, False, str(missing)), []
@@ -147,7 +121,7 @@ class Computer:
             if reply.status_code == 500:
                 logging.getLogger("uvicorn.error").exception("A fault in %s", task.path)
         pieces = reply.pieces if isinstance(reply, bodies.Reply) else [bytes(reply.body)]
-        return Head(reply.status_code, _headers(reply), sum(map(len, pieces)), False), pieces
+        return Head(reply.status_code, list(reply.raw_headers), sum(map(len, pieces)), False), pieces
 
     def _left_behind(self) -> bool:
         """Whether a request has left more memory behind than a process may keep."""
@@ -157,20 +131,8 @@ class Computer:
         return _writable_bytes() > self._own + _LOST_MEMORY
 
 
-def _headers(reply: Response) -> list[tuple[bytes, bytes]]:
-    return [(bytes(name), bytes(value)) for name, value in reply.raw_headers]
-
-
 def _never() -> bool:
     return False  # a process whose answer is no longer wanted is ended
-
-
-def _read(received: BinaryIO) -> Task | None:
-    length = received.read(LENGTH_BYTES)
-    if len(length) < LENGTH_BYTES:
-        return None
-    content = received.read(length_of(length))
-    return Task(*pickle.loads(content)) if len(content) == length_of(length) else None
 
 
 def _writable_bytes() -> int:

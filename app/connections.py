@@ -42,7 +42,7 @@ def cut_addresses(record: logging.LogRecord) -> bool:
     return True
 
 
-def protocol_of(settings: Settings) -> type[H11Protocol]:
+def protocol_of(settings: Settings) -> type[Connection]:
     """The protocol of a service with these settings, for uvicorn's ``http``."""
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     most = max(16, min(settings.max_connections, files - BACKLOG - _OTHER_FILES))
@@ -56,6 +56,8 @@ class Connection(H11Protocol):
 
     most: ClassVar[int]
     seconds: ClassVar[dict[str, float]]
+    drains: ClassVar[bool] = False
+    """Whether the service ends because another one answers in its place: then what is being asked is answered."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -114,6 +116,8 @@ class Connection(H11Protocol):
         if self._phase == "header" and not self.conn.trailing_data[0]:
             data = data.lstrip(b"\r\n")
         super().data_received(data)
+        if self.drains and self.cycle is not None:
+            self.cycle.keep_alive = False
         if self._answers:
             self._expect("body" if self.cycle.more_body else None)
         elif self.timeout_keep_alive_task is None:
@@ -153,11 +157,13 @@ class Connection(H11Protocol):
         self.transport.close()
 
     def shutdown(self) -> None:
-        """End at once where a request is not complete; uvicorn would wait for the rest of it."""
-        if self._phase:
-            self.transport.abort()
-        else:
+        """End at once where a request is not complete, unless the service `drains`."""
+        if not self._phase:
             super().shutdown()
+        elif not self.drains:
+            self.transport.abort()
+        elif self.cycle is not None:
+            self.cycle.keep_alive = False
 
     def eof_received(self) -> Any:
         """Keep the connection of a client that has sent its request and waits for the answer."""

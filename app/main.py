@@ -62,7 +62,7 @@ def create_app(
         _add_query(app, query)
     page.install(app)
     _add_atlas_routes(app, resources)
-    _add_health_routes(app, resources)
+    _add_health_routes(app, resources, computing)
     if settings.log_json or settings.metrics:
         observed = import_module("app.observed")  # and with it the client library of Prometheus
         observed.install(app, settings, computing)
@@ -126,7 +126,16 @@ def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
             raise problems.NotFound(error.message) from None
 
 
-def _add_health_routes(app: FastAPI, resources: ServiceResources) -> None:
+class Ready(ReplyModel):
+    status: Literal["ready"] = "ready"
+    preparing: list[str] = Field(
+        description="Parts of the atlas's index that are being made, without which answers take longer: `positions`, "
+        "`short_spans` or `rockers`."
+    )
+
+
+def _add_health_routes(app: FastAPI, resources: ServiceResources, computing: computed.Computing) -> None:
+    @app.head("/livez", include_in_schema=False)
     @app.get("/livez", tags=["health"], summary="The process answers.")
     async def livez() -> dict[str, str]:
         return {"status": "ok"}
@@ -134,10 +143,10 @@ def _add_health_routes(app: FastAPI, resources: ServiceResources) -> None:
     whole = "The atlas is loaded and verified."
 
     @app.get("/readyz", tags=["health"], summary=whole, responses=_problems(503))
-    async def readyz() -> dict[str, str]:
+    async def readyz() -> Ready:
         if resources.settings.with_atlas:
             _ = resources.atlas
-        return {"status": "ready"}
+        return Ready(preparing=list(computing.preparing))
 
 
 _PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self, get_args, get_type_hints
 
 from pydantic import (
     AllowInfNan,
@@ -177,11 +177,8 @@ class Resources(Protocol):
     def atlas(self) -> Atlas:
         """The atlas; loaded when it is first asked for."""
 
-    def need_rockers(self) -> None:
-        """Said before the atlas is asked for rockers."""
-
-    def need_positions(self) -> None:
-        """Said before it is asked for rows by positions."""
+    def need(self, part: str) -> None:
+        """Said before the atlas is asked for what a part of its index is for: "rockers", or rows by "positions"."""
 
     def work(self, budget: float | None = None) -> Work:
         """What watches over an answer's time, in seconds, and over whether its client is still connected."""
@@ -194,29 +191,18 @@ MEDIA_TYPES = {known.endings[0]: known.media_type for known in FILES.values()}
 
 
 @cache
-def _requests() -> dict[str, Any]:
+def bundled_requests() -> dict[str, Any]:
+    """The bundled requests of each question, by its command and their names."""
     return json.loads(files("app").joinpath("examples/requests.json").read_text())
-
-
-def bundled(command: str) -> dict[str, Any]:
-    """The bundled requests of a question, by name."""
-    return _requests()[command]
 
 
 @dataclass(frozen=True)
 class Files:
     """Any solution of a reply as a file: a route, and what the command writes with ``--export``.
 
-    Parameters
-    ----------
-    path, name, summary : str
-        Of the route, and ``stem``, the name of its files.
-    request : type
-        With fields ``request``, ``solution``, ``format`` (of `FILES`) and ``length_unit``.
-    render : callable
-        ``render(request, resources) -> bytes``.
-    example : mapping
-        A body without its format.
+    ``path``, ``name``, ``summary``: of the route, and ``stem``, the name of its files. ``request``: with fields
+    ``request``, ``solution``, ``format`` (of `FILES`) and ``length_unit``. ``render``: ``render(request, resources) ->
+    bytes``. ``example``: a body without its format.
     """
 
     path: str
@@ -238,22 +224,23 @@ class Files:
 class Query:
     """One question to the service.
 
+    ``path``: route, answered to POST. ``request``, ``reply``: the model of the request, and that of the reply or its
+    dataclass.
+
     Parameters
     ----------
-    path : str
-        Route, answered to POST, for example ``/v1/lift/motion``.
     command : str
-        The words of the command after ``linkage-atlas``, for example ``lift motion``.
+        The words of the command after ``linkage-atlas``, for example ``lift motion``; its route is then ``/v1/lift/motion``.
     summary : str
         One line of help.
-    request, reply : type
-        The model of the request, and that of the reply or its dataclass.
     answer : callable
-        ``answer(request, resources) -> reply``; raises `linkage_atlas.FieldError` on input that has no answer.
+        ``answer(request, resources) -> reply``, of the types that its annotations name; raises `linkage_atlas.FieldError` on
+        input that has no answer.
     table : callable
         ``table(reply) -> str``, the reply as text for a terminal; where `shows_units`, ``table(reply, units)``.
-    examples : mapping
-        Name to request body (plain JSON values), shown in the API's description; each must be answerable.
+    examples : mapping, optional
+        Name to request body (plain JSON values), shown in the API's description; each must be answerable. Default: the
+        bundled requests.
     exports : mapping
         Ending (``svg``, ``plates.dxf``, ..., of `MEDIA_TYPES`) to ``render(request, resources) -> bytes``, the reply as a file;
         over HTTP a POST of the same body to ``path.ending``.
@@ -271,17 +258,23 @@ class Query:
         Whether it may need an atlas.
     """
 
-    path: str
     command: str
     summary: str
-    request: type[RequestModel]
-    reply: type
     answer: Callable[[Any, Resources], Any]
     table: Callable[..., str]
-    examples: Mapping[str, dict[str, Any]]
+    examples: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     exports: Mapping[str, Callable[[Any, Resources], bytes]] = field(default_factory=dict)
     from_csv: Callable[[str, dict[str, Any], bool], dict[str, Any]] | None = None
     is_long: Callable[[Any], bool] = lambda _: False
     files: Files | None = None
-    shows_units: bool = False
+    shows_units: bool = True
     reads_atlas: bool = False
+    path: str = field(init=False)
+    request: type[RequestModel] = field(init=False)
+    reply: type = field(init=False)
+
+    def __post_init__(self) -> None:
+        request, *_, reply = get_type_hints(self.answer).values()
+        derived = {"path": "/v1/" + self.command.replace(" ", "/"), "request": request, "reply": reply}
+        for name, value in (derived | {"examples": self.examples or bundled_requests()[self.command]}).items():
+            object.__setattr__(self, name, value)

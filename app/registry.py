@@ -19,10 +19,8 @@ __all__ = ["all_examples", "all_queries", "examples_of", "queries_named", "worke
 
 
 def _motion_queries() -> tuple[Query, ...]:
-    import linkage_atlas as la
     from app.fourbar.answers import answer_match, answer_synthesize, is_long
     from app.fourbar.export import LINKAGE_FILES, SYNTHESIZE_EXPORTS
-    from app.fourbar.models import MatchRequest, SynthesizeRequest
     from app.fourbar.tables import matches_table, synthesize_table
     from app.query import Query
     from linkage_atlas.tables import match_from_csv, request_from_csv
@@ -31,11 +29,8 @@ def _motion_queries() -> tuple[Query, ...]:
     rotation_only = {"rotation": example["rotation"], "crank_span": example["crank_span"]}
     return (
         Query(
-            "/v1/match",
             "match",
             QUESTIONS["match"],
-            MatchRequest,
-            la.Matches,
             answer_match,
             matches_table,
             {
@@ -44,15 +39,11 @@ def _motion_queries() -> tuple[Query, ...]:
             },
             from_csv=match_from_csv,
             is_long=is_long,
-            shows_units=True,
             reads_atlas=True,
         ),
         Query(
-            "/v1/synthesize",
             "synthesize",
             QUESTIONS["synthesize"],
-            SynthesizeRequest,
-            la.Result,
             answer_synthesize,
             synthesize_table,
             {
@@ -77,7 +68,6 @@ def _motion_queries() -> tuple[Query, ...]:
             request_from_csv,
             is_long,
             LINKAGE_FILES,
-            shows_units=True,
             reads_atlas=True,
         ),
     )

@@ -7,6 +7,7 @@ import gc
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,12 @@ from app.query import build_models
 from app.settings import Settings
 from linkage_atlas.cache import open_atlas
 
+PARTS = ("positions", "short_spans", "rockers")
+"""Parts of the index that are made once the service is ready, or when they are first asked for: see `linkage_atlas.Atlas`."""
+
 
 def opened(place: Path, settings: Settings) -> la.Atlas:
-    """The atlas of a file, as far as the settings allow, with its index if that is set."""
+    """The atlas of a file, as far as the settings allow, with its index if that is to be kept."""
     limits = {"max_bytes": settings.atlas_max_bytes, "max_types": settings.atlas_max_types}
     return open_atlas(place, settings.index, **limits)
 
@@ -45,8 +49,10 @@ class ServiceResources:
         self.max_budget_ms = settings.max_budget_ms
         self.failure: la.AtlasError | None = None
         self.load_seconds = 0.0
-        self.complete = False
-        """Whether this process answers one request at a time, with what is there: what is missing raises `Unprepared`."""
+        self.alone = False
+        """Whether this process answers one request at a time, within bounds of its own."""
+        self.makes = True
+        """Whether it may make a part of the index that an answer needs; otherwise that raises `Unprepared`."""
         # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
         import numpy  # noqa: F401  # for only a library that is loaded is limited
 
@@ -67,16 +73,11 @@ class ServiceResources:
         self.load_seconds = time.perf_counter() - begin
         return atlas
 
-    def need_rockers(self) -> None:
-        """Where a scan of rockers is needed: made when first needed, unless the resources are `complete`."""
-        if self.complete and not self.atlas.has_rocker_scan:
-            raise Unprepared("rockers")
-
-    def need_positions(self) -> None:
-        """The same where series for positions are needed, and none are made in the background."""
-        awaited = self.settings.prepare_positions and self.wants_more
-        if self.complete and self.settings.with_atlas and not awaited and not self.atlas.has_positions:
-            raise Unprepared("positions")
+    def need(self, part: str) -> None:
+        """Said before an answer uses a part of the index, one of `PARTS`."""
+        shared = self.settings.with_atlas and self.settings.index
+        if shared and not self.makes and not self.atlas.has(part):
+            raise Unprepared(part)
 
     def describe_atlas(self) -> dict[str, Any]:
         """What is loaded, as plain JSON values."""
@@ -85,25 +86,18 @@ class ServiceResources:
 
     def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
         """A watch over the time of an answer, in seconds, and over whether it is still wanted."""
-        return la.Work(budget, cancelled, processor_clock() if self.complete else time.perf_counter)
+        return la.Work(budget, cancelled, processor_clock() if self.alone else time.perf_counter)
 
     def load(self) -> None:
-        """Load the atlas now; one that cannot be used is remembered as the `failure` and not raised."""
+        """Load what a match needs now; an atlas that cannot be used is remembered as the `failure` and not raised."""
         try:
             if self.settings.with_atlas:
                 _ = self.atlas.content_sha256
         except la.AtlasError as error:
             self.failure = error
+        _ = la.match
         give_back_memory()
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
-
-    def prepare(self) -> None:
-        """Load what a match needs now; everything where no `prepare_more` follows."""
-        self.load()
-        if self.wants_more:
-            _ = la.match
-        else:
-            self.prepare_rest()
 
     def prepare_rest(self) -> None:
         """Have now what the first answer of each kind would else import or make: searches, their tables, models."""
@@ -115,23 +109,23 @@ class ServiceResources:
         give_back_memory()
         gc.freeze()
 
-    @property
-    def wants_more(self) -> bool:
-        """Whether there is an atlas, of which more is to be prepared once the service is ready."""
-        return self.settings.with_atlas and self.failure is None
+    def look(self) -> None:
+        """Take up what another process has made of the index meanwhile."""
+        if "atlas" in vars(self):
+            self.atlas.has("short_spans")
 
-    def prepare_more(self, cancelled: Callable[[], bool]) -> bool:
-        """Prepare the scan for short spans, and for positions if that is set, where it `wants_more`.
+    def missing(self) -> list[str]:
+        """Parts of the index that are to be made once the service is ready."""
+        if self.failure is not None or not (self.settings.with_atlas and self.settings.index):
+            return []
+        wanted = ["positions"] * self.settings.prepare_positions + ["short_spans"]
+        return [part for part in wanted if not self.atlas.has(part)]
 
-        Returns false if cancelled.
-        """
-        if self.wants_more:
-            try:
-                self.atlas.prepare(positions=self.settings.prepare_positions, work=la.Work(cancelled=cancelled))
-            except la.Cancelled:
-                return False
-            give_back_memory()
-        return True
+    def make(self, part: str, cancelled: Callable[[], bool] | None = None) -> None:
+        """Make a part of the index, unless that is cancelled."""
+        with suppress(la.Cancelled):
+            self.atlas.make(part, la.Work(cancelled=cancelled))
+        give_back_memory()
 
 
 def processor_clock() -> Callable[[], float]:

@@ -15,13 +15,13 @@ import uvicorn
 from fastapi import FastAPI
 
 from app.arguments import Exit
-from app.connections import BACKLOG, cut_addresses, protocol_of
+from app.connections import BACKLOG, Connection, cut_addresses, protocol_of
 from app.doors import LOOPBACK
 from app.main import create_app
 from app.processes import Processes
 from app.resources import ServiceResources
 from app.settings import Settings
-from app.supervisor import DRAIN_SECONDS, SUCCESSION, Supervisor
+from app.supervisor import DRAIN_SECONDS, SUCCEEDED, SUCCESSION, Supervisor
 
 SWITCH_SECONDS = 0.001
 """Between two turns of threads in the interpreter, where threads compute: so long a short answer waits for a long one."""
@@ -33,6 +33,8 @@ class _Server(uvicorn.Server):
     """Ends in a stated time, whatever is being computed."""
 
     seconds: float
+    predecessor: int | None = None
+    """A handle of the process whose place the service takes."""
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
@@ -40,7 +42,7 @@ class _Server(uvicorn.Server):
             host, port = listener.getsockname()[:2]
             where = f"http://{f'[{host}]' if ':' in host else host}:{port}"
             logging.getLogger("uvicorn.error").info("Uvicorn running on %s (Press CTRL+C to quit)", where)
-        _tell_ready()
+        _tell_ready(self.predecessor)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         if not self.should_exit:
@@ -56,15 +58,15 @@ class _Server(uvicorn.Server):
         self._captured_signals.clear()  # ending so is no failure: not handed on
 
 
-def _tell_ready() -> None:
+def _tell_ready(predecessor: int | None) -> None:
     """Tell the service manager, if there is one, that the service answers, and the predecessor that it may end."""
     if place := os.environ.get("NOTIFY_SOCKET"):
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager, contextlib.suppress(OSError):
             manager.connect("\0" + place[1:] if place[0] == "@" else place)
             manager.send(f"READY=1\nMAINPID={os.getppid()}".encode())
-    if taken := os.environ.pop(SUCCESSION, ""):
+    if predecessor is not None:
         with contextlib.suppress(OSError):
-            os.write(int(taken.split(",")[0]), b"1")
+            signal.pidfd_send_signal(predecessor, SUCCEEDED)
 
 
 def serve(resources: ServiceResources, host: str, port: int, workers: int | None = None) -> int:
@@ -75,16 +77,19 @@ def serve(resources: ServiceResources, host: str, port: int, workers: int | None
     settings = resources.settings
     if host in LOOPBACK and "allowed_hosts" not in settings.model_fields_set:
         settings = settings.model_copy(update={"allowed_hosts": LOOPBACK})
-    taken = os.environ.get(SUCCESSION, "").split(",")[1:]
+    taken = os.environ.pop(SUCCESSION, "")
     try:
-        listeners = [socket.socket(fileno=int(number)) for number in taken] or listening(host, port)
+        listeners = [socket.socket(fileno=int(number)) for number in taken.split(",") if number]
+        listeners = listeners or listening(host, port)
     except OSError as error:
         print(f"no service at {host}, port {port}: {(error.strerror or str(error)).lower()}", file=sys.stderr)
         return Exit.FAILED
     signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # until the service takes over: nothing has begun
     if sys.platform != "linux":
         return _serve_with_threads(settings, resources, listeners)
-    return _serve_with_processes(settings, resources, listeners, workers or settings.workers or default_workers())
+    predecessor = os.pidfd_open(os.getppid()) if taken else None
+    count = workers or settings.workers or default_workers()
+    return _serve_with_processes(settings, resources, listeners, count, predecessor)
 
 
 def default_workers() -> int:
@@ -113,19 +118,26 @@ def listening(host: str, port: int) -> list[socket.socket]:
 
 def _serve_with_threads(settings: Settings, resources: ServiceResources, listeners: list[socket.socket]) -> int:
     sys.setswitchinterval(SWITCH_SECONDS)
-    _run(_server(settings, create_app(settings, resources)), listeners)
+    _run(_server(settings, create_app(settings, resources), protocol_of(settings)), listeners)
     return Exit.OK
 
 
 def _serve_with_processes(
-    settings: Settings, resources: ServiceResources, listeners: list[socket.socket], workers: int
+    settings: Settings,
+    resources: ServiceResources,
+    listeners: list[socket.socket],
+    workers: int,
+    predecessor: int | None,
 ) -> int:
     settings = settings.model_copy(update={"max_concurrent": workers})  # each computes one request at a time
-    app = create_app(settings, resources, lambda turnstile: Processes(turnstile, settings, workers))
-    server = _server(settings, app)
+    app = create_app(settings, resources, lambda turnstile: Processes(turnstile, settings))
+    protocol = protocol_of(settings)
+    server = _server(settings, app, protocol)
+    server.predecessor = predecessor
 
     def drain(*_: object) -> None:
         server.seconds = server.config.timeout_graceful_shutdown = int(DRAIN_SECONDS)
+        protocol.drains = True
         server.handle_exit(signal.SIGTERM, None)
 
     def front(supervisor: socket.socket) -> None:
@@ -134,15 +146,15 @@ def _serve_with_processes(
         _run(server, listeners)
 
     resources.load()
-    return Supervisor(front, app.state.questions, resources, listeners).run()
+    return Supervisor(front, app.state.questions, resources, listeners, workers).run()
 
 
-def _server(settings: Settings, app: FastAPI) -> _Server:
+def _server(settings: Settings, app: FastAPI, protocol: type[Connection]) -> _Server:
     config = uvicorn.Config(
         app,
         log_level="info",
         access_log=not settings.log_json,
-        http=protocol_of(settings),
+        http=protocol,
         ws="none",
         backlog=BACKLOG,
         server_header=False,

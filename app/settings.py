@@ -35,7 +35,8 @@ class Settings(BaseSettings):
     index: bool = Field(
         True,
         description="Whether what the scan needs is kept in files beside the atlas (or in the user's cache folder), which later "
-        "starts and other processes map instead of computing it (some 4 kB a type of the default atlas).",
+        "starts and other processes map instead of computing it (some 4 kB a type of the default atlas). Without it there "
+        "are cells alone, in memory; a process makes what else a request needs for that one.",
     )
     prepare_positions: bool = Field(
         True,

@@ -10,11 +10,9 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import anyio
-import anyio.to_thread
 from starlette.requests import Request
 
 from app import problems
-from app.query import Resources
 from linkage_atlas import Cancelled, Work
 
 
@@ -26,12 +24,11 @@ class Turnstile:
     """
 
     def __init__(self, concurrent: int, waiting: int) -> None:
-        self._places, self._long_places = concurrent, max(1, concurrent - 1)
+        self.places, self._long_places = concurrent, max(1, concurrent - 1)
         self._room, self._long_room = waiting, -(-waiting // 2)
         self._queues: dict[bool, deque[asyncio.Future[None]]] = {False: deque(), True: deque()}
         self._running = {False: 0, True: 0}
         self._last = True
-        self._threads = anyio.CapacityLimiter(concurrent)
         self._stopping = threading.Event()
 
     @property
@@ -56,22 +53,6 @@ class Turnstile:
     def stop(self) -> None:
         """Cancel all work: the service ends."""
         self._stopping.set()
-
-    async def run(
-        self,
-        request: Request,
-        function: Callable[[Any, Resources], Any],
-        body: Any,
-        resources: Resources,
-        long: bool = False,
-    ) -> Any:
-        """``function(body, resources)`` on a thread of this process, in its turn; see `turn`."""
-
-        async def compute(queued: float, cancelled: Callable[[], bool]) -> Any:
-            attended = Attended(resources, cancelled, queued)
-            return await anyio.to_thread.run_sync(function, body, attended, limiter=self._threads)
-
-        return await self.turn(request, compute, long)
 
     async def turn(
         self,
@@ -121,7 +102,7 @@ class Turnstile:
 
     def _call(self) -> None:
         """Give free places to those that wait."""
-        while self.computing < self._places:
+        while self.computing < self.places:
             may = [long for long in (False, True) if self._queues[long]]
             if self._running[True] >= self._long_places:
                 may = [long for long in may if not long]

@@ -10,14 +10,17 @@ import asyncio
 import contextlib
 import functools
 import http.client
+import itertools
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,6 +35,8 @@ BRIEF = ["--perimeter", "300", "--samples", "32", "--jobs", "2"]
 BUDGET_MS = 1000.0
 SHARE_OF_BUDGET = 1.2
 CLIENTS = 64
+RELOADING = 8
+"""Clients that ask while the service is started anew."""
 MEGABYTE = 1e6
 
 
@@ -268,6 +273,48 @@ def ends(atlas: Path) -> list[dict[str, Any]]:
     return rows
 
 
+def reloads(atlas: Path, count: int) -> dict[str, Any]:
+    """The service started anew by SIGUSR1, again and again, while clients ask, each request on a connection of its own."""
+    statuses: Counter[str] = Counter()
+    seconds: list[float] = []
+
+    async def client(port: int, names: Iterator[str]) -> None:
+        for name in names:
+            path, body = hostile.SHORT[name]
+            begin = time.perf_counter()
+            statuses[str(await hostile.ask(port, path, body))] += 1
+            seconds.append(time.perf_counter() - begin)
+            await asyncio.sleep(0.05)
+
+    async def story(running: service.Service) -> int:
+        clients = [
+            asyncio.create_task(client(running.port, itertools.cycle(hostile.SHORT))) for _ in range(RELOADING)
+        ]
+        supervisor = running.process.pid
+        for reload in range(count):
+            os.kill(supervisor, signal.SIGUSR1)
+            while (
+                len(fronts := re.findall(r"Started server process \[(\d+)\]", running.log.read_text())) < reload + 2
+            ):
+                await asyncio.sleep(0.05)
+            old, supervisor = supervisor, int(service.status(int(fronts[-1]), "PPid"))
+            while old != running.process.pid and service.status(old, "State") not in ("", "Z"):
+                await asyncio.sleep(0.05)
+            await asyncio.to_thread(running.process.wait)
+        for one in clients:
+            one.cancel()
+        await asyncio.gather(*clients, return_exceptions=True)
+        return supervisor
+
+    with service.running(service.serve_command, atlas=atlas) as running:
+        last = asyncio.run(story(running))
+        os.kill(last, signal.SIGTERM)
+        while service.status(last, "State") not in ("", "Z"):
+            time.sleep(0.05)
+    told = {"reloads": count, "clients": RELOADING, "requests": len(seconds), "statuses": dict(statuses)}
+    return told | {"p99_ms": 1000 * service.quantile(seconds, 0.99), "longest_ms": 1000 * max(seconds)}
+
+
 def _alone(part: Callable[..., Any], atlas: Path, *arguments: Any, **options: Any) -> Any:
     """A part at a service of its own."""
     with service.running(service.serve_command, atlas=atlas, **options) as running:
@@ -280,6 +327,7 @@ PARTS: dict[str, Callable[[Path, Callable[[int], int]], Any]] = {
     "memory": lambda atlas, some: _alone(memory, atlas, max(20_000, some(100_000))),
     "bodies": lambda atlas, some: _alone(bodies, atlas, some(100_000), max_budget_ms=20),
     "ends": lambda atlas, some: ends(atlas),
+    "reloads": lambda atlas, some: reloads(atlas, some(50)),
     "flips": lambda atlas, some: flips(atlas, some(10_000)),
     "kills": lambda atlas, some: kills(some(1_000)),
 }
@@ -336,6 +384,11 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         grown = after["late_megabytes"] - after["early_megabytes"]
         text = "Memory does not grow with the number of requests: at most 5 MB more after ten times as many"
         rows.append((text, "`memory`", f"{after['requests']:,} requests", f"{grown:+.1f} MB"))
+    if after := found.get("reloads"):
+        told = ", ".join(f"{count:,} x {status}" for status, count in sorted(after["statuses"].items()))
+        count = f"{after['reloads']} times, {after['requests']:,} requests of {after['clients']} clients"
+        text = "`systemctl reload` (SIGUSR1) starts the service anew without a refused request"
+        rows.append((text, "`reloads`", count, f"{told}; 99th percentile {after['p99_ms']:.0f} ms"))
     for row in found.get("ends", []):
         count, ended = f"with {row['under_way']} under way", f"{row['seconds']:.1f} s, code {row['code']}"
         rows.append(("SIGTERM ends the service within 5 s", "`ends`", count, ended))

@@ -173,6 +173,12 @@ def _bytes(text: str, key: str) -> int:
     return 1024 * int(found[1]) if found else 0
 
 
+def status(process: int, key: str) -> str:
+    """What the system says of a process; empty once it has ended."""
+    found = re.search(rf"^{key}:\s*(\S+)", _proc(process, "status"), re.MULTILINE)
+    return found[1] if found else ""
+
+
 def _proc(process: int, name: str) -> str:
     try:
         return Path(f"/proc/{process}/{name}").read_text()

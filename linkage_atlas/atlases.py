@@ -78,25 +78,37 @@ class Atlas:
         """Folders of the index that are in use."""
         return self._source.index.folders if self._source else []
 
-    @property
-    def has_positions(self) -> bool:
-        """Whether the scan is prepared for requests with positions."""
-        return self.scan.prepare_positions(Work(0.0))
+    def has(self, part: str) -> bool:
+        """Whether a part of the index is there: "positions", "short_spans" or "rockers"; made by this process or by another."""
+        if part == "rockers":
+            return self._rocker_scan is not None or bool(self._rocker_parts and self._rocker_parts.known(CELLS))
+        return self.scan.prepared.has(part)
 
-    @property
-    def has_rocker_scan(self) -> bool:
-        """Whether `rocker_scan` is there already."""
-        return self._rocker_scan is not None
+    def make(self, part: str, work: Work | None = None) -> None:
+        """Make a part of the index now, unless it is there.
+
+        Raises `OutOfTime` or `Cancelled`.
+        """
+        work = work or Work()
+        if part == "rockers":
+            _ = self.rocker_scan
+        elif part == "positions":
+            self.scan.prepare_positions(work)
+        else:
+            self.scan.prepare_short_spans(work)
 
     @property
     def rocker_scan(self) -> Scan:
         """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds)."""
         with self._rocker_lock:
             if self._rocker_scan is None:
-                index = self._source.index.beside("rocker_") if self._source else None
-                prepared = Preparation(ROCKER, self._rockers, KIND, self._threads, index)
+                prepared = Preparation(ROCKER, self._rockers, KIND, self._threads, self._rocker_parts)
                 self._rocker_scan = Scan(prepared, threads=self._threads)
             return self._rocker_scan
+
+    @cached_property
+    def _rocker_parts(self) -> Index | None:
+        return self._source.index.beside("rocker_") if self._source else None
 
     def _rockers(self) -> table.Table:
         return table.make_table(ROCKER, self.scan.lengths, self.stored.rule.samples)
@@ -173,16 +185,8 @@ def _quietly(done: int, total: int) -> None:
 class AtlasSource:
     """An atlas file that has been verified, and its index.
 
-    Attributes
-    ----------
-    path : Path
-    sha256 : str
-        In its header.
-    limits : tuple
-        Most bytes, most types.
-    index : Index
-    progress : callable
-        ``progress(done, total)`` while the index is made.
+    ``sha256``: in its header. ``limits``: most bytes, most types. ``progress``: ``progress(done, total)`` while the
+    index is made.
     """
 
     path: Path

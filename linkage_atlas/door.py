@@ -478,10 +478,7 @@ def pointing_to_start() -> Iterator[None]:
 def read_start(given: StartingLinkage, degrees: bool) -> Start:
     """The linkage to refine: a `FourBar`, a solution, or what either gives as plain values in the request's unit of angle.
 
-    Raises
-    ------
-    FieldError
-        Naming the field within ``refine_from``.
+    Raises `FieldError`: naming the field within ``refine_from``.
     """
     if isinstance(given, FourBar):
         return _checked(given)

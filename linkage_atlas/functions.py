@@ -595,16 +595,9 @@ FIELDS = ("name", "table", "x", "exponent", "output_span", "samples")
 class Dials:
     """A function on its two dials, in radians.
 
-    Attributes
-    ----------
-    x, y : ndarray, shape (N,)
-        The samples.
-    input, output : ndarray, shape (N,)
-        Crank angle from the first sample, and wanted rocker angle from there.
-    y_of_radian : float
-        Size of y that one radian of the output dial is.
-    exact : callable or None
-        The wanted rocker angle at any crank angle; None for a table.
+    ``x``, ``y`` (N,): the samples. ``input``, ``output`` (N,): crank angle from the first sample, and wanted rocker
+    angle from there. ``y_of_radian``: size of y that one radian of the output dial is. ``exact``: the wanted rocker
+    angle at any crank angle; None for a table.
     """
 
     x: Floats

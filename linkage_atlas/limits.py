@@ -135,15 +135,8 @@ def _lengths(field: str, given: Any) -> tuple[float | None, ...]:
 def what_excludes(limits: fourbar.Limits, motion: Motion, search: Search, work: Work) -> list[str]:
     """Sentences on the limits, one or two, without which there are linkages; none where that was not found out in time.
 
-    Parameters
-    ----------
-    limits : Limits
-        Within which a search found nothing.
-    motion : Motion
-    search : callable
-        The search that found nothing, for other limits and work of its own.
-    work : Work
-        What is left of its time may be used.
+    ``limits``: within which a search found nothing. ``search``: the search that found nothing, for other limits and
+    work of its own. ``work``: what is left of its time may be used.
     """
     watch = work.part(_SECONDS)
     names = limits.given

@@ -93,10 +93,7 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: b
     three digits the other mark groups thousands, as in 1.000,5. With ``unwrap`` each angle is moved by whole turns to within
     half a turn of the one before.
 
-    Raises
-    ------
-    FieldError
-        Naming the line, and the column where one cell is wrong.
+    Raises `FieldError`: naming the line, and the column where one cell is wrong.
     """
     columns, rows, unit = _read(text, POSES, unwrap)
     request: dict[str, Any] = {name: values for name, values in columns.items() if name in POSES.angles}

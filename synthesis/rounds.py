@@ -68,6 +68,10 @@ FEW_TO_THEIR_END = Plan(
 )
 
 
+LAST = (Stage(60, 1e-9, 100.0), Stage(60, 1e-10, 300.0), Stage(60, 1e-12, 300.0), Stage(60, 1e-13, 300.0))
+"""How the best answers descend in the end, on all samples."""
+
+
 class Found:
     """What is known within the limits, with J on all samples; it only gets better.
 
@@ -202,9 +206,9 @@ class Rounds:
             yield begin
         if self.pool is not None and self.thin is not self.whole:
             self._answer(self.pool, _VALLEYS)
-            if self.chart in self.found.pools:
-                best = self.found.pools[self.chart].timed.take(slice(0, _ON_ALL))
-                self.keep(self.within.descended(best, FEW_TO_THEIR_END.end, 0.3 * self.found.tolerance, self.work))
+        if self.chart in self.found.pools:
+            best = self.found.pools[self.chart].timed.take(slice(0, _ON_ALL))
+            self.keep(self.within.descended(best, LAST, 0.3 * self.found.tolerance, self.work))
 
     # -- a round ----------------------------------------------------------------------------------------------------
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import fcntl
+import math
 import os
 import re
 import signal
@@ -13,6 +15,8 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +58,28 @@ def some_of(cases: Sequence[Any], default: int) -> list[Any]:
     return [
         pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=mark) for case, mark in zip(cases, marks)
     ]
+
+
+def changed(body: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """A copy of a request with other values at some places, such as ``design.l2``; ``-design.l2`` removes it."""
+    body = copy.deepcopy(body)
+    for path, value in changes.items():
+        *parents, last = path.removeprefix("-").split(".")
+        at = reduce(getitem, parents, body)
+        if path.startswith("-"):
+            at.pop(last, None)
+        else:
+            at[last] = value
+    return body
+
+
+def finite(value: Any) -> bool:
+    """Whether all numbers of a reply are finite; NaN and infinities are written as words."""
+    if isinstance(value, dict | list):
+        return all(map(finite, value.values() if isinstance(value, dict) else value))
+    return value not in ("NaN", "Infinity", "-Infinity") and not (
+        isinstance(value, float) and not math.isfinite(value)
+    )
 
 
 @contextmanager

@@ -6,17 +6,18 @@ import math
 from typing import Any
 
 import linkage_atlas as la
+from app.fourbar.durations import seconds_of
 from app.fourbar.models import MatchRequest, SynthesizeRequest
 from app.query import Resources
 
-SHORT_MS = 250.0
-"""Budget of a request that is short whatever it asks for."""
+SHORT_MS = 200.0
+"""What a request takes at most for which a process is kept: by its budget, or as it was measured for those of its kind."""
 
 
 def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
     """The best rows by rotation alone; no pose is computed."""
     if request.curve == "rocker":
-        resources.need_rockers()
+        resources.need("rockers")
     return la.match(
         request.rotation,
         request.crank_span,
@@ -35,14 +36,12 @@ def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
     """Whether an answer may take more than a fraction of a second."""
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
         return False
-    samples = len(request.rotation or request.position or ())
     if isinstance(request, MatchRequest):
-        return samples > 256 or request.top > 100
-    limited = not request.limits.model_fields_set <= {"family"} or request.round_to is not None
-    studied = request.lengths_from is not None or request.tolerance_study is not None
+        return len(request.rotation) > 256 or request.top > 100
+    studied = request.lengths_from is not None or request.tolerance_study is not None or request.round_to is not None
     wished = request.diverse or request.tolerances is not None or request.prefer not in (None, "error")
-    extra = request.timing == "free" or (request.effort == "atlas" and request.position is not None)
-    return samples > 64 or request.top > 20 or limited or studied or wished or extra
+    windows = request.effort == "atlas" and request.position is not None
+    return studied or wished or windows or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
 
 
 def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
@@ -54,7 +53,7 @@ def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """Linkages with actual dimensions and pose, best first."""
     if request.effort == "atlas" and request.position is not None:
-        resources.need_positions()
+        resources.need("positions")
     return la.synthesize(
         **motion_of(request),
         limits=request.limits.model_dump(exclude_none=True),

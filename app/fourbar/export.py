@@ -12,8 +12,7 @@ from pydantic import Field, Strict
 import linkage_atlas as la
 from app.fourbar import worked_example
 from app.fourbar.answers import analysis_of, answer_synthesize, is_long, motion_of
-from app.fourbar.given import FarLength, GivenSolution
-from app.fourbar.models import SynthesizeRequest
+from app.fourbar.models import FarLength, GivenSolution, SynthesizeRequest
 from app.query import FILES, Files, LengthUnit, RequestModel, Resources
 
 

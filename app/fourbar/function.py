@@ -10,10 +10,11 @@ from pydantic import Field
 import linkage_atlas as la
 from app.fourbar import QUESTIONS
 from app.fourbar.answers import SHORT_MS, budget_of
+from app.fourbar.durations import seconds_of
 from app.fourbar.export import as_json, exports_of, pointing
-from app.fourbar.given import GivenGenerator
 from app.fourbar.models import (
     Curve,
+    GivenGenerator,
     Length,
     limits_request,
 )
@@ -29,7 +30,7 @@ from app.query import (
     Query,
     RequestModel,
     Resources,
-    bundled,
+    bundled_requests,
 )
 from linkage_atlas.limits import FUNCTION_LIMITS
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES
@@ -127,11 +128,7 @@ def solve_function(request: FunctionRequest, resources: Resources) -> la.Functio
 
 def is_long(request: FunctionRequest) -> bool:
     """Whether an answer may take more than a fraction of a second."""
-    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
-        return False
-    samples = 101 if request.function is not None else len(request.output or ())
-    limited = not request.limits.model_fields_set <= {"family"} or request.round_to is not None or request.one_way
-    return request.objective == "max" or limited or samples > 64 or request.top > 20
+    return request.round_to is not None or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
 
 
 class FunctionExportRequest(RequestModel):
@@ -168,25 +165,20 @@ FUNCTION_FILES = Files(
     "A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
     FunctionExportRequest,
     _function_file,
-    bundled("export_function"),
+    bundled_requests()["export_function"],
 )
 QUERIES = (
     Query(
-        "/v1/function",
         "function",
         QUESTIONS["function"],
-        FunctionRequest,
-        la.FunctionResult,
         solve_function,
         function_table,
-        bundled("function"),
-        exports_of(
+        exports=exports_of(
             ("csv", "svg", "dxf", "mjcf"),
             lambda request, resources, kind: solve_function(request, resources).render(kind),
         ),
-        function_from_csv,
-        is_long,
-        FUNCTION_FILES,
-        shows_units=True,
+        from_csv=function_from_csv,
+        is_long=is_long,
+        files=FUNCTION_FILES,
     ),
 )

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, create_model
+from pydantic import ConfigDict, Field, create_model
 
-from app.fourbar.given import GivenSolution
-from app.fourbar.study_models import AnalysisRequest, ToleranceStudyRequest
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, RequestModel
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
+from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
 
@@ -103,6 +102,97 @@ LimitsRequest = limits_request(
     "most 10 times the shortest, no link and no distance of a pivot from the motion's middle above 10 times the "
     "motion's extent; a field given beside it replaces its value.",
 )
+
+
+# -- a linkage that a request brings along -----------------------------------------------------------------------------
+
+FarLength = Annotated[Number, Field(ge=1e-100, le=1e100)]
+FarCoordinate = Annotated[Number, Field(ge=-1e100, le=1e100)]
+Angle = Annotated[Number, Field(ge=-1e9, le=1e9)]
+
+
+class _ReplyPart(RequestModel):
+    """A part of a reply that is sent back: what is not needed is ignored, so that a solution can be sent as it came."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class GivenLinks(_ReplyPart):
+    crank: FarLength
+    coupler: FarLength
+    rocker: FarLength
+    ground: FarLength
+
+
+class GivenCouplerPoint(_ReplyPart):
+    radius: Annotated[Number, Field(ge=0, le=1e100)]
+    angle: Angle
+
+
+class GivenMount(_ReplyPart):
+    ground_angle: Angle
+    pivot_a: Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
+    coupler_point: GivenCouplerPoint
+
+
+class GivenSolution(_ReplyPart):
+    """One of the `solutions` of a reply, as it came or changed."""
+
+    links: GivenLinks
+    branch: Literal[-1, 1]
+    start_angle: Angle
+    body_offset: Angle | None = None
+    mount: GivenMount | None = None
+    crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
+
+
+class GivenGenerator(_ReplyPart):
+    """One of the `solutions` of a reply of /v1/function, as it came or changed."""
+
+    links: GivenLinks
+    branch: Literal[-1, 1]
+    start_angle: Angle
+    output_offset: Angle
+
+
+# -- what a designer asks of a linkage next ----------------------------------------------------------------------------
+
+Size = Annotated[Number, Field(ge=0, le=MAX_LENGTH)]
+Bounded = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
+Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
+
+
+class LoadRequest(RequestModel):
+    """What acts on the body, in directions that do not turn with it."""
+
+    force: Pair | None = Field(None, description="[fx, fy] at the body point.")
+    torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
+
+
+class AnalysisRequest(RequestModel):
+    """How fast the crank turns, and what the body carries."""
+
+    crank_speed: Bounded = Field(
+        description="Constant, in the unit of angle a second, counter-clockwise: negative for a clockwise motion."
+    )
+    load: LoadRequest | None = Field(None, description="With it: crank torque and pin forces.")
+
+
+class ToleranceStudyRequest(RequestModel):
+    """Tolerances of manufacture, in the unit of the positions."""
+
+    links: Size = Field(0.0, description="Each length lies evenly within this of its nominal value, either way.")
+    pivots: Size = Field(0.0, description="So does each coordinate of a fixed pivot.")
+    clearance: Size = Field(0.0, description="Diameter of a hole less that of its pin, in all four joints.")
+    samples: Annotated[Count, Field(ge=FEWEST_SAMPLES, le=MOST_SAMPLES)] = Field(
+        SAMPLES, description="How many linkages are made by chance."
+    )
+    seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = Field(
+        0, description="Which: the same seed makes the same ones."
+    )
+
+
+# -- rotation, positions or both ---------------------------------------------------------------------------------------
 
 
 class WeightsRequest(RequestModel):

@@ -21,7 +21,6 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
-    bundled,
 )
 from app.replies import reply_model
 from app.tables import DEGREES, Units, table
@@ -691,15 +690,10 @@ def table_tolerance(reply: ChainToleranceReply, units: Units = DEGREES) -> str:
 
 
 TOLERANCE = Query(
-    path="/v1/chain/tolerance",
     command="chain tolerance",
     summary="What pitch wear and tolerances do to the slack of a crescent's chain and to the play in its slot.",
-    request=ChainToleranceRequest,
-    reply=ChainToleranceReply,
     answer=answer_tolerance,
     table=table_tolerance,
-    shows_units=True,
-    examples=bundled("chain tolerance"),
     exports={"csv": lambda *asked: csv_text(wear_columns(answer_tolerance(*asked))).encode()},
     is_long=lambda request: len(request.pitch_errors) > 20,
 )
@@ -889,28 +883,18 @@ EXPORTS = {
 
 QUERIES = (
     Query(
-        path="/v1/chain/slot",
         command="chain slot",
         summary="The slot that lets a constant-pitch chain run round a crescent of two arcs and two wheels.",
-        request=ChainSlotRequest,
-        reply=ChainSlotReply,
         answer=answer_slot,
         table=table_slot,
-        shows_units=True,
-        examples=bundled("chain slot"),
         exports=EXPORTS,
         is_long=is_long,
     ),
     Query(
-        path="/v1/chain/track",
         command="chain track",
         summary="The slot of a constant-pitch chain on any closed track of tangent arcs and lines.",
-        request=ChainTrackRequest,
-        reply=ChainTrackReply,
         answer=answer_track,
         table=table_track,
-        shows_units=True,
-        examples=bundled("chain track"),
         exports=EXPORTS,
         is_long=is_long,
     ),

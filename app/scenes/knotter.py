@@ -23,7 +23,6 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
-    bundled,
 )
 from app.replies import reply_model
 from app.tables import DEGREES, Units, table
@@ -696,15 +695,10 @@ def curves_csv(reply: CurvesReply) -> bytes:
 
 
 CURVES = Query(
-    path="/v1/knotter/curves",
     command="knotter curves",
     summary="One pair over the bill's angle: where the rope meets its triangles, the paths of the points, and the verdict.",
-    request=CurvesRequest,
-    reply=CurvesReply,
     answer=answer_curves,
     table=curves_table,
-    shows_units=True,
-    examples=bundled("knotter curves"),
     exports={"csv": lambda *asked: curves_csv(answer_curves(*asked))},
     is_long=lambda request: request.samples > 1000,
 )
@@ -885,7 +879,7 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
     reproduced = best.worst > 0
     bounds: dict[str, Any] = dict.fromkeys(("alone", "directions", "rank", "free"))
     with suppress(OutOfTime):  # then they are left out
-        if reproduced:
+        if reproduced and best.slopes is not None:
             alone, ways = single_ranges(pattern, best.share, whole), directions(pattern, best, whole)
             bounds = {
                 "alone": {name: [low / u, high / u] for name, (low, high), u in zip(names, alone, units)},
@@ -942,15 +936,10 @@ def fit_table(reply: PatternFitReply, units: Units = DEGREES) -> str:
 
 
 FIT = Query(
-    path="/v1/knotter/fit",
     command="knotter fit",
     summary="Which unknown dimensions reproduce a wanted pattern of verdicts, and how little the pattern determines them?",
-    request=PatternFitRequest,
-    reply=PatternFitReply,
     answer=answer_fit,
     table=fit_table,
-    shows_units=True,
-    examples=bundled("knotter fit"),
     is_long=lambda request: True,
 )
 
@@ -1040,15 +1029,10 @@ def tolerance_table(reply: KnotterToleranceReply, units: Units = DEGREES) -> str
 
 
 TOLERANCE = Query(
-    path="/v1/knotter/tolerance",
     command="knotter tolerance",
     summary="Does the knot hold within tolerances of all lengths and angles, and which of them matters?",
-    request=KnotterToleranceRequest,
-    reply=KnotterToleranceReply,
     answer=answer_tolerance,
     table=tolerance_table,
-    shows_units=True,
-    examples=bundled("knotter tolerance"),
     is_long=lambda request: request.samples > 500,
 )
 
@@ -1251,40 +1235,25 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
 QUERIES = (
     CURVES,
     Query(
-        path="/v1/knotter/scan",
         command="knotter scan",
         summary="Which spatial angles let the knot be tied: rope on the bill, jaw past the disc, jaw on the rope.",
-        request=ScanRequest,
-        reply=ScanReply,
         answer=answer_scan,
         table=scan_table,
-        shows_units=True,
-        examples=bundled("knotter scan"),
         exports={"csv": lambda *asked: scan_csv(answer_scan(*asked)).encode()},
         is_long=lambda request: math.prod(map(len, given_fields(request.grid).values())) > LONG_PAIRS,
     ),
     Query(
-        path="/v1/knotter/limit",
         command="knotter limit",
         summary="At which values of one parameter does a condition begin or cease to hold?",
-        request=LimitRequest,
-        reply=LimitReply,
         answer=answer_limit,
         table=limit_table,
-        shows_units=True,
-        examples=bundled("knotter limit"),
         is_long=lambda request: request.samples > LONG_SAMPLES,
     ),
     Query(
-        path="/v1/knotter/needle",
         command="knotter needle",
         summary="Where the needle clears the jaw's cam, and the length d5 that lays the rope on the disc.",
-        request=NeedleRequest,
-        reply=NeedleReply,
         answer=answer_needle,
         table=needle_table,
-        shows_units=True,
-        examples=bundled("knotter needle"),
     ),
     FIT,
     TOLERANCE,

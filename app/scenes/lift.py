@@ -22,7 +22,6 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
-    bundled,
 )
 from app.replies import reply_model
 from linkage_atlas import FieldError, Work
@@ -504,14 +503,18 @@ def optimum_csv(request: OptimizeRequest, resources: Resources) -> bytes:
     return design_csv(motion(found.design, replace(task.cylinder, length=closed)), closed).encode()
 
 
-def _optimum_drawn(draw: Callable[[Design, float], str]) -> Callable[[OptimizeRequest, Resources], bytes]:
-    """The optimum design at its start and its top as a drawing."""
+def _files(
+    table: Callable[..., bytes], shown: Callable[..., tuple[Design, float]]
+) -> dict[str, Callable[..., bytes]]:
+    """The exports of a question: its table, and the lift that it shows, at its start and its top, as drawings."""
+    drawings = {"svg": design_svg, "dxf": design_dxf}
+    drawn = {kind: lambda *asked, draw=draw: draw(*shown(*asked)).encode() for kind, draw in drawings.items()}
+    return {"csv": table, **drawn}
 
-    def render(request: OptimizeRequest, resources: Resources) -> bytes:
-        built = _optimum(request, resources)[0].built
-        return draw(built.design, float(built.turn)).encode()
 
-    return render
+def _optimal(request: OptimizeRequest, resources: Resources) -> tuple[Design, float]:
+    built = _optimum(request, resources)[0].built
+    return built.design, float(built.turn)
 
 
 def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
@@ -730,58 +733,36 @@ def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
     return csv_text(rows, "\n").encode()
 
 
-def _motion_drawn(draw: Callable[[Design, float], str]) -> Callable[[MotionRequest, Resources], bytes]:
-    """The lift at its start and its top as a drawing."""
-
-    def render(request: MotionRequest, _: Resources) -> bytes:
-        moved = _move(request)
-        return draw(moved.pose.design, float(moved.stroke.turn_bottom)).encode()
-
-    return render
+def _moved(request: MotionRequest, _: Resources) -> tuple[Design, float]:
+    moved = _move(request)
+    return moved.pose.design, float(moved.stroke.turn_bottom)
 
 
 QUERIES = (
     Query(
-        path="/v1/lift/motion",
         command="lift motion",
         summary="Motion of a cylinder-driven lifting linkage, in closed form.",
-        request=MotionRequest,
-        reply=MotionReply,
         answer=answer_motion,
         table=motion_table,
-        examples=bundled("lift motion"),
-        exports={
-            "csv": motion_csv,
-            "svg": _motion_drawn(design_svg),
-            "dxf": _motion_drawn(design_dxf),
-        },
+        shows_units=False,
+        exports=_files(motion_csv, _moved),
         is_long=lambda request: max(request.samples or 0, len(request.times or ())) > LONG_SAMPLES,
     ),
     Query(
-        path="/v1/lift/optimize",
         command="lift optimize",
         summary="Optimum design of a lifting linkage for a cylinder and a stroke.",
-        request=OptimizeRequest,
-        reply=OptimizeReply,
         answer=answer_optimize,
         table=optimize_table,
+        shows_units=False,
         is_long=lambda _: True,
-        exports={
-            "csv": optimum_csv,
-            "svg": _optimum_drawn(design_svg),
-            "dxf": _optimum_drawn(design_dxf),
-        },
-        examples=bundled("lift optimize"),
+        exports=_files(optimum_csv, _optimal),
     ),
     Query(
-        path="/v1/lift/batch",
         command="lift batch",
         summary="Optimum designs of a lifting linkage for many cylinders.",
-        request=BatchRequest,
-        reply=BatchReply,
         answer=answer_batch,
         table=batch_table,
+        shows_units=False,
         is_long=lambda _: True,
-        examples=bundled("lift batch"),
     ),
 )

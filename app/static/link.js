@@ -6,7 +6,22 @@ const toBase64 = (bytes) => {
   return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 };
 const fromBase64 = (text) => Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
-const through = async (bytes, stream) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
+const MOST_BYTES = 1_000_000;
+
+/** Bytes that come out of a stream of compression. Throws RangeError for more than the largest request. */
+async function through(bytes, stream) {
+  const parts = [];
+  let size = 0;
+  for (const reader = new Blob([bytes]).stream().pipeThrough(stream).getReader(); ;) {
+    const { done, value } = await reader.read();
+    if (done) return new Uint8Array(await new Blob(parts).arrayBuffer());
+    parts.push(value);
+    if ((size += value.length) > MOST_BYTES) {
+      reader.cancel();
+      throw new RangeError("larger than any request");
+    }
+  }
+}
 
 /** What a page holds, as plain values, as the fragment of a link, the part behind #. */
 export async function toFragment(content) {

@@ -25,7 +25,6 @@ the representatives plus the part's value.
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -35,13 +34,12 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from synthesis.arrays import Floats, Ints
-from synthesis.atlas.series import New, SeriesGroup, gather, start_angles
-from synthesis.target import TURN, Target
+from synthesis.atlas.series import New, SeriesGroup, gather
+from synthesis.target import TURN
 
 Bounds = NDArray[np.float32]
 Radii = NDArray[np.floating]
 
-_NEARLY = 1e-9
 ABOVE_SINGLE = np.float32(1 + 1e-6)
 """Makes up for the rounding of a few operations in single precision."""
 
@@ -57,9 +55,9 @@ RANGES = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64)
 """Pieces of the arcs over which the range of d is kept."""
 THIRDS = (2, 3, 4, 6, 8, 12, 16)
 """Pieces of the arcs over which the largest third derivative is kept."""
-_SLOPE = len(RANGES)
-_CURVATURE = _SLOPE + 1
-_THIRD = _CURVATURE + 1
+SLOPE = len(RANGES)
+CURVATURE = SLOPE + 1
+THIRD = CURVATURE + 1
 _POINTS_AT_ONCE = 1 << 18
 _HALVED_HARMONICS = 6
 """Of the series, whose coefficients are looked at to halve."""
@@ -71,46 +69,6 @@ _POINTS = 8
 """Points of the grid for one period of the highest harmonic."""
 _ROUNDING = 4e-6
 """Of the sum of the amplitudes: more than a transform of 2^17 points in single precision is off."""
-
-
-class Arcs:
-    """Where the windows of a request lie, and how large the radius of a cell there is.
-
-    ``branches``: of the mechanism: 2, or 1.
-
-    ``piece`` (windows,): piece of the turn in which each window begins: all starts of branch +1, then of branch -1,
-    whose windows are those of the mirrored turn, crank angles -(s + t).
-    """
-
-    def __init__(self, target: Target, starts: int, branches: int = 2) -> None:
-        start = start_angles(starts)
-        low, high = target.crank.min(), target.crank.max()
-        begin = np.concatenate([start + low, -(start + high)][:branches]) * (ARCS / TURN)
-        self.piece = np.floor(begin - _NEARLY).astype(np.int64) % ARCS
-        span = high - low
-        pieces = span * (ARCS / TURN)
-        # a window that begins somewhere in a piece ends in the last of so many
-        reached = min(int(np.ceil(pieces + _NEARLY)) + 1, ARCS)
-        self._range = bisect_left(RANGES, reached)
-        self._third = bisect_left(THIRDS, reached)
-        self._middle = int(pieces / 2)
-        along = target.crank - (low + high) / 2
-        std = target.rotation_mean.spread
-        self._taylor = [np.float32(v) for v in (std(along), std(along**2) / 2, span**3 / 48)]
-
-    def radius(self, level: Level, cells: Ints) -> Radii:
-        """Radius of some cells of a level for windows by the piece they begin in, (cells, ARCS)."""
-        result = gather(level.bounds[self._range], cells)
-        if self._third < len(THIRDS):
-            slope, curvature, third = self._taylor
-            taylor = slope * gather(level.bounds[_SLOPE], cells)
-            taylor += curvature * gather(level.bounds[_CURVATURE], cells)
-            # from the piece of the middle of a window to that of its begin
-            taylor = np.concatenate([taylor[..., self._middle :], taylor[..., : self._middle]], axis=-1)
-            taylor += third * gather(level.bounds[_THIRD + self._third], cells)
-            taylor *= ABOVE_SINGLE
-            result = np.minimum(result, taylor)
-        return result + gather(level.error, cells)[..., None]
 
 
 @dataclass(frozen=True)
@@ -231,7 +189,7 @@ def _middle(periodic: Floats) -> Ints:
 def _level(types: SeriesGroup, members: Ints, bounds: NDArray[Any] | None, error: NDArray[Any], new: New) -> Level:
     """Cells of the types or representatives in each of some cells, (cells, members), with their own bounds and errors."""
     chosen = np.empty(len(members), dtype=np.int64)
-    own = new("bounds", np.float32, (_THIRD + len(THIRDS), len(members), ARCS))
+    own = new("bounds", np.float32, (THIRD + len(THIRDS), len(members), ARCS))
     at_once = max(1, _POINTS_AT_ONCE // (members.shape[1] * _points(types.harmonics)))
     for k in range(0, len(members), at_once):
         part = members[k : k + at_once]
@@ -267,7 +225,7 @@ def _reaches(differences: Floats, finer: Radii | None) -> Radii:
     order = np.arange(1, harmonics + 1)
     amplitudes = np.conj(np.ascontiguousarray(differences.swapaxes(0, 1)).view(complex))
     size = np.abs(amplitudes)
-    result = np.empty((_THIRD + len(THIRDS), len(differences), ARCS), dtype=np.float32)
+    result = np.empty((THIRD + len(THIRDS), len(differences), ARCS), dtype=np.float32)
 
     def keep(kind: int, reach: Radii) -> None:
         if finer is not None:
@@ -294,7 +252,7 @@ def _reaches(differences: Floats, finer: Radii | None) -> Radii:
         keep(kind, high)
     # Two pieces: a window's middle is somewhere in a stretch as long as one. (That it may leave them by 1e-9 of a piece is
     # within what is added for rounding.)
-    for derivative, first, arcs in ((1, _SLOPE, (2,)), (2, _CURVATURE, (2,)), (3, _THIRD, THIRDS)):
+    for derivative, first, arcs in ((1, SLOPE, (2,)), (2, CURVATURE, (2,)), (3, THIRD, THIRDS)):
         highest, lowest, missed = pieces(derivative)
         largest = np.maximum(highest, -lowest) + missed
         if finer is None:  # the largest of all members over an arc is the largest over the arc of all members'

@@ -12,6 +12,7 @@ Formulae and bounds are those of `scan`.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -22,11 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats, Ints
-from synthesis.atlas.cells import ABOVE_SINGLE, ARCS, PARTS, Arcs, Cells, Level
+from synthesis.atlas.cells import (
+    ABOVE_SINGLE,
+    ARCS,
+    CURVATURE,
+    PARTS,
+    RANGES,
+    SLOPE,
+    THIRD,
+    THIRDS,
+    Cells,
+    Level,
+    Radii,
+)
 from synthesis.atlas.series import Phasors, SeriesGroup, gather, start_angles
 from synthesis.atlas.windows import NO_WINDOWS, NOWHERE, Numbering, Place, lowest
 from synthesis.pose import fixed_columns
-from synthesis.target import Mean, Target
+from synthesis.target import TURN, Mean, Target
 
 Batch = Callable[[float], tuple[Ints, Floats] | None]
 """Window numbers and lower bounds of those windows of a batch whose bound is at most a limit."""
@@ -46,6 +59,7 @@ _LARGEST_WAVE = 16
 """Blocks between two looks at the limit: the same on every machine, or reports would differ. Of each, all windows may be left."""
 _HELD = 4
 """While more windows are found, so many times as many are held as are wanted (twelve bytes each, and as much again to sort)."""
+_NEARLY = 1e-9
 ROUNDING = 1e-13
 """Rounding of a mean squared rotation error, for a target of variance 1."""
 _HARMONICS_AT_ONCE = 16
@@ -57,6 +71,46 @@ def _phases(highest: int, starts: int) -> Complexes:
     phases = np.exp(1j * np.outer(start_angles(starts), np.arange(highest + 1)))
     phases.flags.writeable = False
     return phases
+
+
+class Arcs:
+    """Where the windows of a request lie, and how large the radius of a cell there is.
+
+    ``branches``: of the mechanism: 2, or 1.
+
+    ``piece`` (windows,): piece of the turn in which each window begins: all starts of branch +1, then of branch -1,
+    whose windows are those of the mirrored turn, crank angles -(s + t).
+    """
+
+    def __init__(self, target: Target, starts: int, branches: int = 2) -> None:
+        start = start_angles(starts)
+        low, high = target.crank.min(), target.crank.max()
+        begin = np.concatenate([start + low, -(start + high)][:branches]) * (ARCS / TURN)
+        self.piece = np.floor(begin - _NEARLY).astype(np.int64) % ARCS
+        span = high - low
+        pieces = span * (ARCS / TURN)
+        # a window that begins somewhere in a piece ends in the last of so many
+        reached = min(int(np.ceil(pieces + _NEARLY)) + 1, ARCS)
+        self._range = bisect_left(RANGES, reached)
+        self._third = bisect_left(THIRDS, reached)
+        self._middle = int(pieces / 2)
+        along = target.crank - (low + high) / 2
+        std = target.rotation_mean.spread
+        self._taylor = [np.float32(v) for v in (std(along), std(along**2) / 2, span**3 / 48)]
+
+    def radius(self, level: Level, cells: Ints) -> Radii:
+        """Radius of some cells of a level for windows by the piece they begin in, (cells, ARCS)."""
+        result = gather(level.bounds[self._range], cells)
+        if self._third < len(THIRDS):
+            slope, curvature, third = self._taylor
+            taylor = slope * gather(level.bounds[SLOPE], cells)
+            taylor += curvature * gather(level.bounds[CURVATURE], cells)
+            # from the piece of the middle of a window to that of its begin
+            taylor = np.concatenate([taylor[..., self._middle :], taylor[..., : self._middle]], axis=-1)
+            taylor += third * gather(level.bounds[THIRD + self._third], cells)
+            taylor *= ABOVE_SINGLE
+            result = np.minimum(result, taylor)
+        return result + gather(level.error, cells)[..., None]
 
 
 class Matrices:

@@ -89,6 +89,13 @@ class Preparation:
         own += sum(index.nbytes for index in self.short_spans)
         return len(self.types) * 32 + own
 
+    def has(self, part: str) -> bool:
+        """Whether `POSITIONS` or `SHORT_SPANS` are there; what another process has made meanwhile is taken up."""
+        if part == POSITIONS:
+            return self.prepare_positions(Work(0.0))
+        self.short_spans = self.short_spans or _short_spans_of(self._parts.known(SHORT_SPANS))
+        return bool(self.short_spans)
+
     def prepare_positions(self, work: Work) -> bool:
         """Make the series that requests with positions need; done by the first of them otherwise.
 

@@ -37,8 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats, Ints
-from synthesis.atlas.cells import Arcs
-from synthesis.atlas.descent import Descent, Matrices, bounds_of, lowest_bounds
+from synthesis.atlas.descent import Arcs, Descent, Matrices, bounds_of, lowest_bounds
 from synthesis.atlas.preparation import Kind, Preparation
 from synthesis.atlas.series import gather
 from synthesis.atlas.table import Table

@@ -189,6 +189,9 @@ def solutions_of(
     if np.any(exact):  # of those that meet all samples the ones last that go elsewhere in between
         ranked = ranked.take(np.argsort(2 * ~exact + ranked.leaves(), kind="stable"))
     found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
+    found.sort(
+        key=lambda one: max(one.errors.objective, tolerance)
+    )  # by their own numbers: costs differ in the last digits
     place = {id(one): rank for rank, one in enumerate(found)}
     return distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
 

@@ -28,8 +28,8 @@ LONGER = 1e3
 """Times the budget that the first set takes at most: there is no answer before."""
 DRAWING = 0.5
 """Part of the budget that draws leave to the descents."""
-TOGETHER = 64
-"""Draws that are judged between two looks at the time."""
+FIRST_TOGETHER, TOGETHER = 8, 64
+"""Draws that are judged before the first look at the time, and at most between two others, each time twice as many."""
 RANK = 1e-6
 """Singular values below this share of the largest count as zero."""
 
@@ -99,10 +99,10 @@ class Found:
     """As shares of the ranges, shape (unknowns,)."""
     margins: Floats
     """Shape (entries,)."""
-    slopes: Floats
-    """Derivatives of the margins by the shares, shape (entries, unknowns)."""
+    slopes: Floats | None
+    """Derivatives of the margins by the shares, shape (entries, unknowns); None where the time was up before they were known."""
     around: float
-    """The smallest margin of this set and of those one `STEP` away along each unknown."""
+    """The smallest margin of this set and of those one `STEP` away along each unknown, as far as these are known."""
 
     @property
     def worst(self) -> float:
@@ -144,10 +144,11 @@ def search(
     starts = [] if start is None else [start]
     if draws and descents:
         worst = np.full(draws, -np.inf)
-        for some in np.split(np.arange(draws), range(TOGETHER, draws, TOGETHER)):
-            if some[0] and drawing.expired():
-                break
+        begin, together = 0, FIRST_TOGETHER
+        while begin < draws and not (begin and drawing.expired()):
+            some = slice(begin, begin + together)
             worst[some] = pattern.margins(shares[some], first).min(axis=1)
+            begin, together = begin + together, min(2 * together, TOGETHER)
         kept = int(np.count_nonzero(worst > 0))
         best = np.argsort(-worst, kind="stable")[:descents]
         starts += list(shares[best[np.isfinite(worst[best])]])
@@ -155,7 +156,12 @@ def search(
     for share in starts:
         if found and work.expired():
             break
-        found.append(_improved(pattern, share, work) if descents else pattern.found(share, first))
+        try:
+            found.append(_improved(pattern, share, work) if descents else pattern.found(share, work))
+        except OutOfTime:  # before its slopes are known
+            if not found:
+                margins = pattern.margins(share[None], first)[0]
+                found.append(Found(share, margins, None, float(margins.min())))
     return sorted(found, key=lambda one: (one.worst <= 0, -one.around)), kept
 
 
@@ -163,11 +169,12 @@ def _improved(pattern: Pattern, share: Floats, work: Work) -> Found:
     """The smallest margin around a set made larger by linear programs within a reach that shrinks where they promise too much."""
     from scipy.optimize import linprog
 
-    best = pattern.found(share, work.extended(LONGER))
+    best = pattern.found(share, work)
     reach, count = FIRST_REACH, len(share)
     for _ in range(ITERATIONS):
         if reach < LAST_REACH or work.expired():
             break
+        assert best.slopes is not None
         # the largest t with margin + slope . step >= t for every entry
         rows = np.column_stack([-best.slopes, np.ones(len(best.margins))])
         low, high = np.maximum(-reach, -best.share), np.minimum(reach, 1 - best.share)
@@ -215,6 +222,7 @@ def directions(pattern: Pattern, found: Found, work: Work | None = None) -> list
     They are the right singular vectors of the margins' slopes: along one of strength 0 no margin changes to first order.
     """
     work, share = work or Work(), found.share
+    assert found.slopes is not None, "a set that a search was cut short at has none"
     _, strengths, vectors = np.linalg.svd(found.slopes)
     strengths = np.append(strengths, np.zeros(len(share) - len(strengths)))
     forth = extents(pattern, share, vectors, work)

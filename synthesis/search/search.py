@@ -385,12 +385,15 @@ class _Search:
             run = GivenRounds(self.target, way, family, found, self.work)
             seeds = run.seeds(windows(family))
             begin = list(islice(seeds, 1))
+            most = np.inf
             if not looked:  # one round tells whether an exact answer keeps the limits
                 first, looked = self.look(FIRST_LOOK[:1], top), True
                 self.note(np.array([one.errors.objective for one in first]) ** 2)
                 if Status.of(first, self.tolerance) is Status.REACHED:
-                    return first
-            for one in run.closest(chain(begin, seeds)):
+                    if len(first) >= top:
+                        return first
+                    most = 1  # for alternatives
+            for one in run.closest(chain(begin, seeds), most):
                 self.seeds += len(one.branch)
                 if found.least < _EXACT_NEAR or self.work.expired():
                     break
@@ -413,7 +416,8 @@ class _Search:
             if self.done(sorted(solutions, key=lambda one: one.errors.objective)):
                 break
         best = min((one.errors.objective for one in solutions), default=np.inf)
-        return solutions + [one for one in first if one.errors.objective < best]
+        reached = Status.of(first, self.tolerance) is Status.REACHED
+        return solutions + [one for one in first if reached or one.errors.objective < best]
 
     def report(self, solutions: list[Any]) -> SearchReport:
         """How it went, by the objectives of the solutions that are returned."""

@@ -261,8 +261,9 @@ def test_a_question_answers_every_example_of_its_own_by_the_same_name(run, monke
 
 
 def test_a_machine_of_the_page_is_answered_as_the_request_that_is_printed_for_it(run) -> None:
-    printed = run("example", "casement")[1]
-    answers = [run("synthesize", "--json", "--example", "casement")[1], run("synthesize", "--json", stdin=printed)[1]]
+    assert json.loads(run("example", "casement")[1]) == all_examples()["casement"].request
+    printed = run("example", "worked")[1]
+    answers = [run("synthesize", "--json", "--example", "worked")[1], run("synthesize", "--json", stdin=printed)[1]]
     first, second = (json.loads(answer)["solutions"] for answer in answers)
     assert first == second and first
 

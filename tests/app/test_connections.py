@@ -158,6 +158,18 @@ def test_an_unfinished_body_holds_no_one_up_at_the_end() -> None:
         everything(client)  # the client's patience is less than the service's
 
 
+@pytest.mark.parametrize("sent", [b"", NEEDLE[:30], NEEDLE[:-1]], ids=["nothing yet", "in its header", "in its body"])
+def test_who_has_begun_to_ask_is_answered_where_another_service_takes_over(sent) -> None:
+    with serving(ending=1000) as (port, server), closing(connected(port)) as client:
+        client.sendall(sent)
+        time.sleep(0.2)
+        server.config.http.drains = True
+        server.should_exit = True
+        time.sleep(0.3)
+        client.sendall(NEEDLE[len(sent) :])
+        assert everything(client).startswith(b"HTTP/1.1 200")
+
+
 def test_an_empty_line_before_a_request_and_an_address_in_absolute_form_are_taken(port) -> None:
     for sent in (b"\r\n" + LIVEZ, LIVEZ.replace(b"/livez", b"http://a/livez")):
         with closing(connected(port)) as client:

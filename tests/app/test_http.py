@@ -21,6 +21,7 @@ from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.scenes import scene_queries
 from app.settings import Settings
+from tests.conftest import changed, finite
 from tests.oracles.recompute import broken_limits, compare
 
 EXAMPLE = worked_example()
@@ -42,23 +43,9 @@ def client(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iter
 def paper(atlas_path: Path) -> Iterator[TestClient]:
     """The service with the published atlas of 101,408 types, without what is prepared behind the first answers."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ServiceResources, "prepare_more", lambda resources, cancelled: True)
+        patch.setattr(ServiceResources, "missing", lambda resources: [])
         with TestClient(create_app(Settings(atlas=atlas_path))) as client:
             yield client
-
-
-def numbers(value: Any, place: str = "") -> Iterator[tuple[str, float]]:
-    """All numbers of a reply with their place."""
-    if isinstance(value, dict):
-        for name, part in value.items():
-            yield from numbers(part, f"{place}/{name}")
-    elif isinstance(value, list):
-        for k, part in enumerate(value):
-            yield from numbers(part, f"{place}/{k}")
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        yield place, value
-    else:
-        assert value not in ("NaN", "Infinity", "-Infinity"), place
 
 
 def ask(client: TestClient, path: str, **fields: Any) -> dict[str, Any]:
@@ -67,7 +54,7 @@ def ask(client: TestClient, path: str, **fields: Any) -> dict[str, Any]:
     assert reply.status_code == 200, reply.text
     assert reply.headers["content-type"] == "application/json"
     values = json.loads(reply.text, parse_constant=lambda name: pytest.fail(f"{name} in a reply"))
-    assert all(math.isfinite(value) for _, value in numbers(values))
+    assert finite(values)
     return values
 
 
@@ -420,76 +407,29 @@ def test_a_number_of_5000_digits_is_refused(field, client) -> None:
     assert "9999" not in json.dumps(values)
 
 
-WRONG = {
-    "/v1/match": [
-        ({"rotation": [1, 2]}, "#/rotation"),
-        ({"rotation": [1.0] * 2000}, "#/rotation"),
-        ({"rotation": {"0": 1}}, "#/rotation"),
-        ({"rotation": MARK}, "#/rotation"),
-        ({"rotation": None}, "#/rotation"),
-        ({"rotation": [1, MARK, 3]}, "#/rotation/1"),
-        ({"rotation": [0, 1, 1e308]}, "#/rotation/2"),
-        ({"crank_span": None}, "#/crank_span"),
-        ({"crank_span": 0.01}, "#/crank_span"),
-        ({"crank_span": 1e308}, "#/crank_span"),
-        ({"crank_angle": list(range(16))}, "#/crank_span"),
-        ({"crank_span": None, "crank_angle": [0, 1, 2]}, "#/crank_angle"),
-        ({"crank_span": None, "crank_angle": [*range(15), 7]}, "#/crank_angle/15"),
-        ({"crank_span": None, "crank_angle": [0, *(k * 1e-300 for k in range(1, 15)), 70]}, "#/crank_angle/1"),
-        ({"crank_span": None, "crank_angle": [-1e308, 1e308, *range(14)]}, "#/crank_angle"),
-        ({"top": 1001}, "#/top"),
-        ({"top": "3"}, "#/top"),
-        ({"top": True}, "#/top"),
-        ({"features": 1}, "#/features"),
-        ({"angle_unit": MARK}, "#/angle_unit"),
-        ({"angle_unit": "\ud800"}, "#/angle_unit"),
-        ({"budget_ms": 0}, "#/budget_ms"),
-        ({"a/b~c d": 5}, "#/a~1b~0c%20d"),
-        ({"body": 5}, "#/body"),
-        ({"\u00e9": 5}, "#/%C3%A9"),
-    ],
-    "/v1/synthesize": [
-        ({"rotation": None, "position": None}, "#"),
-        ({"position": POSITION[:15]}, "#/position"),
-        ({"position": [1, 2, 3]}, "#/position/0"),
-        ({"position": [[1, 2, 3]] * 16}, "#/position/0"),
-        ({"position": [[1, 2]] * 16}, "#/position"),
-        ({"position": [[1e308, -1e308]] * 16}, "#/position/0/0"),
-        ({"position": [[k * 1e-308, 0] for k in range(16)]}, "#/position"),
-        ({"position": None, "length_scale": 1}, "#/length_scale"),
-        ({"position": None, "round_to": 1}, "#/round_to"),
-        ({"position": None, "limits": {"pivot_box": [0, 0, 1, 1]}}, "#/limits/pivot_box"),
-        ({"length_scale": 1e300}, "#/length_scale"),
-        ({"round_to": 1e-320}, "#/round_to"),
-        ({"effort": MARK}, "#/effort"),
-        ({"tolerance": -1}, "#/tolerance"),
-        ({"limits": None}, "#/limits"),
-        ({"limits": {MARK: 1}}, f"#/limits/{MARK}"),
-        ({"limits": {"transmission_angle_min": 90}}, "#/limits/transmission_angle_min"),
-        ({"limits": {"pivot_box": [1, 1, 0, 0]}}, "#/limits/pivot_box"),
-        ({"limits": {"pivot_box": [-1e308, 0, 1e308, 1]}}, "#/limits/pivot_box/0"),
-        ({"limits": {"link_min": 1e-320}}, "#/limits/link_min"),
-        ({"limits": {"link_min": 2, "link_max": 1}}, "#/limits/link_min"),
-        ({"features": True}, "#/features"),
-    ],
-}
-GOOD = {"/v1/match": {"rotation": ROTATION, "crank_span": 70}, "/v1/synthesize": EXAMPLE}
+REFUSALS = json.loads((Path(__file__).parent / "refusals.json").read_text())
+"""Of each question a body that is answered, and changes with which it is not: where the error points, what else it says."""
+REFUSED = [(path, table["body"], *row) for path, table in REFUSALS.items() for row in table["refused"]]
 
 
-@pytest.mark.parametrize(
-    ("path", "fields", "place"),
-    [(path, *row) for path, rows in WRONG.items() for row in rows],
-    ids=lambda value: json.dumps(value)[:40],
-)
-def test_a_bad_field_is_pointed_at_and_not_repeated(path, fields, place, client) -> None:
-    values = refusal(client, path, {**GOOD[path], **fields})
-    assert pointers(values)[0] == place
+@pytest.mark.parametrize("row", REFUSED, ids=lambda row: f"{row[0]} {json.dumps(row[2])[:60]}")
+def test_what_is_wrong_is_pointed_at_and_not_repeated(row, client) -> None:
+    path, body, change, place, *said = row
+    values = refusal(client, f"/v1/{path}", changed(body, change))
+    error = values["errors"][0]
+    assert values["status"] == 422 and error["pointer"] == "#" + place
     assert MARK in place or MARK not in json.dumps(values)
+    for name, wanted in said[0].items() if said else ():
+        if name == "detail":
+            assert wanted in error["detail"]
+        else:
+            assert error[name] == (pytest.approx(wanted, rel=1e-6, abs=1e-4) if name == "amount" else wanted)
 
 
 def test_a_refusal_lists_few_errors_and_cuts_long_names(client) -> None:
     values = refusal(client, "/v1/match", {"rotation": [MARK] * 1024, "crank_span": 70})
     assert len(values["errors"]) == 20 and MARK not in json.dumps(values)
+    assert pointers(refusal(client, "/v1/match", {"rotation": [1.0] * 2000, "crank_span": 70})) == ["#/rotation"]
     refusal(client, "/v1/match", {"x" * 100_000: 1})
     refusal(client, "/v1/match", {"\u00e9" * 30_000: 1})
 

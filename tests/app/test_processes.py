@@ -20,6 +20,7 @@ from typing import Any
 
 import pytest
 
+from app.computed import SMALL
 from app.server import default_workers, listening
 from tests.conftest import started
 
@@ -58,6 +59,19 @@ for query in all_queries():
 raise SystemExit(cli.main(["serve", "--port", "0", "--workers", "2", *sys.argv[1:]]))
 """
 """The command, where some questions are answered badly."""
+SLOW_PARTS = """
+from app.resources import ServiceResources
+from pathlib import Path
+from time import sleep
+make = ServiceResources.make
+
+def slowly(self, part):
+    while not (self.settings.atlas.parent / "go").exists():
+        sleep(0.01)
+    make(self, part)
+
+ServiceResources.make = slowly
+"""
 BODIES = {
     query.path: next(iter(query.examples.values())) for query in __import__("app.registry").registry.all_queries()
 }
@@ -69,7 +83,7 @@ class Running:
 
     def __init__(self, process: subprocess.Popen[str], port: int, log: Path) -> None:
         self.process, self.port, self.log = process, port, log
-        until(lambda: len(self.children()) == 3)
+        until(lambda: len(self.computing) == 2)
 
     def children(self) -> list[int]:
         return children_of(self.process.pid)
@@ -80,13 +94,18 @@ class Running:
 
     @property
     def front(self) -> int:
-        return next(number for number in self.children() if number not in self.computing)
+        return int(re.findall(r"Started server process \[(\d+)\]", self.log.read_text())[-1])
 
     def sent(self, path: str, body: Any = None) -> http.client.HTTPConnection:
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
         content = json.dumps(BODIES[path] if body is None else body)
         connection.request("POST", path, content, {"Content-Type": "application/json"})
         return connection
+
+    def get(self, path: str) -> Any:
+        with closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)) as connection:
+            connection.request("GET", path)
+            return json.load(connection.getresponse())
 
     def post(self, path: str, body: Any = None) -> tuple[int, dict[str, Any]]:
         with closing(self.sent(path, body)) as connection:
@@ -114,6 +133,14 @@ def ignores(number: int) -> bool:
     return found is not None and bool(int(found[1], 16) >> (signal.SIGTERM - 1) & 1)
 
 
+def answers(running: Running) -> bool:
+    """Whether a service answers, whose front may have ended."""
+    try:
+        return running.post(NEEDLE)[0] == 200
+    except OSError:
+        return False
+
+
 def until(condition: Any, seconds: float = PATIENCE) -> None:
     begin = time.monotonic()
     while not condition():
@@ -122,8 +149,8 @@ def until(condition: Any, seconds: float = PATIENCE) -> None:
 
 
 @contextmanager
-def serving(folder: Path, *options: str, **settings: Any) -> Iterator[Running]:
-    with started(folder, "-c", SERVICE, *(options or ["--no-atlas"]), **settings) as found:
+def serving(folder: Path, *options: str, code: str = SERVICE, **settings: Any) -> Iterator[Running]:
+    with started(folder, "-c", code, *(options or ["--no-atlas"]), **settings) as found:
         yield Running(*found)
         children = children_of(found[0].pid)
     until(lambda: not any(map(status, children)))
@@ -179,11 +206,11 @@ def test_a_process_that_is_killed_is_replaced(running) -> None:
 
 
 def test_long_bodies_are_read_elsewhere_and_wait_with_the_long_ones(running) -> None:
-    motion = {**BODIES["/v1/lift/motion"], "times": [0.001 * k for k in range(1200)]}
+    motion = {**BODIES["/v1/lift/motion"], "times": [0.001 * k for k in range(2000)]}
     motion.pop("samples", None)
-    assert len(json.dumps(motion)) > 4096
+    assert len(json.dumps(motion)) > SMALL
     assert running.post("/v1/lift/motion", motion)[0] in (200, 503)
-    status, problem = running.post("/v1/lift/motion", {**motion, "times": [0.001] * 1200 + ["x"]})
+    status, problem = running.post("/v1/lift/motion", {**motion, "times": [0.001] * 2000 + ["x"]})
     assert status == 422 and problem["errors"][0]["pointer"].startswith("#/times")
     assert running.post("/v1/lift/motion", {f"k{k}": 1 for k in range(2500)})[0] == 400
 
@@ -201,15 +228,9 @@ def test_whoever_ends_is_seen_though_no_one_wishes_anything(running) -> None:
 def test_a_front_that_is_killed_is_replaced_and_listens_on_the_same_port(running) -> None:
     before = running.front
     os.kill(before, signal.SIGKILL)
-    until(lambda: len(running.children()) == 3 and len(running.computing) == 2 and running.front != before)
+    until(lambda: len(running.computing) == 2 and running.front != before)
 
-    def answers() -> bool:
-        try:
-            return running.post(NEEDLE)[0] == 200
-        except OSError:
-            return False
-
-    until(answers)
+    until(lambda: answers(running))
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
@@ -259,17 +280,43 @@ def test_a_successor_takes_over_without_a_refused_request(tmp_path) -> None:
         until(lambda: not status(successor))
 
 
-def test_processes_share_the_atlas_and_what_is_prepared_later(small_bytes, tmp_path) -> None:
+def test_parts_of_the_index_are_made_beside_and_found_by_all(small_bytes, tmp_path) -> None:
+    """Nobody that computes is replaced for them; until they are there /readyz names them."""
     (tmp_path / "small.h5").write_bytes(small_bytes)
     with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
-        rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
-        first = running.computing
+        until(lambda: running.get("/readyz") == {"status": "ready", "preparing": []})
+        parts = {"cells", "short_spans"}
+        assert {path.name for path in (tmp_path / "small.h5.index").iterdir() if path.is_dir()} == parts
+        rotation, before = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}, running.computing
         assert running.post("/v1/match", rotation)[0] == 200
         found, rocker = running.post("/v1/match", {**rotation, "curve": "rocker"})
         assert found == 200 and rocker["matches"]
-        until(lambda: len(running.computing) == 2 and not first & running.computing)
         body = {**rotation, "position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
         assert running.post("/v1/synthesize", body)[0] == 200
+        assert running.computing == before
+        assert {path.name for path in (tmp_path / "small.h5.index").iterdir() if path.is_dir()} == parts | {
+            "positions",
+            "rocker_cells",
+        }
+
+
+def test_what_is_being_made_is_said(small_bytes, tmp_path) -> None:
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    slow = SERVICE.replace("raise SystemExit", SLOW_PARTS + "raise SystemExit")
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), code=slow) as running:
+        until(lambda: set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
+        os.kill(running.front, signal.SIGKILL)  # the next one is told, too
+        until(lambda: answers(running) and set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
+        (tmp_path / "go").touch()
+        until(lambda: running.get("/readyz")["preparing"] == [])
+
+
+def test_without_an_index_what_is_missing_is_made_for_one_answer(small_bytes, tmp_path) -> None:
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), "--no-index") as running:
+        rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80, "curve": "rocker"}
+        assert running.post("/v1/match", rotation)[0] == 200
+        assert not (tmp_path / "small.h5.index").exists()
 
 
 def test_connections_do_not_wait_for_acknowledgements() -> None:

@@ -20,7 +20,7 @@ import json, sys
 from app import cli, supervisor
 
 def ready(self):
-    self._resources.prepare()
+    self._resources.load()
     at_ready = set(sys.modules)
     question = self._questions["/v1/match"]
     body = question.model.model_validate(json.loads(sys.argv[2]))

@@ -178,7 +178,8 @@ def test_long_work_asks_the_clock_throughout(path, body, small_bytes, tmp_path, 
     query = next(query for query in all_queries() if query.path == path)
     (tmp_path / "small.h5").write_bytes(small_bytes)
     resources = ServiceResources(Settings(atlas=tmp_path / "small.h5"))
-    resources.prepare()
+    resources.load()
+    resources.prepare_rest()
     monkeypatch.setattr(resources, "__class__", Abandoned)
     begin = time.process_time()
     with pytest.raises(la.Cancelled):
@@ -195,11 +196,11 @@ class Patient:
 def turns(turnstile: Turnstile, story: Any) -> Any:
     async def told() -> Any:
         def ask(seconds: float, long: bool) -> asyncio.Task[Any]:
-            def work(body: Any, resources: Any) -> float:
-                time.sleep(seconds)
+            async def work(queued: float, cancelled: Any) -> float:
+                await asyncio.sleep(seconds)
                 return time.perf_counter()
 
-            return asyncio.create_task(turnstile.run(Patient(), work, None, None, long))
+            return asyncio.create_task(turnstile.turn(Patient(), work, long))
 
         return await story(ask)
 
@@ -242,21 +243,13 @@ def test_long_requests_leave_room_to_wait() -> None:
 def test_the_end_of_the_service_ends_its_work() -> None:
     turnstile = Turnstile(2, 4)
 
-    class Resources:
-        max_budget_ms = 1e6
-
-        def work(self, budget, cancelled):
-            from linkage_atlas import Work
-
-            return Work(budget, cancelled)
-
     async def story() -> Any:
-        def work(body: Any, resources: Any) -> None:
-            watch = resources.work()
+        async def work(queued: float, cancelled: Any) -> None:
+            watch = la.Work(cancelled=cancelled)
             while not watch.expired():
-                time.sleep(0.005)
+                await asyncio.sleep(0.005)
 
-        task = asyncio.create_task(turnstile.run(Patient(), work, None, Resources()))
+        task = asyncio.create_task(turnstile.turn(Patient(), work))
         await asyncio.sleep(0.05)
         turnstile.stop()
         return await asyncio.gather(task, return_exceptions=True)

@@ -12,24 +12,16 @@ from pathlib import Path
 
 import pytest
 
+from data_build import batch
 from data_build.batch import build_atlas
 from data_build.cli import EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, main
 from data_build.executors import local_executor
 from synthesis.atlas.file import encode_atlas
+from synthesis.atlas.table import AtlasRule
 from synthesis.errors import FieldError
+from synthesis.fourbar.dimension_types import TypeRule, count_types
 from tests.conftest import make_atlas
-from tests.data_build.test_batch import OPTIONS, ROOT, RULE, Here, left_in, start
-
-
-@pytest.fixture(scope="module")
-def wanted() -> bytes:
-    """The file of `RULE`, without the batch."""
-    return encode_atlas(make_atlas(RULE))
-
-
-@pytest.fixture
-def out(tmp_path) -> Path:
-    return tmp_path / "atlas.h5"
+from tests.data_build.conftest import OPTIONS, ROOT, RULE, Here, left_in, start
 
 
 @pytest.mark.parametrize("kind", ["fifo", "folder", "device", "link to a device", "link to nowhere", "link"])
@@ -123,8 +115,11 @@ def test_an_interrupt_while_importing_shows_no_traceback(entry, command, name) -
     assert (done.stdout, done.stderr) == ("", "") and done.returncode == -getattr(signal, name)
 
 
-def test_whichever_write_fails_the_old_file_is_kept(out, wanted, monkeypatch) -> None:
+def test_whichever_write_fails_the_old_file_is_kept(out, monkeypatch) -> None:
     """Every call that may fail on a disk, one after the other: the old file or the new one, and the next build succeeds."""
+    rule = AtlasRule(TypeRule(60, 2), 16)
+    wanted = encode_atlas(make_atlas(rule))
+    monkeypatch.setattr(batch, "SHARD_TYPES", count_types(rule.types) // 3 + 1)
     out.write_bytes(b"old")
     calls = {"left": -1}
     codes = (errno.ENOSPC, errno.EIO)  # in turn
@@ -171,12 +166,12 @@ def test_whichever_write_fails_the_old_file_is_kept(out, wanted, monkeypatch) ->
         shutil.rmtree(out.with_name("atlas.h5.parts"), ignore_errors=True)  # the whole way again
         calls["left"] = nth
         try:
-            build_atlas(RULE, out, Here())
+            build_atlas(rule, out, Here())
         except OSError as error:
             failures += 1
             assert error.errno == codes[nth % 2] and out.read_bytes() in (b"old", wanted)
             continue
         break
     calls["left"] = -1
-    build_atlas(RULE, out, Here())
+    build_atlas(rule, out, Here())
     assert out.read_bytes() == wanted and left_in(out.parent) == ["atlas.h5"] and failures >= 10

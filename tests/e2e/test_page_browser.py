@@ -5,11 +5,13 @@ With ``LINKAGE_ATLAS_SCREENSHOTS=1`` the picture docs/img/page.png is made anew.
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
 import json
 import time
 import xml.etree.ElementTree as ElementTree
+import zlib
 
 import ezdxf
 import httpx2 as httpx
@@ -492,45 +494,8 @@ def test_the_picture_stops_at_samples(standing) -> None:
     assert max(seen) > 60
 
 
-BODIES = [
-    {
-        "rotation": [0, None, 20],
-        "position": [[0, 0], [3, 4], None],
-        "timing": "free",
-        "order": "any",
-        "closed": True,
-        "limits": {"preset": "none"},
-    },
-    {
-        "rotation": [0, 5, 20],
-        "position": [[0, 0], [3, 4], [5, 9]],
-        "timing": "free",
-        "crank_span_max": 120,
-        "prefer": "crank_span",
-        "weights": {"rotation": [1, 0, 2], "position": [1, 2, 3]},
-        "tolerances": {"rotation": 0.5, "position": [0.1, 0.2, 0.3]},
-        "limits": {"preset": "none", "transmission_angle_min": 35},
-    },
-    {
-        "position": [[0, 0], [3, 4]],
-        "timing": "free",
-        "tolerances": {"position": 0.2},
-        "prefer": "error",
-        "sensitivity": True,
-        "limits": {"preset": "practical", "link_ratio_max": 1e6},
-    },
-    {"rotation": [0, 5, None, 20], "crank_angle": [0, -5, -9, -20], "limits": {"family": "any", "link_ratio_max": 5}},
-    {"rotation": [0, 5, 20], "crank_span": 70, "weights": {"rotation": [1, 0, 1]}},
-    {
-        "position": [[0, 0], [3, 4], [5, 9]],
-        "crank_span": -70,
-        "prefer": "size",
-        "lengths_from": [20, 35.5, 50],
-        "analysis": {"crank_speed": -30, "load": {"force": [0, -20], "torque": 4}},
-        "tolerance_study": {"links": 0.05, "clearance": 0.02, "samples": 3000, "seed": 1},
-    },
-    {"rotation": [0, 5, 20], "crank_span": 70, "analysis": {"crank_speed": 30}},
-]
+BODIES = json.loads((ROOT / "tests/e2e/bodies.json").read_text())
+"""Requests that between them have every field."""
 
 
 @pytest.mark.parametrize("body", BODIES)
@@ -546,6 +511,21 @@ def test_requests_keep_all_their_fields(standing, body) -> None:
     )
     assert again == {**body, "top": 5} and linked == again
     assert rows == again
+
+
+@pytest.mark.parametrize(
+    ("size", "found"), [(900_000, "900000"), (1_100_000, "The link is damaged"), (10**8, "The link is damaged")]
+)
+def test_a_link_holds_no_more_than_a_request_may(size, found, standing) -> None:
+    """A hundred megabytes come from a link of a hundred kilobytes."""
+    packer = zlib.compressobj(wbits=-15)
+    text = base64.urlsafe_b64encode(packer.compress(json.dumps("x" * size).encode()) + packer.flush()).decode()
+    said = standing.later(
+        "const [text, done] = arguments; import('/static/link.js').then(async (l) => {"
+        "try { done(String((await l.fromFragment(text)).length)); } catch (error) { done(error.message); } })",
+        f"z={text}",
+    )
+    assert said.startswith(found)
 
 
 def test_a_request_in_radians_is_read_in_degrees(standing) -> None:

@@ -6,7 +6,9 @@ linkage within the practical limits has at most, in `good.toml` (``python -m tes
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,68 +89,8 @@ def drawn(shape: str, count: int, wobble: float = 0.0) -> dict[str, Any]:
 
 
 # -- bodies that are carried ------------------------------------------------------------------------------------------
-# x, y and angle of each pose, in mm and degrees; ".": missing.
-
-POSES = {
-    "casement": "0 0 0; 40 8 8; 80 22 17; 118 42 27; 150 66 38; 178 95 50; 198 128 62; 210 160 75",
-    "casement, three poses": "0 0 0; 40 8 15; 75 30 40",
-    "garage door": "0 0 90; 60 400 80; 180 800 60; 420 1200 38; 800 1500 18; 1250 1650 6; 1700 1700 0",
-    "garage door, five poses": "0 0 90; 150 700 65; 500 1300 35; 1000 1600 12; 1600 1700 0",
-    "bucket": "0 0 0; 60 150 -2; 95 320 2; 110 500 12; 130 690 25; 190 880 38; 300 1050 45; 450 1180 48",
-    "bucket that tips": "0 0 0; 10 120 5; 30 240 12; 65 350 25; 120 430 48; 190 460 78; 250 440 105",
-    "bonnet": "0 0 0; -30 60 6; -55 130 13; -70 210 21; -75 300 30; -70 390 39; -55 480 48",
-    "boot lid": "0 0 0; 20 90 10; 60 175 22; 120 250 36; 195 305 52; 275 335 68; 350 340 82",
-    "landing gear": "0 0 -90; 70 12 -75; 135 45 -58; 190 95 -40; 228 160 -22; 245 230 -5; 240 295 8",
-    "landing gear, four poses": "0 0 -90; 110 30 -62; 200 110 -32; 245 230 0",
-    "knee": "0 0 0; 3 6 20; 8 11 40; 14 14 60; 20 15 80; 26 14 100; 31 11 120",
-    "gripper": "0 0 0; 2 9 0; 5 18 1; 9 27 2; 14 35 5; 20 42 9",
-    "gripper that stays level": "0 0 0; 8 15 0; 18 28 0; 30 38 0; 44 45 0",
-    "wiper blade": "0 0 0; 60 110 18; 160 200 36; 285 255 55; 420 265 74; 540 225 93; 630 150 110",
-    "desk lamp": "0 0 0; 30 55 0; 70 100 0; 120 130 0; 175 145 0",
-    "pick and place": "0 0 0; 0 40 0; 30 80 0; 90 95 0; 150 80 0; 180 40 0; 180 0 0",
-    "pick, turn and place": "0 0 0; 10 60 15; 60 110 45; 130 120 75; 190 80 90; 210 20 90",
-    "oven door": "0 0 90; 40 -8 75; 85 -30 58; 125 -65 40; 155 -110 22; 170 -160 6; 170 -190 0",
-    "kitchen flap": "0 0 0; 20 60 12; 60 115 28; 115 155 46; 180 175 64; 250 170 80; 315 145 90",
-    "tipping body": "0 0 0; -20 30 8; -45 70 17; -75 120 27; -108 180 37; -140 250 46; -165 320 54",
-    "sofa bed": "0 0 0; 120 90 10; 270 150 20; 440 165 25; 610 130 20; 760 60 10; 880 0 0",
-    "folding step": "0 0 90; 60 -20 70; 120 -70 48; 165 -140 26; 190 -215 6; 195 -240 0",
-    "window vent": "0 0 0; 4 20 5; 10 42 10; 18 66 15; 28 92 20; 40 120 25",
-    "hospital bed": "0 0 0; -15 40 8; -40 85 17; -75 130 27; -120 170 38; -175 200 50; -235 215 62",
-    "drawbridge": "0 0 0; -10 80 10; -40 165 22; -90 245 35; -160 310 49; -245 350 63; -340 360 77",
-    "solar panel": "0 0 10; 30 20 20; 55 45 31; 74 76 42; 86 110 53; 90 146 64",
-    "hatch that slides and turns": "0 0 0; 80 5 0; 160 12 2; 240 25 8; 310 55 20; 365 105 38; 400 170 58",
-    "seat": "0 0 0; 35 -4 3; 72 -10 7; 110 -20 12; 150 -33 18; 190 -50 25",
-    "monitor arm": "0 0 0; 60 40 3; 110 100 4; 140 170 2; 150 245 0; 140 320 -3",
-    "hinge of a cupboard": "0 0 0; 12 6 14; 21 16 29; 27 29 44; 29 43 60; 27 57 76; 21 69 92",
-    "tailgate": "0 0 0; 45 20 12; 100 60 26; 160 125 42; 215 215 60; 255 325 80",
-    "poses from a sketch": "10 15 5; 45 60 30; 110 80 65; 180 60 80; 230 10 85",
-    "table of six": "0 0 0; 10 20 10; 30 30 20; 60 30 30; 100 20 40; 150 0 50",
-    "turning in place": "0 0 0; 5 2 30; 8 6 60; 8 12 90; 4 16 120",
-    "shuttle there and back": "0 0 0; 100 10 5; 200 0 0; 100 -10 -5",
-    "two poses": "0 0 0; 120 80 60",
-    "flap, angles at both ends": "0 0 0; 20 60 .; 60 115 .; 115 155 .; 180 175 .; 250 170 80",
-    "bucket, angles at four": "0 0 0; 60 150 .; 95 320 2; 110 500 .; 130 690 25; 190 880 .; 300 1050 .; 450 1180 48",
-    "bonnet, every second angle": "0 0 0; -30 60 .; -55 130 13; -70 210 .; -75 300 30; -70 390 .; -55 480 48",
-    "lamp, first and last level": "0 0 0; 30 55 .; 70 100 .; 120 130 .; 175 145 0",
-    "knee, some angles": "0 0 0; 3 6 .; 8 11 40; 14 14 .; 20 15 80; 26 14 .; 31 11 120",
-    "gear, one angle missing": "0 0 -90; 70 12 -75; 135 45 .; 190 95 -40; 228 160 -22; 245 230 -5",
-    "wiper, only the ends": "0 0 0; 60 110 .; 160 200 .; 285 255 .; 420 265 .; 540 225 .; 630 150 110",
-    "place missing in the middle": "0 0 0; 40 8 8; . . 17; 118 42 27; 150 66 38; . . 50; 198 128 62",
-}
-# positions of a point alone
-POINTS = {
-    "needle bar": "0 0; 1 6; 1.5 13; 1 20; 0 26; -1 20; -1.5 13; -1 6",
-    "pump jack": "0 0; 8 150; 12 330; 10 520; 0 700; -12 520; -16 330; -10 150",
-    "walking foot": "0 0; 40 0; 80 0; 120 0; 160 0; 150 35; 110 60; 60 62; 15 40",
-    "film claw": "0 0; 0 5; 0 10; 0 15; 0 20; 4 20; 6 15; 6 10; 6 5; 4 0",
-    "stirrer": "0 0; 50 20; 80 70; 70 130; 20 160; -40 140; -70 90; -50 30",
-    "crane hook": "0 0; 25 1; 50 1; 75 0; 100 0; 125 -1; 150 0",
-    "five points": "0 0; 30 40; 80 50; 120 30; 140 -10",
-    "three points": "0 0; 50 40; 120 50",
-    "round numbers": "0 0; 100 0; 200 50; 300 150; 350 300; 350 450",
-    "points in metres": "0 0; 0.12 0.05; 0.25 0.08; 0.39 0.09; 0.54 0.07; 0.66 0.02",
-    "far from the origin": "5000 3000; 5040 3030; 5090 3045; 5140 3040; 5180 3015; 5200 2975",
-}
+QUESTIONS = tomllib.loads(Path(__file__).with_name("questions.toml").read_text())
+POSES, POINTS, FUNCTIONS = (QUESTIONS[kind] for kind in ("poses", "points", "functions"))
 
 
 def carried(table: str) -> dict[str, Any]:
@@ -160,26 +102,7 @@ def carried(table: str) -> dict[str, Any]:
     return request
 
 
-# -- functions and motions in step with a crank -----------------------------------------------------------------------
-
-_LOG = {"function": {"name": "log10", "x": [1, 2], "output_span": 60}, "crank_span": 60}
-FUNCTIONS: dict[str, dict[str, Any]] = {
-    "x^1.5": {"function": {"name": "power", "exponent": 1.5, "x": [0, 1], "output_span": 90}, "crank_span": 90},
-    "x^2": {"function": {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 60}, "crank_span": 90},
-    "root": {"function": {"name": "power", "exponent": 0.5, "x": [0.1, 1], "output_span": 80}, "crank_span": 100},
-    "log": _LOG,
-    "log, largest error": _LOG | {"objective": "max"},
-    "sine": {"function": {"name": "sin", "x": [0, 90], "output_span": 90}, "crank_span": 90},
-    "tangent": {"function": {"name": "tan", "x": [0, 45], "output_span": 90}, "crank_span": 90},
-    "1/x": {"function": {"name": "reciprocal", "x": [1, 2], "output_span": 90}, "crank_span": 90},
-    "toggle": {"output": [0, 22, 40, 54, 64, 71, 75, 77, 78], "crank_span": 80},
-    "toggle, few": {"input": [0, 20, 45, 70], "output": [0, 30, 52, 58]},
-    "pairs": {"input": [0, 30, 55, 85, 110], "output": [0, 18, 38, 66, 84]},
-    "pairs, falling": {"input": [0, 25, 50, 80], "output": [60, 48, 30, 0]},
-    "steering": {"input": [-40, -20, 0, 20, 40], "output": [-32, -17.5, 0, 23.5, 53]},
-    "even": {"output": [0, 10, 20, 30, 40, 50, 60], "crank_span": 120},
-    "dwell": {"output": [0, 0.5, 0, 4, 14, 30, 46, 58, 64], "crank_span": 160},
-}
+# -- motions in step with a crank --------------------------------------------------------------------------------------
 
 
 def timed(table: str, span: float) -> dict[str, Any]:

@@ -35,32 +35,6 @@ def test_radians_in_radians_out(motion) -> None:
     assert best.crank_angle == pytest.approx(np.deg2rad(CRANK), abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "field", "words"),
-    [
-        ({"timing": "free", "crank_span": 70}, "/crank_span", "free"),
-        ({"timing": "free", "crank_angle": CRANK}, "/crank_angle", "free"),
-        ({"timing": "slow"}, "/timing", "free"),
-        ({"timing": "free", "order": "some"}, "/order", "given"),
-        ({"timing": "free", "crank_span_max": 400}, "/crank_span_max", "400"),
-        ({"timing": "free", "effort": "atlas"}, "/effort", "refine"),
-        ({"timing": "free", "weights": {"place": [1] * 6}}, "/weights/place", "rotation and position"),
-        ({"timing": "free", "weights": {"rotation": [1] * 5}}, "/weights/rotation", "6 weights"),
-        ({"timing": "free", "weights": {"position": [1, 1, -1, 1, 1, 1]}}, "/weights/position/2", "at least 0"),
-        ({"timing": "free", "tolerances": {"rotation": 0}}, "/tolerances/rotation", "above 0"),
-        ({"timing": "free", "tolerances": {"position": [1, 1, 1]}}, "/tolerances/position", "6 numbers"),
-        ({"timing": "free", "tolerances": {"time": 1}}, "/tolerances/time", "rotation and position"),
-        ({"crank_span": 70, "order": "any"}, "/order", "timing"),
-        ({"crank_span": 70, "closed": True}, "/closed", "timing"),
-        ({"crank_span": 70, "crank_span_max": 90}, "/crank_span_max", "timing"),
-    ],
-)
-def test_what_is_wrong_is_named(motion, arguments, field, words) -> None:
-    with pytest.raises(la.FieldError, match=words) as caught:
-        la.synthesize(*motion, **arguments)
-    assert caught.value.field == field
-
-
 def test_rotations_alone_fix_nothing(motion) -> None:
     with pytest.raises(la.FieldError, match="any rotation within the coupler's swing") as caught:
         la.synthesize(motion[0], timing="free", limits={"preset": "none"})

@@ -59,46 +59,6 @@ def test_the_dial_of_a_function_that_turns_back_is_as_long_as_the_function_is_hi
     assert np.rad2deg(dials.output.min()) == pytest.approx(-50, rel=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "field"),
-    [
-        ({}, "/output"),
-        ({"output": [1, 2, 3], "function": SQUARE, "crank_span": 9}, "/output"),
-        ({"output": [1, 2, 3]}, "/crank_span"),
-        ({"input": [0, 10, 10, 20], "output": [0, 1, 2, 3]}, "/input/2"),
-        ({"input": [0, 10, 5], "output": [0, 1, 2]}, "/input/2"),
-        ({"output": [0, float("nan"), 2], "crank_span": 9}, "/output/1"),
-        ({"output": [0, 1], "crank_span": 9}, "/output"),
-        ({"output": [0, 1, 2, 1], "crank_span": 9, "one_way": True}, "/output/3"),
-        ({"output": [0, 1, 2], "crank_span": 9, "weights": [1, -1, 1]}, "/weights/1"),
-        ({"output": [0, 1, 2], "crank_span": 9, "objective": "mean"}, "/objective"),
-        ({"output": [0, 1, 2], "crank_span": 9, "round_to": 1}, "/round_to"),
-        ({"output": [0, 1, 2], "crank_span": 9, "limits": {"pivot_box": [0, 0, 1, 1]}}, "/limits/pivot_box"),
-        ({"output": [0, 1, 2], "crank_span": 9, "limits": {"links": {"crank": 3}}}, "/limits/links/ground"),
-        ({"output": [0, 1, 2], "crank_span": 9, "limits": {"links": {"ground": -3}}}, "/limits/links/ground"),
-        ({"output": [0, 1, 2], "crank_span": 9, "limits": {"preset": "mad"}}, "/limits/preset"),
-        ({"output": [0, 1, 2], "crank_span": 9, "input_zero": float("inf")}, "/input_zero"),
-        ({"function": SQUARE}, "/crank_span"),
-        ({"function": SQUARE, "input": [0, 1, 2]}, "/input"),
-        ({"function": {**SQUARE, "name": "__import__"}, "crank_span": 9}, "/function/name"),
-        ({"function": {**SQUARE, "exponent": None}, "crank_span": 9}, "/function/exponent"),
-        ({"function": {**SQUARE, "x": [-1, 1], "exponent": 0.5}, "crank_span": 9}, "/function/x"),
-        ({"function": {"name": "ln", "x": [0, 1], "output_span": 9}, "crank_span": 9}, "/function/x"),
-        ({"function": {"name": "reciprocal", "x": [-1, 1], "output_span": 9}, "crank_span": 9}, "/function/x"),
-        ({"function": {"name": "tan", "x": [60, 120], "output_span": 9}, "crank_span": 9}, "/function/x"),
-        ({"function": {"name": "exp", "x": [0, 1e4], "output_span": 9}, "crank_span": 9}, "/function/x"),
-        ({"function": {**SQUARE, "exponent": 0}, "crank_span": 9}, "/function"),
-        ({"function": {**SQUARE, "output_span": 0}, "crank_span": 9}, "/function/output_span"),
-        ({"function": {"table": [[0, 0], [1, 1], [1, 2]], "output_span": 9}, "crank_span": 9}, "/function/table/2"),
-        ({"function": {"table": [[0, 0], [1, 1]], "output_span": 9}, "crank_span": 9}, "/function/table"),
-    ],
-)
-def test_what_is_wrong_is_named(arguments: dict[str, Any], field: str) -> None:
-    with pytest.raises(la.FieldError) as error:
-        la.function(**arguments)
-    assert error.value.field == field
-
-
 def test_a_callable_is_the_function_whether_it_takes_arrays_or_numbers() -> None:
     options = {"crank_span": 60, "objective": "max", "limits": {"transmission_angle_min": 30}, "top": 1}
     named = la.function(function={"name": "log10", "x": [1, 2], "output_span": -90, "samples": 41}, **options)

@@ -57,9 +57,7 @@ def test_what_is_preferred_is_searched_for(prefer: str, by_error: la.Solution) -
         assert values == sorted(values)
 
 
-def test_size_is_the_default_with_tolerances_alone(by_error: la.Solution) -> None:
-    sized = la.synthesize(**CASEMENT, top=1).best
-    assert sized.size < by_error.size and sized.errors.objective > by_error.errors.objective
+def test_without_tolerances_the_least_error_is_the_default(by_error: la.Solution) -> None:
     without = {name: value for name, value in CASEMENT.items() if name != "tolerances"}
     assert la.synthesize(**without, top=1).best.errors.objective == pytest.approx(by_error.errors.objective, rel=0.02)
 
@@ -77,14 +75,19 @@ def test_whole_turns_do_not_count_where_crank_angles_are_free() -> None:
         assert one.verdict.within_tolerance == (off <= 1 and near <= 2)
 
 
-def test_given_crank_angles_have_sizes_too() -> None:
+def test_size_is_the_default_with_tolerances_also_with_given_crank_angles() -> None:
     joints = MOUNTED.joints(np.linspace(0, 70, 16))
     asked = {"rotation": joints.rotation, "position": joints.body_point, "crank_span": 70}
     wide = {"rotation": 0.5, "position": 0.3}
-    small = la.synthesize(**asked, tolerances=wide, top=2)
-    exact = la.synthesize(**asked, tolerances=wide, prefer="error", top=2)
-    assert small.status == exact.status == "reached"
-    assert small.best.size < 0.9 * exact.best.size
+    default, small, exact = (
+        la.synthesize(**asked, tolerances=wide, prefer=prefer, top=2) for prefer in (None, "size", "error")
+    )
+    assert default.status == small.status == exact.status == "reached"
+    assert (
+        default.best.linkage.links == pytest.approx(small.best.linkage.links)
+        and small.best.size < 0.9 * exact.best.size
+    )
+    assert exact.best.errors.objective < small.best.errors.objective
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.atlas.file import load_atlas
+from linkage_atlas.cache import open_atlas
 from synthesis.atlas.scan import Scan, best_rows
 from synthesis.fourbar.kinematics import coupler_angle, wrap
 from synthesis.fourbar.limits import Limits
@@ -145,7 +145,8 @@ def test_a_body_that_turns_with_the_crank_leaves_the_coupler_out() -> None:
 
 @pytest.fixture(scope="module")
 def default_scan(atlas_path) -> Scan:
-    return Scan(load_atlas(atlas_path))
+    """Of the index that the tests of the service make or use."""
+    return open_atlas(atlas_path).scan
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1.0, 0.0), (1e-9, 2e7)], ids=["as_is", "small_and_far"])

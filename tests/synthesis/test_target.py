@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.atlas.scan import Scan
-from synthesis.errors import FieldError
 from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.pose import objective
@@ -26,42 +25,6 @@ def test_positions_of_any_kind_of_array_are_the_same(make) -> None:
     plain = make_target(position=LINE + 0j, crank_span=1.0)
     other = make_target(position=make(LINE + 0j if make is not list else LINE), crank_span=1.0)
     assert np.array_equal(other.position, plain.position) and other.length_scale == plain.length_scale == 2.0
-
-
-@pytest.mark.parametrize(
-    ("fields", "pointer"),
-    [
-        ({}, ""),
-        ({"rotation": LINE}, "/crank_span"),
-        ({"rotation": LINE, "crank_span": 1.0, "crank_angle": LINE}, "/crank_span"),
-        ({"rotation": LINE[:2], "crank_span": 1.0}, "/rotation"),
-        ({"rotation": LINE * np.nan, "crank_span": 1.0}, "/rotation/0"),
-        ({"rotation": LINE, "position": LINE[:3], "crank_span": 1.0}, "/position"),
-        ({"rotation": LINE, "crank_span": 0.0}, "/crank_span"),
-        ({"rotation": LINE, "crank_span": np.inf}, "/crank_span"),
-        ({"rotation": LINE, "crank_span": np.nan}, "/crank_span"),
-        ({"rotation": LINE, "crank_angle": [0, 1, 1, 2]}, "/crank_angle/2"),
-        ({"rotation": LINE, "crank_span": 1.0, "length_scale": 1.0}, "/length_scale"),
-        ({"position": LINE * 0 + 7, "crank_span": 1.0}, "/position"),
-        ({"position": LINE * 1e101, "crank_span": 1.0}, "/position"),
-        ({"position": LINE, "crank_span": 1.0, "length_scale": 0.0}, "/length_scale"),
-        ({"rotation": LINE, "crank_span": 1.0, "rotation_weights": [1, 1, 1]}, "/weights/rotation"),
-        ({"rotation": LINE, "crank_span": 1.0, "rotation_weights": [[1, 1, 1, 1]]}, "/weights/rotation"),
-        ({"rotation": LINE, "crank_span": 1.0, "rotation_weights": [1, 1, -1e-9, 1]}, "/weights/rotation/2"),
-        ({"rotation": LINE, "crank_span": 1.0, "rotation_weights": [1, np.nan, 1, 1]}, "/weights/rotation/1"),
-        ({"rotation": LINE, "crank_span": 1.0, "rotation_weights": [1, 1, 1, np.inf]}, "/weights/rotation/3"),
-        ({"rotation": LINE, "crank_span": 1.0, "rotation_weights": np.zeros(4)}, "/weights/rotation"),
-        ({"rotation": LINE, "crank_span": 1.0, "position_weights": np.ones(4)}, "/weights/position"),
-        ({"position": LINE, "crank_span": 1.0, "rotation_weights": np.ones(4)}, "/weights/rotation"),
-        ({"position": LINE, "crank_span": 1.0, "position_weights": [1, -1, 1, 1]}, "/weights/position/1"),
-        # what is given is one point: the others are missing
-        ({"position": LINE, "crank_span": 1.0, "position_weights": [0, 0, 5, 0]}, "/position"),
-    ],
-)
-def test_what_is_wrong_is_named(fields, pointer) -> None:
-    with pytest.raises(FieldError) as caught:
-        make_target(**fields)
-    assert caught.value.field == pointer
 
 
 # -- weights ----------------------------------------------------------------------------------------------------------

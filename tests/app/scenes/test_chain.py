@@ -9,22 +9,9 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from app.cli import main
+from tests.conftest import finite
 
 PUBLISHED = {"pitch": 131, "links": 16, "upper_radius": 181.78}
-
-
-def numbers(value):
-    """All numbers of a reply; a NaN or an infinity would be a string."""
-    if isinstance(value, dict):
-        for item in value.values():
-            yield from numbers(item)
-    elif isinstance(value, list):
-        for item in value:
-            yield from numbers(item)
-    elif isinstance(value, str):
-        assert value not in ("NaN", "Infinity", "-Infinity")
-    elif isinstance(value, float):
-        yield value
 
 
 def test_the_contracts_request_and_reply(client) -> None:
@@ -32,7 +19,7 @@ def test_the_contracts_request_and_reply(client) -> None:
     response = client.post("/v1/chain/slot", json=body)
     assert response.status_code == 200, response.text
     reply = response.json()
-    assert all(math.isfinite(number) for number in numbers(reply))
+    assert finite(reply)
     assert reply["status"] == "closed"
     geometry = reply["geometry"]
     assert geometry["lower_radius"] == pytest.approx(381.494324181, abs=1e-6)
@@ -103,40 +90,6 @@ def test_layouts_that_cannot_close(change, nearest, key, client, capsys, tmp_pat
     file.write_text(json.dumps(body))
     assert main(["chain", "slot", str(file)]) == 2
     assert str(row["nearest_links"]) in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("change", "pointer"),
-    [
-        ({"pitch": 0}, "/pitch"),
-        ({"pitch": "131"}, "/pitch"),
-        ({"pitch": True}, "/pitch"),
-        ({"pitch": 1e308}, "/pitch"),
-        ({"pitch": 1e-300}, "/pitch"),
-        ({"links": 2}, "/links"),
-        ({"links": 16.0}, "/links"),
-        ({"links": 10**6}, "/links"),
-        ({"upper_radius": 60}, "/upper_radius"),
-        ({"upper_radius": 1e9, "pitch": 1.0}, "/upper_radius"),
-        ({"wheel_radius": 65.5}, "/wheel_radius"),
-        ({"lower_radius": 300.0}, "/lower_radius"),
-        ({"lower_radius": 60.0}, "/lower_radius"),
-        ({"lower_radius": 300.0, "eccentricity": 10.0}, "/lower_radius"),
-        ({"lower_radius": 500.0, "eccentricity": 90.0}, "/lower_radius"),
-        ({"eccentricity": 0}, "/eccentricity"),
-        ({"lower_radius": 1e9, "eccentricity": 1e-9}, "/lower_radius"),
-        ({"samples": 10_002}, "/samples"),
-        ({"pitch": 1, "links": 1000, "upper_radius": 80, "wheel_radius": 50, "samples": 10_001}, "/samples"),
-        ({"fit": {"kind": "polynomial", "order": 91}}, "/fit/order"),
-        ({"fit": {"kind": "chebyshev", "order": 0}}, "/fit/order"),
-        ({"angle_unit": "grad"}, "/angle_unit"),
-        ({"phase_start": "now"}, "/phase_start"),
-    ],
-)
-def test_bad_requests_name_the_field(change, pointer, client) -> None:
-    response = client.post("/v1/chain/slot", json={**PUBLISHED, **change})
-    assert response.status_code == 422, response.text
-    assert response.json()["errors"][0]["pointer"].startswith("#" + pointer)
 
 
 def test_a_roller(client) -> None:
@@ -222,40 +175,6 @@ def test_the_crescent_as_any_track_gives_the_same_slot(client) -> None:
     assert pairs == {(10, 2), (12, 3), (16, 0), (2, 1)}
 
 
-LINE = {"kind": "line", "start": [0, 0], "end": [1, 0]}
-ARC = {"kind": "arc", "centre": [0, 0], "radius": 1, "start_angle": 0}
-
-
-@pytest.mark.parametrize(
-    ("body", "pointer"),
-    [
-        ({}, "#/segments"),
-        ({"stadium": {"radius": 60}, "segments": [LINE]}, "#/segments"),
-        ({"stadium": {"radius": 60}}, "#/links"),
-        ({"stadium": {"radius": 20}, "links": 9}, "#/stadium/radius"),
-        ({"stadium": {"radius": 60}, "links": 3}, "#/links"),
-        ({"segments": []}, "#/segments"),
-        ({"segments": [LINE]}, "#/segments/0"),
-        ({"segments": [LINE] * 51}, "#/segments"),
-        ({"segments": [{**LINE, "end": [0, 0]}]}, "#/segments/0"),
-        ({"segments": [{**LINE, "end": [1]}]}, "#/segments/0"),
-        ({"segments": [{**ARC, "sweep": 0}]}, "#/segments/0"),
-        ({"segments": [{**ARC, "sweep": 1e300}]}, "#/segments/0"),
-        ({"segments": [{"kind": "spiral"}]}, "#/segments/0"),
-        ({"stadium": {"radius": 60, "straight": 216}, "driver_segment": 4}, "#/driver_segment"),
-        ({"stadium": {"radius": 60, "straight": 216}, "free_segment": 4}, "#/free_segment"),
-        ({"stadium": {"radius": 60, "straight": 20}, "driver_segment": 1}, "#/driver_segment"),
-        ({"stadium": {"radius": 1e-9, "straight": 1e-9}}, "#/pitch"),
-        ({"stadium": {"radius": 1e9, "straight": 1e9}}, "#/pitch"),
-        ({"stadium": {"radius": 20, "straight": 100}}, "#/pitch"),
-    ],
-)
-def test_tracks_that_are_none(body, pointer, client) -> None:
-    response = client.post("/v1/chain/track", json={"pitch": 50, **body})
-    assert response.status_code == 422, response.text
-    assert response.json()["errors"][0]["pointer"].startswith(pointer), response.text
-
-
 # Stretch, pins, powers, tolerances
 
 
@@ -293,13 +212,10 @@ def test_all_pins_over_http_and_as_a_table(client) -> None:
     assert radians["theta"][0] == pytest.approx([math.radians(angle) for angle in pins["theta"][0]])
 
 
-def test_pins_of_any_track_and_their_limit(client) -> None:
+def test_pins_of_any_track(client) -> None:
     body = {"pitch": 50, "links": 16, "stadium": {"radius": 60}, "samples": 11, "include": ["pins", "outline"]}
     reply = client.post("/v1/chain/track", json=body).json()
     assert reply["pins"]["theta"] is None and len(reply["pins"]["xy"][0]) == 16 and reply["outline"]["left"] is None
-    many = {**PUBLISHED, "samples": 10_001, "links": 30, "upper_radius": 500, "include": ["pins"]}
-    refused = client.post("/v1/chain/slot", json=many)
-    assert refused.status_code == 422 and refused.json()["errors"][0]["pointer"] in ("#/samples", "#/links")
 
 
 def test_powers_of_the_fit_for_a_control(client) -> None:
@@ -326,9 +242,3 @@ def test_tolerances_over_http(client) -> None:
     assert abs(reply["pitch_error_min"]) < 1e-9 and reply["status"] == "stretched"
     kept = client.post("/v1/chain/tolerance", json={"lower_radius": 381.7}).json()
     assert kept["status"] == "kept" and kept["pitch_error_min"] < 0 < kept["tolerance"]["slack_min"]
-    for body, pointer in (
-        ({"pitch_errors": [7]}, "#/pitch_errors"),
-        ({"tolerances": {"pitch": 7}}, "#/tolerances/pitch"),
-    ):
-        refused = client.post("/v1/chain/tolerance", json=body)
-        assert refused.status_code == 422 and refused.json()["errors"][0]["pointer"] == pointer

@@ -13,6 +13,7 @@ import pytest
 from app import cli
 from app.scenes import knotter as models
 from synthesis.knotter.conditions import MAX_PIECES
+from tests.conftest import finite
 
 ROOT = Path(__file__).parents[3]
 FIGURES = json.loads((ROOT / "tests" / "reference" / "knotter.json").read_text())
@@ -32,14 +33,6 @@ def ask(client, path, **body):
 
 def scan(client, **body):
     return ask(client, "scan", **body)
-
-
-def finite(value) -> bool:
-    if isinstance(value, dict):
-        return all(map(finite, value.values()))
-    if isinstance(value, list):
-        return all(map(finite, value))
-    return not isinstance(value, float) or math.isfinite(value)
 
 
 def test_defaults_give_the_published_pattern(reference) -> None:
@@ -177,81 +170,6 @@ def test_limit_over_http(client) -> None:
     assert limit["holds"] == "below" and found["status"] == "limited"
     for between, status in (([20, 30], "always"), ([80, 90], "never")):
         assert client.post("/v1/knotter/limit", json={"between": between}).json()["status"] == status
-
-
-D1 = {"name": "d1", "low": 0, "high": 200}
-SCAN_REFUSALS = {
-    "empty grid": ({"grid": {"alpha1": []}}, "/grid/alpha1", ""),
-    "coincident points": ({"points": {"S4": [0, 16, -12]}}, "/points", "S3 and S4"),
-    "rope's end on a vertex": ({"points": {"S1": [0, 16, -12]}}, "/points", "S1 and S3"),
-    "edge without length": ({"points": {"S7": [56.5, 0, -30.5]}}, "/points", "S7 and S9"),
-    "points on a line": ({"points": {"S5": [0, 12, -20]}}, "/points", "S3, S4 and S5"),
-    "hook without a blade": ({"points": {"S8": [0, 0, 0]}}, "/points", "O5 and S8"),
-    "law too short": ({"laws": {"beta": {"table": [[0, 0], [90, 45]]}}}, "/laws/beta", "not defined"),
-    "law elsewhere": ({"laws": {"alpha4": {"table": [[0, 22], [10, 0]]}}}, "/laws/alpha4", "not defined"),
-    "lock before the law": (
-        {"conditions": ["clearance"], "laws": {"alpha4": {"table": [[280, 22], [337, 0]], "outside": "error"}}},
-        "/laws/alpha4",
-        "not defined",
-    ),
-    "law of one row": ({"laws": {"alpha4": {"table": [[270, 22]]}}}, "/laws/alpha4", "two rows"),
-    "law that turns back": ({"laws": {"beta": {"table": [[0, 1], [9, 2], [8, 3]]}}}, "/laws/beta", "row 2"),
-    "law of nothing": ({"laws": {"beta": {}}}, "/laws/beta", "exactly one"),
-    "law twice": ({"laws": {"beta": {"lead": 0, "table": [[0, 1], [9, 2]]}}}, "/laws/beta", "exactly one"),
-    "law too fast": ({"laws": {"beta": {"table": [[0, 0], [180, 1e9], [360, 0]]}}}, "/laws", "fast"),
-    "ratio too large": ({"laws": {"beta": {"lead": 0, "ratio": 1e5}}}, "/laws/beta/ratio", ""),
-    "turned range": ({"windows": {"wrap": [180, 0]}}, "/windows/wrap", "smaller"),
-    "endless range": ({"windows": {"bite": [0, 1e6]}}, "/windows/bite", "turns"),
-    "turned clearance": ({"clearance": {"over": [300, 240]}}, "/clearance/over", "smaller"),
-    "too many pairs": ({"grid": {"alpha1": [0] * 200, "alpha3": [0] * 200}}, "/grid", "40000"),
-    "twice": ({"grid": {"d5": [54]}, "parameters": {"d5": 54}}, "/grid/d5", "both"),
-    "no condition": ({"conditions": []}, "/conditions", ""),
-    "sense of zero": ({"senses": {"alpha": 0}}, "/senses/alpha", ""),
-    "sense of true": ({"senses": {"alpha": True}}, "/senses/alpha", ""),
-    "overflow": ({"parameters": {"d1": 1e308}}, "/parameters/d1", ""),
-    "flat point": ({"points": {"S0": [1, 2]}}, "/points/S0", ""),
-}
-
-
-OTHER_REFUSALS = [
-    ("needle", {"alpha2": 90}, "/alpha2"),
-    ("needle", {"r0": 0}, "/r0"),
-    ("limit", {"between": [5, 5]}, "/between"),
-    ("limit", {"parameter": "S1"}, "/parameter"),
-    ("limit", {"parameter": "d5", "parameters": {"d5": 54}}, "/parameter"),
-    ("limit", {"parameter": "alpha3", "alpha3": 25}, "/parameter"),
-    ("limit", {"samples": 2}, "/samples"),
-    ("curves", {"over": [90, 0]}, "/over"),
-    ("curves", {"step": 1e-6}, "/step"),
-    ("curves", {"frame": "u9"}, "/frame"),
-    ("fit", {"unknowns": [{"name": "d99", "low": 0, "high": 1}]}, "/unknowns/0/name"),
-    ("fit", {"unknowns": [{"name": "d1", "low": 2, "high": 1}]}, "/unknowns/0/high"),
-    ("fit", {"unknowns": [{**D1, "start": 300}]}, "/unknowns/0/start"),
-    ("fit", {"unknowns": [{**D1, "start": 100}, {**D1, "name": "D"}]}, "/unknowns"),
-    ("fit", {"unknowns": [D1, D1]}, "/unknowns/1/name"),
-    ("fit", {"unknowns": []}, "/draws"),
-    ("fit", {"draws": 0}, "/draws"),
-    (
-        "fit",
-        {"unknowns": [{**D1, "name": "beta.lead"}], "laws": {"beta": {"table": [[0, 0], [360, 180]]}}},
-        "/unknowns/0/name",
-    ),
-    ("fit", {"pattern": []}, "/pattern"),
-]
-REFUSALS = [
-    *(pytest.param("scan", *row, id=name) for name, row in SCAN_REFUSALS.items()),
-    *((query, body, field, "") for query, body, field in OTHER_REFUSALS),
-]
-
-
-@pytest.mark.parametrize(("query", "body", "field", "word"), REFUSALS)
-def test_refusals_point_to_the_field(query, body, field, word, client) -> None:
-    reply = client.post(f"/v1/knotter/{query}", json=body)
-    assert reply.status_code == 422, reply.text
-    assert reply.headers["content-type"] == "application/problem+json"
-    row = reply.json()["errors"][0]
-    assert row["pointer"] == "#" + field
-    assert word in row["detail"]
 
 
 EXTREMES = {

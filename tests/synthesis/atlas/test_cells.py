@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from synthesis.atlas import cells as scan_cells
-from synthesis.atlas.cells import ARCS, PARTS, Arcs, Cells, make_cells
-from synthesis.atlas.descent import Left, RotationMatrix
+from synthesis.atlas.cells import ARCS, PARTS, Cells, make_cells
+from synthesis.atlas.descent import Arcs, Left, RotationMatrix
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.scan import HARMONICS, SERIES_ERROR, STARTS, Scan
 from synthesis.atlas.series import GroupKey, SeriesGroup, prepare

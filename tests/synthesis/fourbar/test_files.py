@@ -263,6 +263,12 @@ def test_radians_say_the_same_as_degrees(client, solved) -> None:
         assert float(one["coupler_direction"]) == pytest.approx(float(two["coupler_direction"]) / DEG, abs=1e-6)
 
 
+def given(crank: float, coupler: float, rocker: float, ground: float, branch: int = 1) -> dict:
+    """A solution to draw."""
+    links = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
+    return {"solution": {"links": links, "branch": branch, "start_angle": 0}}
+
+
 @pytest.mark.parametrize(
     ("change", "status"),
     [
@@ -270,46 +276,10 @@ def test_radians_say_the_same_as_degrees(client, solved) -> None:
         ({"length_unit": "furlong"}, 422),
         ({"rank": 0}, 422),
         ({"surplus": 1}, 422),
-        (
-            {
-                "solution": {
-                    "links": {"crank": -1, "coupler": 1, "rocker": 1, "ground": 1},
-                    "branch": 1,
-                    "start_angle": 0,
-                }
-            },
-            422,
-        ),
-        (
-            {
-                "solution": {
-                    "links": {"crank": 9, "coupler": 1, "rocker": 1, "ground": 1},
-                    "branch": 1,
-                    "start_angle": 0,
-                }
-            },
-            422,
-        ),
-        (
-            {
-                "solution": {
-                    "links": {"crank": 1, "coupler": 2, "rocker": 2, "ground": 2},
-                    "branch": 0,
-                    "start_angle": 0,
-                }
-            },
-            422,
-        ),
-        (
-            {
-                "solution": {
-                    "links": {"crank": 1e-99, "coupler": 1e99, "rocker": 1e99, "ground": 1},
-                    "branch": 1,
-                    "start_angle": 0,
-                }
-            },
-            200,
-        ),
+        (given(-1, 1, 1, 1), 422),
+        (given(9, 1, 1, 1), 422),
+        (given(1, 2, 2, 2, branch=0), 422),
+        (given(1e-99, 1e99, 1e99, 1), 200),
         ({"request": {"rotation": [1, 2]}}, 422),
         ({"request": None}, 422),
     ],

@@ -1,0 +1,53 @@
+"""What a search will take, by the measured table: known for every everyday question, and a guess for all others."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from app.fourbar import durations
+from app.fourbar.answers import is_long
+from app.fourbar.models import SynthesizeRequest
+from app.registry import all_queries, worked_example
+from tests.everyday.battery import KINDS, limited, rows
+
+RESULTS = Path(__file__).parents[2] / "benchmarks" / "results" / "durations.json"
+MODELS = {query.path: query.request for query in all_queries()}
+
+
+def test_the_table_is_the_committed_one_and_within_a_factor_of_three() -> None:
+    results = json.loads(RESULTS.read_text())
+    assert durations._table() == results["table"] and results["within"] >= 0.95
+    near = 0
+    for one in results["asked"]:
+        row = next(row for row in rows() if row.name == one["row"])
+        request = MODELS[f"/v1/{row.route}"].model_validate(limited(row, one["limits"]))
+        near += 1 / 3 <= one["seconds"] / durations.seconds_of(request) <= 3
+    assert near >= 0.95 * len(results["asked"])
+
+
+def test_every_kind_of_everyday_question_has_been_measured() -> None:
+    kinds = {durations.kind_of(MODELS[f"/v1/{row.route}"](**limited(row, kind))) for row in rows() for kind in KINDS}
+    assert len(kinds & durations._table()["kinds"].keys()) >= 0.9 * len(kinds), sorted(kinds)
+
+
+@pytest.mark.parametrize(
+    ("more", "long"),
+    [
+        ({}, False),
+        ({"limits": {"pivot_box": [0, 0, 1, 1], "family": "any"}}, True),
+        ({"limits": {"pivot_box": [0, 0, 1, 1], "family": "any"}, "budget_ms": 150}, False),
+        ({"crank_span": None, "timing": "free"}, True),
+        ({"crank_span": None, "timing": "free", "order": "any"}, True),
+    ],
+)
+def test_what_takes_little_is_short(more, long) -> None:
+    request = SynthesizeRequest(**{**worked_example(), **more})
+    assert is_long(request) is long
+
+
+def test_no_request_is_said_to_take_longer_than_its_budget() -> None:
+    request = SynthesizeRequest(**{**worked_example(), "timing": "free", "crank_span": None, "budget_ms": 5})
+    assert durations.seconds_of(request) == 0.005

@@ -1,0 +1,103 @@
+"""No request takes longer than 1.2 times the longest budget: the costliest of each field of each route, by its description."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from app.computer import SHARE_OF_BUDGET
+from app.query import Query
+from app.registry import all_queries
+from app.resources import ServiceResources
+from app.settings import Settings
+from linkage_atlas import AtlasError, FieldError, OutOfTime
+from tests.oracles.largest import requests
+
+BUDGET = 1.0
+SEARCH = 0.8 * BUDGET
+"""What is left to a search of the longest budget, see `app.computer`."""
+QUERIES = {query.path: query for query in all_queries()}
+FAST = {"knotter: fit", "lift: optimum", "knotter: curves, laws of 1,000 rows"}
+"""Largest requests that did not end in time before, or that look at the clock least often."""
+
+
+@pytest.fixture(scope="module")
+def resources() -> ServiceResources:
+    """What a computing process of a service without an atlas has, with a clock of its own processor time alone."""
+    found = ServiceResources(Settings(with_atlas=False, max_budget_ms=1000 * SEARCH))
+    found.prepare_rest()
+    found.alone = True
+    return found
+
+
+class Limited:
+    """Resources whose work ends with the longest budget, as `app.turnstile.Attended` has it."""
+
+    def __init__(self, resources: ServiceResources) -> None:
+        self._resources = resources
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._resources, name)
+
+    def work(self, budget: float | None = None) -> Any:
+        return self._resources.work(SEARCH if budget is None else min(budget, SEARCH))
+
+
+def check(query: Query, body: dict[str, Any], resources: ServiceResources) -> None:
+    begin = time.process_time()
+    try:
+        query.answer(query.request.model_validate(body), Limited(resources))
+    except (FieldError, AtlasError, OutOfTime, ValueError):
+        pass  # it is refused, or would not be whole: but soon
+    assert time.process_time() - begin <= SHARE_OF_BUDGET * BUDGET
+
+
+def largest() -> list[Any]:
+    named = {name: one for name, one in requests().items() if one.path in QUERIES and not one.atlas}
+    return [pytest.param(one, id=name, marks=[pytest.mark.wide] * (name not in FAST)) for name, one in named.items()]
+
+
+@pytest.mark.parametrize("one", largest())
+def test_the_largest_request_of_a_kind_ends_in_time(one, resources) -> None:
+    check(QUERIES[one.path], json.loads(one.content), resources)
+
+
+def costliest(prop: dict[str, Any], value: Any, defs: dict[str, Any]) -> Iterator[Any]:
+    """The largest values of a field that its schema allows; of an object one for each of its fields."""
+    if "$ref" in prop:
+        prop = defs[prop["$ref"].rpartition("/")[2]]
+    for part in prop.get("anyOf", ()):
+        yield from costliest(part, value, defs)
+    if prop.get("type") == "boolean":
+        yield True
+    elif prop.get("type") in ("integer", "number") and "maximum" in prop:
+        yield prop["maximum"]
+    elif prop.get("type") == "array" and "maxItems" in prop and isinstance(value, list) and value:
+        yield (value * prop["maxItems"])[: prop["maxItems"]]
+    elif "enum" in prop:
+        yield from prop["enum"]
+    elif "properties" in prop:
+        own = value if isinstance(value, dict) else {}
+        for name, inner in prop["properties"].items():
+            yield from ({**own, name: most} for most in costliest(inner, own.get(name), defs))
+
+
+def fields() -> list[Any]:
+    found = []
+    for query in QUERIES.values():
+        schema, example = query.request.model_json_schema(), next(iter(query.examples.values()))
+        for name, prop in schema["properties"].items():
+            for k, value in enumerate(costliest(prop, example.get(name), schema.get("$defs", {}))):
+                found.append((query, {**example, name: value}, f"{query.path} {name} {k}"))
+    return [
+        pytest.param(*one, id=name, marks=[pytest.mark.wide] * (k % 12 > 0)) for k, (*one, name) in enumerate(found)
+    ]
+
+
+@pytest.mark.parametrize(("query", "body"), fields())
+def test_the_costliest_value_of_a_field_ends_in_time(query, body, resources) -> None:
+    check(query, body, resources)

@@ -1,0 +1,75 @@
+"""The commands on a Dask cluster that loses a worker while it works: the bytes of one process."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+
+distributed = pytest.importorskip("distributed")
+ROOT = Path(__file__).parents[2]
+BUILD = ["build", "--perimeter", "260", "--samples", "64"]
+REQUESTS = 60
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[distributed.LocalCluster]:
+    """Two workers, as processes of their own; one that is killed is started anew."""
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with distributed.LocalCluster(**options, worker_dashboard_address=None, silence_logs=50) as cluster:
+        yield cluster
+
+
+def command(*words: object) -> subprocess.Popen[str]:
+    arguments = [sys.executable, "-m", "app.start", *map(str, words)]
+    return subprocess.Popen(arguments, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def completed(*words: object) -> None:
+    process = command(*words)
+    output, _ = process.communicate(timeout=120)
+    assert process.returncode == 0, output
+
+
+def lose_a_worker(cluster: distributed.LocalCluster, process: subprocess.Popen[str], after: Path, size: int) -> None:
+    """Kill the one that computes once so many bytes of a result are there; the command then ends well all the same."""
+    while not sum(file.stat().st_size for file in after.glob("**/*") if file.is_file()) >= size:
+        assert process.poll() is None, process.stdout.read()
+        time.sleep(0.01)
+    os.kill(next(iter(cluster.workers.values())).process.pid, signal.SIGKILL)
+    assert process.poll() is None, "it was killed in the middle"
+    output, _ = process.communicate(timeout=120)
+    assert process.returncode == 0, output
+
+
+def test_a_build_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> None:
+    completed(*BUILD, "--jobs", "1", "--out", tmp_path / "alone.h5")
+    folder = tmp_path / "beside"
+    folder.mkdir()
+    process = command(*BUILD, "--scheduler", cluster.scheduler_address, "--out", folder / "atlas.h5")
+    lose_a_worker(cluster, process, folder, 1 << 18)
+    assert (folder / "atlas.h5").read_bytes() == (tmp_path / "alone.h5").read_bytes()
+
+
+def test_a_study_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> None:
+    rng, rows = np.random.default_rng(5), []
+    for _ in range(REQUESTS):
+        crank = la.FourBar(1, *rng.uniform(2, 3, 2), 2.9, start_angle=rng.uniform(0, 360))
+        rows.append({"rotation": crank.joints(np.linspace(0, 90, 9)).rotation.tolist(), "crank_span": 90, "top": 1})
+    requests, folder = tmp_path / "requests.ndjson", tmp_path / "beside"
+    requests.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    completed("study", requests, "--jobs", "1", "--out", tmp_path / "alone.ndjson")
+    folder.mkdir()
+    process = command("study", requests, "--scheduler", cluster.scheduler_address, "--out", folder / "out.ndjson")
+    lose_a_worker(cluster, process, folder, 5_000)
+    assert (folder / "out.ndjson").read_bytes() == (tmp_path / "alone.ndjson").read_bytes()
