@@ -27,7 +27,8 @@ kernel = Extension(
     "synthesis.kernel",
     [SOURCE, "build_backend/source.c"],
     depends=["setup.py", "build_backend/__init__.py"],
-    define_macros=[("KERNEL_SOURCE", sha256(Path(SOURCE).read_bytes()).hexdigest())],
+    # Cython's own complex numbers: C's look for NaN in every product
+    define_macros=[("KERNEL_SOURCE", sha256(Path(SOURCE).read_bytes()).hexdigest()), ("CYTHON_CCOMPLEX", "0")],
     libraries=["m"],
     extra_compile_args=["-O3", "-g0"],
 )
@@ -37,6 +38,7 @@ kernel.cython_directives = {
     "wraparound": False,
     "cdivision": True,
     "initializedcheck": False,
+    "infer_types": True,
 }
 
 setup(ext_modules=[kernel])

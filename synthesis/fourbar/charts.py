@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from synthesis import kernel
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.mechanism import BodyAngles
-from synthesis.target import TURN, Interval
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -160,24 +159,12 @@ class AnyChart(Evaluated):
         return np.log(lengths[..., :3] / lengths[..., 3:])
 
 
-def _closes(
-    chart: Evaluated, shape: FourBarShape, x: Floats, y: Floats, used: Interval | None
-) -> NDArray[np.bool_] | Literal[True]:
-    """Which candidates are of the sheet and close at every sample, and at theta1 = 0 and pi where an interval holds them.
-
-    There the diagonal is shortest and longest, so nothing can open between the samples.
-    """
-    answer: NDArray[np.bool_] | Literal[True] = True
+def _closes(chart: Evaluated, shape: FourBarShape, x: Floats, y: Floats) -> Flags | Literal[True]:
+    """Which candidates are of the sheet and close at every sample."""
+    answer: Flags | Literal[True] = True
     if chart.sheet:
         answer = (shape.lengths[:, 0] - shape.lengths[:, 3]) * chart.sheet > 0
-    if chart.always_closes:
-        return answer
-    if used is not None:
-        begin, end = used
-        holds_zero = np.floor(end / TURN) >= np.ceil(begin / TURN)
-        holds_half = np.floor((end - np.pi) / TURN) >= np.ceil((begin - np.pi) / TURN)
-        answer = answer & ~(holds_zero & (shape.y0 <= 0)) & ~(holds_half & (shape.x0 <= 0))
-    return answer & np.all((x > 0) & (y > 0), axis=1)
+    return answer if chart.always_closes else answer & np.all((x > 0) & (y > 0), axis=1)
 
 
 def _angles(
@@ -187,7 +174,6 @@ def _angles(
     half: Complexes,
     side: Floats,
     derivatives: bool,
-    used: Interval | None = None,
 ) -> BodyAngles:
     """theta2 of shapes at theta1 (n, N), with half = e^{i theta1 / 2}."""
     lengths = shape.lengths[:, :, None]
@@ -199,7 +185,7 @@ def _angles(
     cosine *= cosine
     cosine *= product
     x, y, r2 = shape.x0[:, None] + cosine, shape.y0[:, None] + reach, gap * gap + reach
-    possible = _closes(chart, shape, x, y, used)
+    possible = _closes(chart, shape, x, y)
     if possible is not True:
         x, y, r2 = (np.where(possible[:, None], value, 1.0) for value in (x, y, r2))
     # theta2 as in `kinematics`, where the two forms of arg(B - D) are explained. 2 L2 r cos(mu) = r^2 + L2^2 - L3^2 and
