@@ -61,7 +61,7 @@ def test_number_of_jobs_changes_no_byte(jobs, out, wanted) -> None:
 
 def test_dask_changes_no_byte(out, wanted) -> None:
     distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
     with (
         distributed.LocalCluster(**options, worker_dashboard_address=None, silence_logs=50) as cluster,
         dask_executor(cluster.scheduler_address) as executor,

@@ -25,7 +25,7 @@ REQUESTS = 60
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[distributed.LocalCluster]:
     """Two workers, as processes of their own; one that is killed is started anew."""
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
     with distributed.LocalCluster(**options, worker_dashboard_address=None, silence_logs=50) as cluster:
         yield cluster
 
