@@ -55,7 +55,7 @@ TICKS = (30, 50, 100, 200, 500, 1000, 3000)
 FAR = 0.95
 """Part of the requests whose J is at most as far off as the picture shows."""
 QUICK, QUICK_BUDGETS = 10, (100, 300)
-CASES = Path("../shared/cases")
+CASES = Path("cases")
 
 
 class Case(NamedTuple):

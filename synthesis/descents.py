@@ -32,15 +32,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthesis import kernel
+from synthesis.arrays import Complexes, Floats
 from synthesis.mechanism import Chart
 from synthesis.target import Samples
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 _BETWEEN_LOOKS = 16_000
 """Steps times samples between two looks at the time: 2 to 4 ms."""

@@ -27,6 +27,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.kinematics import grashof_excesses
@@ -50,7 +51,6 @@ from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 # -- the beginning -------------------------------------------------------------------------------------------------

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Floats
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
 
 _LONGEST_STEP = 1.5
 _BOLD = 2

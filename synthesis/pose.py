@@ -16,12 +16,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.target import TURN, Target
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 DEGENERATE = 1e-6
 """A crank shorter than this part of the motion's extent is a linkage shrunk to a point: no answer."""

@@ -15,14 +15,12 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthesis import kernel
+from synthesis.arrays import Floats
 from synthesis.descents import Pool, Problem, Stage, Timed
 from synthesis.target import Samples
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
 
 _POOL = 120
 _APART, _POOL_APART = 0.01, 0.03

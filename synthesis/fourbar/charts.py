@@ -12,15 +12,12 @@ from itertools import product
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from synthesis import kernel
+from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.mechanism import BodyAngles
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Flags = NDArray[np.bool_]
 
 
 class FourBarShape(NamedTuple):

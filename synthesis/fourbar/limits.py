@@ -13,17 +13,13 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthesis import kernel
+from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.mechanism import Box, Constrained, Placed
 from synthesis.target import Samples
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Flags = NDArray[np.bool_]
 
 FAMILIES = ("full_crank", "crank_rocker", "double_crank", "any")
 LINKS = ("crank", "coupler", "rocker", "ground")
@@ -333,7 +329,7 @@ class Constraints:
         self, limits: Limits, middle: complex = 0j, scale: float = 1.0, exact: bool = True, smooth: bool = False
     ) -> None:
         self.limits, self.middle, self.scale, self.exact, self.smooth = limits, middle, scale, exact, smooth
-        self._compiled: dict[bool, kernel.Limits] = {}
+        self._made: dict[bool, tuple[kernel.Limits, _Table]] = {}
 
     @property
     def any(self) -> bool:
@@ -343,10 +339,10 @@ class Constraints:
     def __call__(self, placed: Placed) -> Constrained:
         """The constraints at linkages."""
         posed = placed.pivot is not None
-        count, table = len(placed.lengths), self._table(posed)
+        count, (limits, table) = len(placed.lengths), self._once(posed)
         nothing = np.zeros(count)
         pivot, turned, coupler = (0.0 if one is None else np.asarray(one) for one in placed[3:])
-        values, slopes = self.compiled(posed)(
+        values, slopes = limits(
             np.ascontiguousarray(placed.lengths, dtype=float),
             nothing + placed.branch,
             nothing + placed.used.first,
@@ -359,10 +355,13 @@ class Constraints:
 
     def compiled(self, posed: bool) -> kernel.Limits:
         """Them as a descent takes them: for linkages in a place, or for shapes alone."""
-        if posed not in self._compiled:
+        return self._once(posed)[0]
+
+    def _once(self, posed: bool) -> tuple[kernel.Limits, _Table]:
+        if posed not in self._made:
             table = self._table(posed)
-            self._compiled[posed] = kernel.Limits(np.array(table.rows).reshape(-1, 8), posed, table.equal)
-        return self._compiled[posed]
+            self._made[posed] = kernel.Limits(np.array(table.rows).reshape(-1, 8), posed, table.equal), table
+        return self._made[posed]
 
     def _table(self, posed: bool) -> _Table:
         table, limits, scale = _Table(), self.limits, self.scale

@@ -32,6 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.charts import AnyChart, GrashofChart
 from synthesis.fourbar.limits import in_family
@@ -41,12 +42,8 @@ from synthesis.least_squares import Evaluation, minimise
 from synthesis.target import TURN
 from synthesis.work import Work
 
-Flags = NDArray[np.bool_]
-
 # -- dyads ---------------------------------------------------------------------------------------------------------
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 FARTHEST = 1e4
 """Points of the body and centres beyond this many length scales are sliders, which are no four-bars."""

@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthesis import kernel
+from synthesis.arrays import Complexes, Floats
 from synthesis.descents import Problem, Timed
 from synthesis.free.poses import Poses
 from synthesis.mechanism import BodyAngles, Chart
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 class Turned(NamedTuple):

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis import kernel
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import ways
@@ -26,8 +25,6 @@ from synthesis.search.problems import GivenProblem
 from synthesis.search.seeds import Fits, Windows
 from synthesis.target import Target
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
 
 _SPANS = np.deg2rad([130.0, 40.0, 80.0, 190.0, 260.0, 330.0])
 """Guesses of the crank angle from the first sample to the last."""
@@ -43,12 +40,8 @@ _STALL = 1e-6
 
 def limited_problem(poses: Poses, chart: Chart, limits: Limits) -> JointProblem:
     """What descends toward poses within limits."""
-    return JointProblem(poses, chart, compiled_limits(poses, limits))
-
-
-def compiled_limits(poses: Poses, limits: Limits) -> kernel.Limits:
-    """The limits over the length scale, places from the poses' mean."""
-    return Constraints(limits, poses.middle, poses.length_scale, exact=False).compiled(True)
+    constraints = Constraints(limits, poses.middle, poses.length_scale, exact=False)
+    return JointProblem(poses, chart, constraints.compiled(True))
 
 
 def refined_within(poses: Poses, limits: Limits, timed: Timed, work: Work) -> Pool:

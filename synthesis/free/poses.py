@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.target import MIN_SPAN, TURN, Samples, Target, read_samples
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 MIN_POSES = 2
 """Fewest samples that fix anything."""

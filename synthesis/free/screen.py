@@ -13,15 +13,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Floats
 from synthesis.descents import Timed
 from synthesis.free.poses import Poses
 from synthesis.mechanism import Chart, Mechanism
 from synthesis.target import TURN
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 _STARTS, _SAMPLES, _HARMONICS = 18, 64, 6
 _EACH = 60

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.fourbar.charts import FullCrankChart
@@ -49,9 +50,6 @@ from synthesis.work import Work
 
 # -- answers -------------------------------------------------------------------------------------------------------
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Flags = NDArray[np.bool_]
 
 _SWING_STEP, _TRANSMISSION_STEP = np.deg2rad(90.0), np.deg2rad(5.0)
 """Exact answers whose cranks turn alike far are ranked by transmission angle, and then by how compact they are."""

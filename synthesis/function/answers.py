@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Floats
 from synthesis.fourbar.files import used_joints
 from synthesis.fourbar.kinematics import Family, close_loop, principal
 from synthesis.fourbar.limits import Limits, in_family
@@ -19,8 +19,6 @@ from synthesis.function.wanted import Wanted
 from synthesis.pose import rotation_residual, whole_turns
 from synthesis.sheet import csv_text
 from synthesis.target import Target
-
-Floats = NDArray[np.float64]
 
 _ROUNDING = 1e-13
 """A turn back between two places that is no more than rounding."""

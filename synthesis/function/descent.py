@@ -18,11 +18,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Flags, Floats
 from synthesis.quadratic import minimise_quadratics
 from synthesis.work import Work
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Ints = NDArray[np.intp]
 
 PENALTY = 10.0

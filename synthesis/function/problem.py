@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Floats
 from synthesis.fourbar.charts import AnyChart
 from synthesis.fourbar.limits import BEGIN, END, Constraints, Limits
 from synthesis.function.descent import Linear, Linearise
@@ -14,7 +15,6 @@ from synthesis.function.wanted import Wanted
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 _RATIO, _WIDE = 20.0, 1e6

@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Floats
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four, keeps
@@ -34,7 +35,6 @@ from synthesis.search.seeds import SeedTables
 from synthesis.target import TURN
 from synthesis.work import Work
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 LEVELLED = 1e-7

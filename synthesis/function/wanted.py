@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Floats
 from synthesis.target import Interval, Mean, Target
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

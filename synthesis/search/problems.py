@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats
 from synthesis.descents import Pool, Problem, Timed
 from synthesis.mechanism import Bounded, Chart, Constraints, Mechanism
 from synthesis.pose import DEGENERATE
 from synthesis.target import Samples, Target
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 class GivenProblem(Problem):

@@ -24,8 +24,8 @@ from itertools import chain, islice
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.kept import MOST, Kept
 from synthesis.mechanism import Bounded, Chart, Limits, Mechanism
@@ -35,8 +35,6 @@ from synthesis.search.problems import GivenProblem, given, problem_of
 from synthesis.search.seeds import SeedTables, Windows, thinned
 from synthesis.target import TURN, Target
 from synthesis.work import Work
-
-Floats = NDArray[np.float64]
 
 # -- rounds --------------------------------------------------------------------------------------------------------
 

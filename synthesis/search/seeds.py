@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes, Floats, Singles
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.descents import Pool, Timed
@@ -28,9 +29,6 @@ from synthesis.target import TURN, Mean, Target
 
 # -- windows within limits -----------------------------------------------------------------------------------------
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Singles = NDArray[np.float32]
 
 STARTS = 24
 _STEPS = 144
