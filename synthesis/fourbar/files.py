@@ -393,7 +393,7 @@ def _plates_of(linkage: Linkage, hole: float, width: float) -> list[_Plate]:
 
 
 def plate_sizes(links: Sequence[float], hole: float | None = None, width: float | None = None) -> tuple[float, float]:
-    """Diameter of the holes and width of the plates of links; where they are not given they go by the shortest and the longest."""
+    """Diameter of the holes and width of the plates of links; the defaults go by the shortest and the longest."""
     if hole is None:
         most = np.inf if width is None else width / WIDTH_OF_HOLE
         hole = min(HOLE_OF_SHORTEST * min(links), HOLE_OF_LONGEST * max(links), most)

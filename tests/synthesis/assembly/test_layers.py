@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from pathlib import Path
 
@@ -11,9 +10,8 @@ import pytest
 
 from synthesis.assembly.layers import Asked, arrange
 from synthesis.assembly.machine import Sizes, four_bar
-from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
-from synthesis.target import TURN, Interval
+from synthesis.target import Interval
 from synthesis.work import Work
 
 TABLE = json.loads((Path(__file__).parents[2] / "reference/assembly.json").read_text())["linkages"]
