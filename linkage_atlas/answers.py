@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, overload
 
 import numpy as np
 
+from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
@@ -172,6 +173,13 @@ class Solution(Record):
     rounded: Rounded | None = None
     analysis: Analysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
+    drives: list[Drive] | None = field(default=None, repr=False)
+    """The best of each kind that was asked for."""
+    refused: list[Refusal] | None = field(default=None, repr=False)
+    """Why there is none of a kind on a link."""
+    springs: list[Spring] | None = field(default=None, repr=False)
+    drivable: bool | None = None
+    """With `drive`: whether there is one."""
     linkage: FourBar = field(metadata=KEPT)
     """It moves, draws and saves itself."""
     origin: Origin = field(metadata=KEPT, repr=False)
@@ -191,6 +199,8 @@ class Solution(Record):
             ``sensitivity``: the change of the motion per unit of each length.
         analysis : mapping
             ``analysis``: ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`.
+        load, drives, springs, drive
+            ``drives``, ``refused``, ``springs``, ``drivable``: as of `linkage_atlas.drives`, the best of each kind.
         tolerance_study : mapping
             ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`.
 
@@ -403,6 +413,7 @@ def finished(
         key=lambda one: (
             not one.verdict.works,
             one.verdict.within_tolerance is False,
+            one.drivable is False,
             *_worth(one, motion, tolerance if by_error else 0.0),
         )
     )
@@ -496,6 +507,9 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
         done["rounded"] = _rounded(best_from_stock(target, one, studies.lengths_from, limits, tries, work), own)
     if studies.drive is not None:
         done["analysis"] = analysed(linkage, studies.drive, target.crank, radian, target.interval)
+    if studies.drives is not None:
+        crank = own.target.crank
+        done |= driven_solution(linkage, crank, studies.drives, radian, work)
     if studies.manufacture is not None:
         share = share_of(studies.manufacture, target.samples, solutions, work.budget)
         done["tolerance_study"] = studied(linkage, share, target.crank, target.interval, radian, work)
