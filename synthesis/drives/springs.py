@@ -141,9 +141,10 @@ def best_spring(
         for k in some_:
             if work is not None and work.expired() and best is not None:
                 break
-            one = _placed(link, machine, torque, kind, complex(grounds[k]), complex(pins[k]), room, first)
-            if best is None or one[0] < best[0]:
-                best = (one[0], kind, one[1], one[2])
+            part = _Placing(machine, between, kind, room)
+            rms, z = _together([part], torque, part.start(complex(grounds[k]), complex(pins[k])))
+            if best is None or rms < best[0]:
+                best = (rms, kind, *part.ends(z))
     assert best is not None
     _, kind, ground, pin = best
     spring = Spring(between, (ground, pin), kind.stiffness, kind.free_length, kind.preload)
@@ -184,74 +185,97 @@ def _pivots(machine: Machine) -> list[complex]:
     return [link.pivot for link in machine.links.values() if link.pivot is not None]
 
 
-def _placed(
-    link: LinkMotion,
-    machine: Machine,
-    torque: Floats,
-    kind: Kind,
-    ground: complex,
-    pin: complex,
-    room: Room,
-    first: str,
-) -> tuple[float, complex, complex]:
-    """The nearest optimum from one place: rms torque, and both ends; by sequential quadratic programs."""
-    from scipy.optimize import minimize
+class _Placing:
+    """One spring's part of a fit: lengths and torque with exact derivatives by its four unknowns, its ends over the size."""
 
-    left, bottom, right, top = room.box
-    size = max(right - left, top - bottom, room.reach)
-    rms = float(np.sqrt(np.mean(torque**2))) or 1.0
-    steps = np.array([-1, -1j, 0, 0]) * size  # of the first end; the second's turn with the link
-    origins = [] if first == GROUND else [complex(machine.link(first).origin[0])]
-    centres = _pivots(machine) if first == GROUND else origins
-    low, high = kind.shortest + _HAIR * kind.longest, kind.longest * (1 - _HAIR)
+    def __init__(self, machine: Machine, between: tuple[str, str], kind: Kind, room: Room) -> None:
+        first, second = between
+        self.link, self.kind, self.room = _seen(machine, first, second), kind, room
+        left, bottom, right, top = room.box
+        self.size = max(right - left, top - bottom, room.reach)
+        self.origin = None if first == GROUND else complex(machine.link(first).origin[0])
+        self.centres = _pivots(machine) if self.origin is None else [self.origin]
+        self.low, self.high = kind.shortest + _HAIR * kind.longest, kind.longest * (1 - _HAIR)
+        free: list[tuple[float | None, float | None]] = [(None, None)] * 2
+        box: list[tuple[float | None, float | None]] = [
+            (left / self.size, right / self.size),
+            (bottom / self.size, top / self.size),
+        ]
+        self.bounds = (box if self.origin is None else free) + free
 
-    def parts(z: Floats) -> tuple[Floats, Floats, Floats, Floats, complex, complex]:
-        one, other = complex(z[0], z[1]) * size, complex(z[2], z[3]) * size
+    def ends(self, z: Floats) -> tuple[complex, complex]:
+        return complex(z[0], z[1]) * self.size, complex(z[2], z[3]) * self.size
+
+    def start(self, ground: complex, pin: complex) -> Floats:
+        return np.array([ground.real, ground.imag, pin.real, pin.imag]) / self.size
+
+    def torque(self, z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Length and its derivatives (n, 4), torque and its derivatives (n, 4)."""
+        one, other = self.ends(z)
+        link, size, kind = self.link, self.size, self.kind
         v = link.place(other) - one
         length = np.maximum(np.abs(v), 1e-12 * size)
         along = v / length
         speed = link.speed(other)
         arm = np.real(np.conj(along) * speed)
         turned = np.stack([np.zeros_like(v), np.zeros_like(v), link.direction, 1j * link.direction], axis=1) * size
-        dv = turned + steps
+        dv = turned + np.array([-1, -1j, 0, 0]) * size
         back = np.conj(along)[:, None]
         change = np.real(back * dv)
         dn = (dv - along[:, None] * change) / length[:, None]
         arms = np.real(np.conj(dn) * speed[:, None]) + np.real(back * 1j * link.rate[:, None] * turned)
-        return length, arm, change, arms, one, other
+        force = kind.preload + kind.stiffness * (length - kind.free_length)
+        return length, change, force * arm, kind.stiffness * change * arm[:, None] + force[:, None] * arms
+
+    def rows(self, z: Floats) -> tuple[Floats, Floats]:
+        """What must not be negative: lengths, and distances squared; and its derivatives."""
+        length, change, _, _ = self.torque(z)
+        one, other = self.ends(z)
+        room, size = self.room, self.size
+        clear, reach = room.clear**2, room.reach**2
+        mine = [abs(other) ** 2 - clear, reach - abs(other) ** 2]
+        slopes = [[0, 0, other.real, other.imag], [0, 0, -other.real, -other.imag]]
+        for centre in self.centres:
+            away = one - centre
+            mine.append(abs(away) ** 2 - clear)
+            slopes.append([away.real, away.imag, 0, 0])
+            if self.origin is not None:
+                mine.append(reach - abs(away) ** 2)
+                slopes.append([-away.real, -away.imag, 0, 0])
+        values = [(length - self.low) / size, (self.high - length) / size, np.array(mine) / size**2]
+        return np.concatenate(values), np.concatenate([change / size, -change / size, 2 * np.array(slopes) / size])
+
+
+def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[float, Floats]:
+    """The nearest optimum of some springs together: rms torque and unknowns, four a spring; no worse than the beginning."""
+    from scipy.optimize import minimize
+
+    rms = float(np.sqrt(np.mean(torque**2))) or 1.0
+    four = [slice(4 * k, 4 * k + 4) for k in range(len(parts))]
 
     def cost(z: Floats) -> tuple[float, Floats]:
-        length, arm, change, arms, _, _ = parts(z)
-        force = kind.preload + kind.stiffness * (length - kind.free_length)
-        left_ = (torque + force * arm) / rms
-        slopes = (kind.stiffness * change * arm[:, None] + force[:, None] * arms) / rms
-        return float(np.mean(left_**2)), np.asarray(2 * left_ @ slopes / left_.size)
+        found = [one.torque(z[some]) for one, some in zip(parts, four)]
+        left = (torque + sum(one[2] for one in found)) / rms
+        slopes = np.concatenate([one[3] for one in found], axis=1) / rms
+        return float(np.mean(left**2)), np.asarray(2 * left @ slopes / left.size)
 
     def rows(z: Floats) -> Floats:
-        length, *_, one, other = parts(z)
-        away = [abs(one - centre) ** 2 - room.clear**2 for centre in centres]
-        mine = [abs(other) ** 2 - room.clear**2, room.reach**2 - abs(other) ** 2]
-        if origins:
-            mine.append(room.reach**2 - abs(one - origins[0]) ** 2)
-        return np.concatenate([(length - low) / size, (high - length) / size, np.array([*mine, *away]) / size**2])
+        return np.concatenate([one.rows(z[some])[0] for one, some in zip(parts, four)])
 
     def slopes(z: Floats) -> Floats:
-        _, _, change, _, one, other = parts(z)
-        away = [[(one - c).real, (one - c).imag, 0, 0] for c in centres]
-        mine = [[0, 0, other.real, other.imag], [0, 0, -other.real, -other.imag]]
-        if origins:
-            mine.append([-(one - origins[0]).real, -(one - origins[0]).imag, 0, 0])
-        return np.concatenate([change / size, -change / size, 2 * np.array([*mine, *away]) / size])
+        found = [one.rows(z[some])[1] for one, some in zip(parts, four)]
+        table = np.zeros((sum(len(one) for one in found), z.size))
+        row = 0
+        for one, some in zip(found, four):
+            table[row : row + len(one), some] = one
+            row += len(one)
+        return table
 
-    box: list[tuple[float | None, float | None]] = [(None, None)] * 4
-    if first == GROUND:
-        box[:2] = [(left / size, right / size), (bottom / size, top / size)]
-    begin = np.array([ground.real, ground.imag, pin.real, pin.imag]) / size
     answer: Any = minimize(
         cost,
         begin,
         jac=True,
-        bounds=box,
+        bounds=[bound for one in parts for bound in one.bounds],
         constraints=[{"type": "ineq", "fun": rows, "jac": slopes}],
         method="SLSQP",
         options={"ftol": 1e-12, "maxiter": 80},
@@ -259,8 +283,7 @@ def _placed(
     z = answer.x
     if not np.all(np.isfinite(z)) or rows(z).min() < -_HAIR / 2 or cost(z)[0] > cost(begin)[0]:
         z = begin
-    _, _, _, _, one, other = parts(z)
-    return float(np.sqrt(cost(z)[0])) * rms, one, other
+    return float(np.sqrt(cost(z)[0])) * rms, z
 
 
 def best_pair(
@@ -270,9 +293,9 @@ def best_pair(
     kinds: list[Kind],
     room: Room,
     work: Work | None = None,
-    turns: int = 3,
+    turns: int = 2,
 ) -> Fitted | str:
-    """Springs on several pairs of links together: one after the other, each against what the others leave, some turns."""
+    """Springs on several pairs of links: one after the other, each against what the others leave, some turns; then together."""
     placed: list[Fitted | None] = [None] * len(betweens)
     left = torque
     for _ in range(turns):
@@ -290,13 +313,24 @@ def best_pair(
                 left = mine.torque + others
         if work is not None and work.expired():
             break
-    every = [one for one in placed if one is not None]
-    return fitted(
-        machine,
-        torque,
-        [spring for one in every for spring in one.springs],
-        [kind for one in every for kind in one.kinds if kind is not None],
-    )
+    springs = [one.springs[0] for one in placed if one is not None]
+    chosen = [one.kinds[0] for one in placed if one is not None]
+    rows = [kind for kind in chosen if kind is not None]
+    parts = [_Placing(machine, between, kind, room) for between, kind in zip(betweens, rows)]
+    begin = [part.start(*_level(machine, spring)) for part, spring in zip(parts, springs)]
+    _, z = _together(parts, torque, np.concatenate(begin))
+    for k, (part, spring) in enumerate(zip(parts, springs)):
+        moved = Spring(
+            spring.between, part.ends(z[4 * k : 4 * k + 4]), spring.stiffness, spring.free_length, spring.preload
+        )
+        springs[k] = _named(machine, moved)
+    return fitted(machine, torque, springs, rows)
+
+
+def _level(machine: Machine, spring: Spring) -> tuple[complex, complex]:
+    """Both ends as unknowns have them: the first in the plane at the first sample."""
+    first, (one, other) = spring.between[0], spring.points
+    return (one if first == GROUND else complex(machine.link(first).place(one)[0])), other
 
 
 def _rms(values: Floats) -> float:
