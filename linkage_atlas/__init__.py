@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
     from linkage_atlas.door import Live, prepare, synthesize
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
+    from linkage_atlas.guided import GuidedJoints, GuidedLinkage
     from linkage_atlas.limits import Limits
     from linkage_atlas.linkages import FourBar, Joints
     from linkage_atlas.many_requests import StudyLocked, study
@@ -32,6 +33,7 @@ _HOMES = {
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
+    "linkage_atlas.guided": ("GuidedLinkage", "GuidedJoints"),
     "linkage_atlas.linkages": ("FourBar", "Joints"),
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
@@ -53,6 +55,8 @@ __all__ = [
     "FourBar",
     "FunctionResult",
     "FunctionSolution",
+    "GuidedJoints",
+    "GuidedLinkage",
     "Joints",
     "Limits",
     "Live",
