@@ -35,7 +35,6 @@ _HOMES = {
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
     "linkage_atlas.guided": ("GuidedLinkage", "GuidedJoints"),
-    "linkage_atlas.linkages": ("FourBar", "Joints"),
     "linkage_atlas.linkages": ("FourBar", "Joints", "assembly"),
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.assemblies": ("Assembly",),
