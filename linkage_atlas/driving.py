@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
 from linkage_atlas.exports import MILLIMETRES
+from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.records import KEPT, Record, Values, Vectors
@@ -36,11 +37,12 @@ from synthesis.drives.actuator import (
 from synthesis.drives.balance import Spring as Placed
 from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
-from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, Mass, hinged, machine_of
+from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, Mass, hinged, machine_of, machine_of_guided
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
 from synthesis.drives.toggle import Knee, locked
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import GuidedLinkage as Guided
 from synthesis.target import MAX_LENGTH, TURN, Interval
 from synthesis.work import Work
 
@@ -357,8 +359,8 @@ def drives(
 
     Parameters
     ----------
-    linkage : FourBar, Solution or mapping, optional
-        Or None with ``rocker``.
+    linkage : FourBar, GuidedLinkage, Solution or mapping, optional
+        A `GuidedLinkage` too, driven by a crank, slider, cylinder or hinge. Or None with ``rocker``.
     drives : sequence of mapping
         Each with its ``kind``: "rotary", "actuator" (or "cylinder"), "dyad", "toggle", and its wishes by name, see
         docs/drives.md.
@@ -437,11 +439,31 @@ class _Place(NamedTuple):
             raise FieldError("/crank_angle", "the way has no length: its first and last crank angle are the same")
         machine = machine_of(linkage, ends)
         place = cls(machine, machine_of(linkage, ends, FINE), radian, samples, linkage)
-        for one in place.fine.links.values():
+        place.check()
+        return place
+
+    @property
+    def unit(self) -> float:
+        """Of the drive's parameter: radians in the user's angle, or 1 for a length."""
+        return 1.0 if self.machine.drive in ("slider", "cylinder") else self.radian
+
+    def check(self) -> None:
+        """FieldError where the linkage has no velocities at some place of its way."""
+        for one in self.fine.links.values():
             bad = ~np.isfinite(one.rate)
             if bad.any():
-                at = place.fine.at[int(np.argmax(bad))] / radian
-                raise FieldError("/linkage", f"does not close, or is dead, at crank angle {at:.6g} of its way")
+                at = self.fine.at[int(np.argmax(bad))] / self.unit
+                raise FieldError("/linkage", f"does not close, or is dead, at {at:.6g} of its drive's way")
+
+    @classmethod
+    def of_guided(cls, linkage: Guided, ends: Interval, radian: float, samples: Floats) -> _Place:
+        if not abs(ends.last - ends.first) > 0:
+            raise FieldError("/travel", "the way has no length: its first and last place of the drive are the same")
+        if not linkage.closes_over(ends.after(linkage.start)):
+            raise FieldError("/linkage", "does not close over its way")
+        machine = machine_of_guided(linkage, ends)
+        place = cls(machine, machine_of_guided(linkage, ends, FINE), radian, samples, None)
+        place.check()
         return place
 
     @classmethod
@@ -474,12 +496,18 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
     """The linkage over the way that a motion, its own or given crank angles say."""
     given = None if crank_angle is None else np.atleast_1d(column("crank_angle", crank_angle))
     one = getattr(linkage, "linkage", linkage)
+    if isinstance(one, Mapping) and one.get("guides") is not None and one.get("links") is None:
+        travel = one.get("travel") if one.get("crank_angle") is None else one["crank_angle"]
+        given = given if travel is None or given is not None else np.asarray(column("linkage/travel", travel))
+        one = GuidedLinkage.from_dict(one, motion.degrees if motion is not None else degrees)
+    if isinstance(one, GuidedLinkage):
+        return _guided_place(one, motion, given)
     if isinstance(one, Mapping):
         if given is None and one.get("crank_angle") is not None:
             given = np.asarray(column("linkage/crank_angle", one["crank_angle"]))
         one = FourBar.from_dict(one, motion.degrees if motion is not None else degrees)
     if not isinstance(one, FourBar):
-        raise FieldError("/linkage", "wanted a four-bar, a solution or its plain values")
+        raise FieldError("/linkage", "wanted a four-bar, a body on two guides, a solution or its plain values")
     radian, plain = radians_in(one.degrees), one.plain
     if motion is not None and (not motion.free or given is not None):
         target = motion.of_solution(plain, None if given is None else given * radian).target
@@ -494,6 +522,21 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
     if crank is None:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
     return _Place.of_fourbar(plain, _ends(crank), radian, crank)
+
+
+def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | None) -> _Place:
+    """A body on two guides; its drive's way as that of a four-bar."""
+    radian, plain = radians_in(one.degrees), one.plain
+    unit = radian if plain.driver.turns else 1.0
+    if motion is not None:
+        crank = one.target_of(motion, given).crank
+    elif given is not None:
+        crank = given * unit
+    elif one.way is not None:
+        crank = one.way
+    else:
+        raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
+    return _Place.of_guided(plain, _ends(crank), radian, crank)
 
 
 def _ends(crank: Floats) -> Interval:
@@ -770,7 +813,7 @@ class _Search:
         self.amount = float(_simpson(np.abs(fine)) * abs(step))
         self.loaded = asked.loaded and bool(np.any(self.torque))
         # of a machine whose drive turns, angles in the user's unit
-        self.unit = 1.0 if self.machine.drive in ("slider", "cylinder") else place.radian
+        self.unit = place.unit
         self.curve_at = self.machine.at / self.unit
         self.found: list[tuple[tuple[float, ...], Drive]] = []
         self.refused: list[Refusal] = []

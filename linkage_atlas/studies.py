@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.assemblies import AskedAssembly, read_assembly
 from linkage_atlas.motions import MOST_STOCK, Motion, check_above_zero, column, number
 from linkage_atlas.records import Record, Values, Vectors, plain
 from synthesis.arrays import Floats
@@ -322,7 +323,7 @@ def _made(spread: Spread, samples: int, unit: float) -> Made:
 
 DRIVE_STUDIES = ("load", "drives", "springs", "drive")
 """Those of them that say what is to drive each solution."""
-STUDIES = ("round_to", "lengths_from", "sensitivity", "analysis", "tolerance_study", *DRIVE_STUDIES)
+STUDIES = ("round_to", "lengths_from", "sensitivity", "analysis", "tolerance_study", "assembly", *DRIVE_STUDIES)
 """What may be asked of each solution beyond the linkage itself, by the names of the HTTP contract."""
 
 
@@ -340,11 +341,12 @@ class Studies(NamedTuple):
     """Of a tolerance study."""
     drives: Mapping[str, Any] | None = None
     """Of `DRIVE_STUDIES`, as it was given."""
+    assembly: AskedAssembly | None = None
 
     @property
     def long(self) -> bool:
         """Whether each solution takes long enough to look at the time after it."""
-        long = (self.round_to, self.lengths_from, self.manufacture, self.drives)
+        long = (self.round_to, self.lengths_from, self.manufacture, self.drives, self.assembly)
         return any(one is not None for one in long)
 
 
@@ -360,7 +362,10 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         None if values["analysis"] is None else read_drive(values["analysis"], positions),
         None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
         _drives(values),
+        None if values["assembly"] is None else read_assembly(values["assembly"]),
     )
+    if asked.assembly is not None and asked.assembly.body and not positions:
+        raise FieldError("/assembly/body", "needs `position`: without it nothing says where the body is")
     if asked.round_to is not None and asked.lengths_from is not None:
         raise FieldError("/lengths_from", "give either this or `round_to`")
     for name in ("round_to", "lengths_from", "tolerance_study", "drives", "springs", "drive"):

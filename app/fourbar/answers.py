@@ -69,6 +69,7 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
         analysis=analysis_of(request),
         tolerance_study=None if request.tolerance_study is None else request.tolerance_study.model_dump(),
         **drives_of(request),
+        assembly=assembly_of(request),
         atlas=resources.atlas if request.effort == "atlas" else None,
         work=resources.work,
         live=None if request.live is None else resources.live(),
@@ -89,6 +90,11 @@ def drives_of(request: Any) -> dict[str, Any]:
         return None if part is None else part.model_dump(exclude_none=True)
 
     return {name: plain(getattr(request, name)) for name in DRIVE_STUDIES if name in type(request).model_fields}
+
+
+def assembly_of(request: SynthesizeRequest) -> dict[str, Any] | None:
+    """What a request says of an assembly."""
+    return None if request.assembly is None else request.assembly.model_dump(exclude_none=True)
 
 
 def motion_of(request: SynthesizeRequest) -> dict[str, Any]:
