@@ -42,6 +42,7 @@ from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitte
 from synthesis.drives.toggle import Knee, locked
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import Circle, Driver, Rail, Slot
 from synthesis.guided.linkage import GuidedLinkage as Guided
 from synthesis.target import MAX_LENGTH, TURN, Interval
 from synthesis.work import Work
@@ -567,9 +568,20 @@ def read_asked(
 
 
 def check_asked(given: Mapping[str, Any], radian: float) -> None:
-    """FieldError for what no four-bar can be asked, before there is one; as of `driven_solution`."""
-    linkage = Linkage((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0))
-    _read_study(machine_of(linkage, Interval(0.0, 0.5), 3), given, radian)
+    """FieldError for what no linkage can be asked, before there is one; as of `driven_solution`."""
+    way = Interval(0.0, 0.2)
+    circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
+    rail = Rail(2.0 + 0.3j, 0.0, 2.0 + 0j)
+    machines = [machine_of(Linkage((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), way, 3)]
+    machines += [machine_of_guided(Guided((circle, one), Driver.CRANK, 1, 0.5), way, 3) for one in (slot, rail)]
+    errors = []
+    for one in machines:
+        try:
+            _read_study(one, given, radian)
+            return
+        except FieldError as error:
+            errors.append(error)
+    raise errors[0]
 
 
 def _read_study(machine: Machine, given: Mapping[str, Any], radian: float) -> tuple[Asked, Mapping[str, Any] | None]:
@@ -581,18 +593,21 @@ def _read_study(machine: Machine, given: Mapping[str, Any], radian: float) -> tu
 
 
 def driven_solution(
-    linkage: Linkage, crank: Floats, given: Mapping[str, Any], radian: float, work: Work
+    linkage: Linkage | Guided, crank: Floats, given: Mapping[str, Any], radian: float, work: Work
 ) -> dict[str, Any]:
     """The fields of a solution that `load`, `drives`, `springs` and `drive` ask for: the best of each kind.
 
-    ``crank`` (n,): of its samples, in radians. ``given``: in the user's units.
+    ``crank`` (n,): travel of its drive at the samples, radians or lengths. ``given``: in the user's units.
     """
     try:
-        place = _Place.of_fourbar(linkage, _ends(crank), radian, crank)
+        if isinstance(linkage, Linkage):
+            place = _Place.of_fourbar(linkage, _ends(crank), radian, crank)
+        else:
+            place = _Place.of_guided(linkage, _ends(crank), radian, crank)
+        asked, wish = _read_study(place.machine, given, radian)
     except FieldError as error:
         refused = [Refusal("any", "linkage", None, error.message)]
         return {"drives": [], "refused": refused, "springs": [], "drivable": None if "drive" not in given else False}
-    asked, wish = _read_study(place.machine, given, radian)
     found = found_drives(place, asked, 1, work)
     if wish is None:
         return {"drives": found.drives, "refused": found.refused, "springs": found.springs}

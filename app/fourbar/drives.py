@@ -14,7 +14,7 @@ from app.fourbar.models import (
     DriveLoadRequest,
     DriveRequest,
     Drives,
-    GivenSolution,
+    GivenLinkage,
     PlacePair,
     RockerRequest,
     Springs,
@@ -27,13 +27,13 @@ from app.tables import DEGREES, Units, columns, number
 class DrivesRequest(RequestModel):
     """What drives this linkage over its used interval, with this load?"""
 
-    linkage: GivenSolution | None = Field(
+    linkage: GivenLinkage | None = Field(
         None, description="One of the `solutions` of a reply, as it came or changed."
     )
     request: SynthesizeRequest | None = Field(None, description="The request that it came from: it says the way.")
     crank_angle: (
         Annotated[list[Annotated[float, Field(ge=-1e9, le=1e9)]], Field(min_length=2, max_length=1024)] | None
-    ) = Field(None, description="In place of `request`: crank angles from the start angle on.")
+    ) = Field(None, description="In place of `request`: crank angles, or travel of its drive, from the start on.")
     rocker: RockerRequest | None = Field(None, description="In place of a linkage: a link on a hinge.")
     load: DriveLoadRequest | None = Field(None, description="Without it the largest least moment arm counts.")
     drives: Drives = Field(
@@ -65,13 +65,17 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
             )
         with pointing(lambda field: "/request" + field):
             motion = la.Motion(**motion_of(request.request))
-    asked = drives_of(request)
+    asked, linkage, crank = drives_of(request), None, request.crank_angle
+    if request.linkage is not None:
+        with pointing(lambda field: "/linkage" + field):
+            linkage = request.linkage.linkage(unit == "deg")
+        crank = crank or request.linkage.crank_angle or request.linkage.travel
     return la.drives(
-        None if request.linkage is None else request.linkage.model_dump(),
+        linkage,
         asked.pop("drives"),
         **asked,
         motion=motion,
-        crank_angle=request.crank_angle,
+        crank_angle=crank,
         rocker=None if request.rocker is None else request.rocker.model_dump(),
         hand=request.hand,
         length_unit=request.length_unit,
