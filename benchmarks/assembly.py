@@ -10,10 +10,12 @@ import shapely
 
 from benchmarks import report
 from benchmarks.report import Times
+from synthesis.assembly.guided import guided
 from synthesis.assembly.layers import Arrangement, Asked, Search
 from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.parts import Heights, parts_of
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import DRIVERS, Circle, GuidedLinkage, Rail, Slot
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
@@ -49,7 +51,42 @@ def four_bars(count: int) -> Iterator[Machine]:
         count -= 1
 
 
-KINDS = {"four-bars": four_bars}
+def sliders(count: int) -> Iterator[Machine]:
+    """Random bodies on two guides of all kinds, by all their drives, over a part of what each can do."""
+    random = np.random.default_rng(SEED)
+
+    def place(size: float = 1.0) -> complex:
+        return complex(*random.normal(size=2)) * size
+
+    def guide(kind: Any) -> Any:
+        if kind is Circle:
+            return Circle(place(2.0), float(random.uniform(0.3, 2.0)), place())
+        if kind is Rail:
+            return Rail(place(2.0), float(random.uniform(0, TURN)), place())
+        return Slot(place(2.0), place(), float(random.uniform(0, TURN)))
+
+    ways = [(one, other, drive) for one in DRIVERS for other in DRIVERS for drive in DRIVERS[one]]
+    ways = [way for way in ways if way[:2] != (Circle, Circle)]
+    while count:
+        one, other, drive = ways[count % len(ways)]
+        linkage = GuidedLinkage(
+            (guide(one), guide(other)), drive, int(random.choice([-1, 1])), float(random.uniform(-3, 3))
+        )
+        span = float(random.uniform(0.2, 1.5)) if random.random() < 0.7 or not drive.turns else TURN
+        with np.errstate(all="ignore"):
+            closes = linkage.closes_over(Interval(linkage.start, linkage.start + span))
+        try:
+            machine = guided(linkage, Interval(0.0, span), Sizes()) if closes else None
+        except ValueError:
+            machine = None
+        # a body that is flung far away tells nothing
+        if machine is None or max(abs(z) for plate in machine.plates for z in plate.shape.core) > 50:
+            continue
+        yield machine
+        count -= 1
+
+
+KINDS = {"four-bars": four_bars, "sliders": sliders}
 
 
 def outlines(machine: Machine, body: int, core: tuple[complex, ...], travel: Any) -> Any:
