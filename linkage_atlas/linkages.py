@@ -507,7 +507,8 @@ def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assemb
             if linkage.get("guides") is not None and linkage.get("links") is None:
                 from linkage_atlas.guided import GuidedLinkage
 
-                return GuidedLinkage.from_dict(linkage, degrees).assembly(motion, linkage.get("travel"), **asked)
+                crank = linkage.get("travel") if crank is None else crank
+                return GuidedLinkage.from_dict(linkage, degrees).assembly(motion, crank, **asked)
             linkage = FourBar.from_dict(linkage, degrees)
         except (KeyError, TypeError):
             raise FieldError(
