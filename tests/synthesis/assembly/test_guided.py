@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks import assembly as campaign
 from synthesis.assembly.guided import OnGuides, Rocker, guided
 from synthesis.assembly.layers import Asked, Search
 from synthesis.assembly.machine import Sizes, four_bar
@@ -15,6 +14,7 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import DRIVERS, Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
+from tests.oracles.assembly import disagreements, nearest, sliders
 
 WAYS = [(one, other, drive) for one in DRIVERS for other in DRIVERS for drive in DRIVERS[one]]
 
@@ -72,12 +72,12 @@ def test_a_body_on_two_circles_is_the_four_bar() -> None:
 
 
 def test_proofs_of_sliders_agree_with_shapely() -> None:
-    for machine in campaign.sliders(11):
+    for machine in sliders(11):
         search = Search(machine, Asked("below"), Work())
-        assert campaign.disagreements(machine, search)[2] == 0
+        assert disagreements(machine, search)[2] == 0
         found = search.answer()
         if found.status == "free":
-            assert campaign.nearest(machine, found) > -1e-9
+            assert nearest(machine, found) > -1e-9
 
 
 def test_rails_are_plates_on_posts_with_slits_as_long_as_the_motion() -> None:
