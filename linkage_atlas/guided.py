@@ -345,6 +345,7 @@ class GuidedLinkage:
         travel: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
+        drive: Mapping[str, Any] | None = None,
     ) -> str:
         """The linkage as the text of a file.
 
@@ -361,9 +362,12 @@ class GuidedLinkage:
             Further columns of a CSV file, as of `analysis`.
         plates : mapping, optional
             Refused: links are cut as plates for four-bars only.
+        drive : mapping, optional
+            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
+            of an MJCF model.
         """
         target = self._default_motion() if motion is None else self.target_of(motion, travel)
-        return text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates)
+        return text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates, drive)
 
     def target_of(self, motion: Motion, travel: ArrayLike | None) -> Target:
         """A motion with the travel of the drive at its samples."""

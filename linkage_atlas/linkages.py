@@ -431,6 +431,7 @@ class FourBar:
         crank_angle: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
+        drive: Mapping[str, Any] | None = None,
     ) -> str:
         """The linkage as the text of a file.
 
@@ -448,9 +449,12 @@ class FourBar:
             ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
         plates : mapping, optional
             ``hole``, the diameter of the holes, and ``width`` of the plates.
+        drive : mapping, optional
+            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
+            of an MJCF model.
         """
         target = self._motion_over(motion, crank_angle)
-        return text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates)
+        return text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates, drive)
 
     def save(self, path: str | Path, length_unit: str = "mm") -> None:
         """Write a file; its ending says which: .csv, .svg, .dxf, .plates.dxf, .xml (MJCF, also .mjcf), .pylinkage.json."""

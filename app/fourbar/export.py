@@ -12,7 +12,7 @@ from pydantic import Field, Strict
 import linkage_atlas as la
 from app.fourbar import worked_example
 from app.fourbar.answers import analysis_of, answer_synthesize, is_long, motion_of
-from app.fourbar.models import FarLength, GivenLinkage, SynthesizeRequest
+from app.fourbar.models import FarLength, GivenDrive, GivenLinkage, SynthesizeRequest
 from app.query import FILES, Files, LengthUnit, RequestModel, Resources
 
 
@@ -34,6 +34,9 @@ class ExportRequest(RequestModel):
     format: Literal["json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage"] = "json"
     length_unit: LengthUnit = Field("mm", description="The unit of the request's lengths, for DXF and MJCF.")
     plates: PlatesRequest | None = Field(None, description="Sizes of the plates; each has a default.")
+    drive: GivenDrive | None = Field(
+        None, description="A drive of a reply, as it came: columns of CSV, a layer of DXF, the drive of MJCF."
+    )
 
 
 def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution | la.GuidedSolution:
@@ -96,7 +99,8 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     with pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
         plates = None if body.plates is None else body.plates.model_dump(exclude_none=True)
-        text = linkage.render(body.format, motion, body.length_unit, place, analysis_of(request), plates)
+        drive = None if body.drive is None else body.drive.model_dump(exclude_none=True)
+        text = linkage.render(body.format, motion, body.length_unit, place, analysis_of(request), plates, drive)
     return text.encode()
 
 

@@ -364,6 +364,34 @@ class RockerRequest(RequestModel):
     length: Above = Field(description="To the body point.")
 
 
+class GivenSizes(_ReplyPart):
+    crank: Above | None = None
+    coupler: Above | None = None
+    handle: Above | None = None
+    strut: Above | None = None
+
+
+class GivenDriveCurve(_ReplyPart):
+    knee: Annotated[list[PlacePair | None], Field(max_length=2000)] | None = None
+
+
+class GivenDrive(_ReplyPart):
+    """One of the `drives` of a reply, as it came or changed."""
+
+    kind: Literal["rotary", "actuator", "dyad", "toggle"]
+    link: LinkName
+    on: LinkName | None = None
+    ground_point: PlacePair | None = None
+    motor: PlacePair | None = None
+    pin_on_link: PlacePair | None = None
+    retracted: Above | None = None
+    stroke: Above | None = None
+    extends: Flag | None = None
+    six_bar: GivenSizes | None = None
+    lock: GivenSizes | None = None
+    curve: GivenDriveCurve | None = None
+
+
 # -- how it is built --------------------------------------------------------------------------------------------------
 
 Rank = Annotated[Count, Field(ge=1, le=100)]
