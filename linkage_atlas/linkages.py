@@ -298,7 +298,12 @@ class FourBar:
         return self._linkage.transmission_angle_min(Interval(*ends)) / self._radian
 
     def analysis(
-        self, crank_speed: float, load: Mapping[str, Any] | None = None, crank: ArrayLike | None = None
+        self,
+        crank_speed: float,
+        load: Mapping[str, Any] | None = None,
+        crank: ArrayLike | None = None,
+        *,
+        length_unit: str = "mm",
     ) -> Analysis:
         """Velocities, accelerations and, with a load, the torque of the drive and the forces in the pins.
 
@@ -307,12 +312,17 @@ class FourBar:
         crank_speed : float
             Of the crank, constant, counter-clockwise: in the linkage's unit of angle a second.
         load : mapping, optional
-            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it.
+            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``, a
+            list of ``link`` (crank, coupler, rocker or body), ``mass`` in kg, centre ``at`` [x, y] and ``inertia`` in the link's
+            frame; ``gravity`` [gx, gy] in m/s^2. With masses forces are in newtons.
         crank : array_like, shape (n,), optional
             Crank angles from the start angle on. Default: the samples of the motion that it answers (or a whole turn), with the
             `curve` over their interval.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths, which tells the forces of inertia.
         """
-        drive = read_drive({"crank_speed": crank_speed, "load": load}, self._linkage.mounted)
+        asked = {"crank_speed": crank_speed, "load": load, "length_unit": length_unit}
+        drive = read_drive(asked, self._linkage.mounted)
         if crank is not None:
             return analysed(self._linkage, drive, np.atleast_1d(column("crank", crank)) * self._radian, self._radian)
         target = self._default_motion()

@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, create_model
 
-from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, RequestModel
+from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
-from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_SAMPLES, SAMPLES
+from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
 
@@ -162,11 +162,30 @@ Bounded = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
 Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 
 
+class MassRequest(RequestModel):
+    """A mass on a link."""
+
+    link: Literal["crank", "coupler", "rocker", "body"]
+    mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="In kg.")
+    at: Pair | None = Field(
+        None,
+        description="[x, y] of its centre in the link's frame: origin in its first joint (crank: pivot A, coupler: crank pin, "
+        "rocker: pivot B), x axis to the second; of the body: its point and its rotation.",
+    )
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] = Field(
+        0.0, description="About its centre, kg times length squared."
+    )
+
+
 class LoadRequest(RequestModel):
     """What acts on the body, in directions that do not turn with it."""
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
+    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = Field(
+        None, description="Of the links; with them forces are in newtons."
+    )
+    gravity: Pair | None = Field(None, description="[gx, gy] in m/s^2.")
 
 
 class AnalysisRequest(RequestModel):
@@ -176,6 +195,7 @@ class AnalysisRequest(RequestModel):
         description="Constant, in the unit of angle a second, counter-clockwise: negative for a clockwise motion."
     )
     load: LoadRequest | None = Field(None, description="With it: crank torque and pin forces.")
+    length_unit: LengthUnit = Field("mm", description="The unit of lengths, which tells the forces of inertia.")
 
 
 class ToleranceStudyRequest(RequestModel):
