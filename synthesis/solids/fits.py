@@ -21,9 +21,17 @@ class Fit(NamedTuple):
     """Where a plate turns on the pin."""
     held: float
     """Where a plate, a board or a head holds the pin; negative presses."""
+    axial: float
+    """Between a plate that turns and the washer beside it."""
+    toleranced: bool
+    """Whether holes and pins are drawn at their nominal size, with tolerances."""
+    plate: float
+    """The least default thickness of a plate."""
+    washer: float
+    """The least default gap of two layers; a washer beside an empty place fills half of it."""
 
 
-FITS = {"H7": Fit("H7", 0.0, 0.0), "print": Fit("print", 0.4, 0.1)}
+FITS = {"H7": Fit("H7", 0.0, 0.0, 0.05, True, 0.0, 0.0), "print": Fit("print", 0.4, 0.1, 0.1, False, 3.0, 2.8)}
 """H7: both drawn at the nominal size, with their tolerances in the parts list. Print: the play is drawn, as a printer makes what
 it is shown; 0.4 and 0.1 mm turn and hold on common machines with a 0.4 mm nozzle."""
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.solids.parts import Part
 from synthesis.solids.prism import Prism
+from synthesis.solids.solid import Posed, Solid
 
 SAGITTA = 0.01
 """Millimetres that a chord may be off its arc, in a part of printable size."""
@@ -133,20 +133,7 @@ def mesh_of(prism: Prism) -> Mesh:
     return Mesh(corners, np.concatenate([face[:, ::-1], face + count, *sides]).astype(np.int32))
 
 
-class Place(NamedTuple):
-    """Where the frame of a part stands: turned about z by the unit number, then moved."""
-
-    turn: complex
-    shift: complex
-    up: float
-
-
-def in_place(parts: Sequence[Part]) -> list[Place]:
-    """Parts as they are assembled, at the first sample."""
-    return [Place(part.turn, part.shift, part.up) for part in parts]
-
-
-def on_bed(parts: Sequence[Part]) -> list[Place]:
+def on_bed(parts: Sequence[Solid]) -> list[Posed]:
     """Parts beside one another, each on its lower face, in rows on a bed that is about square.
 
     Law: their extents do not overlap.
@@ -162,13 +149,13 @@ def on_bed(parts: Sequence[Part]) -> list[Place]:
         boxes.append((turn, corner, size))
     area = sum((size.real + _GAP) * (size.imag + _GAP) for _, _, size in boxes)
     wide = max([1.2 * np.sqrt(area), *(size.real for _, _, size in boxes)])
-    places: dict[int, Place] = {}
+    places: dict[int, Posed] = {}
     at, row = 0j, 0.0
     for k in sorted(range(len(boxes)), key=lambda k: -boxes[k][2].imag):
         turn, corner, size = boxes[k]
         if at.real + size.real > wide * (1 + 1e-9):
             at, row = complex(0.0, at.imag + row + _GAP), 0.0
-        places[k] = Place(turn, at - corner, -parts[k].prism.low)
+        places[k] = Posed(turn, at - corner, -parts[k].prism.low)
         row = max(row, size.imag)
         at += size.real + _GAP
     return [places[k] for k in range(len(parts))]
@@ -188,7 +175,7 @@ _RELATIONS = (
 )
 
 
-def to_3mf(parts: Sequence[Part], places: Sequence[Place], name: str) -> bytes:
+def to_3mf(parts: Sequence[Solid], places: Sequence[Posed], name: str) -> bytes:
     """A 3MF file: an object a part, with its name and colour; millimetres.
 
     Law: a strict reader takes it without a warning.
@@ -234,7 +221,7 @@ def to_stl(mesh: Mesh, name: str) -> bytes:
     return head + np.uint32(len(rows)).tobytes() + rows.tobytes()
 
 
-def to_stl_zip(parts: Sequence[Part]) -> bytes:
+def to_stl_zip(parts: Sequence[Solid]) -> bytes:
     """A zip file with an STL file a part."""
     return zipped({f"{part.name}.stl": to_stl(mesh_of(part.prism), part.name) for part in parts})
 

@@ -294,9 +294,9 @@ def rounded(core: Sequence[complex], radius: float) -> Floats:
 
 
 def filleted(corners: Sequence[complex], radius: float) -> Floats:
-    """A simple polygon, counter-clockwise, whose corners are rounded by at most ``radius``; (n, 3), see `Prism`.
+    """A simple polygon, counter-clockwise, whose convex corners are rounded by at most ``radius``; (n, 3), see `Prism`.
 
-    A fillet takes at most four tenths of the shorter of its two sides, so that the next one has room.
+    A fillet takes at most four tenths of the shorter of its two sides, so that the next one has room. Law: within the polygon.
     """
     count = len(corners)
     vertices: list[tuple[float, float, float]] = []
@@ -306,7 +306,7 @@ def filleted(corners: Sequence[complex], radius: float) -> Floats:
         # tangent length of a fillet: radius times tan(turn / 2)
         most = 0.4 * min(abs(back), abs(on))
         tangent = min(radius * abs(np.tan(turn / 2)), most)
-        if tangent <= 1e-9 * most:
+        if turn <= 0 or tangent <= 1e-9 * most:
             vertices.append((corner.real, corner.imag, 0.0))
             continue
         first, last = corner + tangent * back / abs(back), corner + tangent * on / abs(on)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from synthesis.solids.parts import Part
 from synthesis.solids.prism import Hole, Prism
+from synthesis.solids.solid import Posed, Solid
 
 UNCERTAINTY = 1e-7
 """Millimetres within which points of the file are one point."""
@@ -19,10 +19,10 @@ _EAST = (1.0, 0.0, 0.0)
 _ENDS = ((0, _DOWN), (1, _UP))
 
 
-def to_step(parts: Sequence[Part], name: str) -> str:
+def to_step(parts: Sequence[Solid], places: Sequence[Posed], name: str) -> str:
     """The file: an assembly of that name, a product a part; lengths in millimetres.
 
-    Law: reopened, every part has its name and colour, its exact volume, and its holes where they are.
+    ``places``: where the frames of the parts stand. Law: reopened, every part has its name and colour, its exact volume, and its holes where they are.
     """
     data = _Data()
     units = data.units()
@@ -33,12 +33,12 @@ def to_step(parts: Sequence[Part], name: str) -> str:
         data.add(f"PRODUCT_DEFINITION_CONTEXT('part definition',{application},'design')"),
     )
     origin = data.frame((0.0, 0.0, 0.0))
-    places = [data.frame(part.origin, (part.turn.real, part.turn.imag, 0.0)) for part in parts]
+    frames = [data.frame((shift.real, shift.imag, up), (turn.real, turn.imag, 0.0)) for turn, shift, up in places]
     assembly, whole = data.product(name, contexts)
-    whole_shape = data.add(f"SHAPE_REPRESENTATION({quoted(name)},{_list([origin, *places])},{units})")
+    whole_shape = data.add(f"SHAPE_REPRESENTATION({quoted(name)},{_list([origin, *frames])},{units})")
     data.add(f"SHAPE_DEFINITION_REPRESENTATION({whole},{whole_shape})")
     styled = []
-    for number, (part, place) in enumerate(zip(parts, places, strict=True), 1):
+    for number, (part, place) in enumerate(zip(parts, frames, strict=True), 1):
         product, definition = data.product(part.name, contexts, part.material)
         own = data.frame((0.0, 0.0, 0.0))
         solid = data.solid(part.prism, part.name)
