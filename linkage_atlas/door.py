@@ -144,6 +144,7 @@ class Asked(TypedDict, total=False):
     sensitivity: bool
     analysis: Mapping[str, Any] | None
     tolerance_study: Mapping[str, Any] | None
+    assembly: Mapping[str, Any] | bool | None
 
 
 def synthesize(

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, create_model
 
 from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
+from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
 from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_MASSES, MOST_SAMPLES, SAMPLES
@@ -212,6 +213,42 @@ class ToleranceStudyRequest(RequestModel):
     )
 
 
+Rank = Annotated[Count, Field(ge=1, le=100)]
+
+
+class AssemblyOptions(RequestModel):
+    """How plates and pins are made and held; lengths in the unit of the linkage."""
+
+    width: Length | None = Field(None, description="Of the plates. Default: 2.5 holes.")
+    hole: Length | None = Field(
+        None,
+        description="Diameter of the pins. Default: 0.3 of the shortest link, at most 0.05 of the longest.",
+    )
+    thickness: Length | None = Field(None, description="Of the plates. Default: half a hole.")
+    washer: Size | None = Field(None, description="Between two layers. Default: a fifth of the thickness.")
+    clearance: Size | None = Field(
+        None,
+        description="Least gap of parts that pass one another. Default: 0.5 / 165 of the longest link.",
+    )
+    boards: Literal["below", "above", "both", "bar"] = Field(
+        "below",
+        description="Where the fixed pins stand: in a board below or above the links, in one on each side, or in a bar, a plate "
+        "like any other.",
+    )
+    heads: Flag = Field(
+        False, description="Whether pins have heads of 1.8 diameters, in a layer more at each free end."
+    )
+    body: Annotated[list[Point], Field(min_length=3, max_length=MOST_CORNERS + 1)] | None = Field(
+        None,
+        description="Outline of the body, a plate that the coupler carries: corners [x, y] in the body's frame, from the "
+        "requested position and turned with the requested rotation (without one: as at the first sample).",
+    )
+    mounts: dict[Literal["A", "B"], Literal["below", "above", "below+above"]] | None = Field(
+        None, description="How fixed pins must be held, where that matters."
+    )
+    layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
+
+
 # -- rotation, positions or both ---------------------------------------------------------------------------------------
 
 
@@ -299,4 +336,9 @@ class SynthesizeRequest(CrankMotion):
     )
     tolerance_study: ToleranceStudyRequest | None = Field(
         None, description="Also report what tolerances of manufacture do to the body's motion."
+    )
+    assembly: Flag | AssemblyOptions = Field(
+        False,
+        description="Also look for layers in which the parts of each solution pass one another; true: with default sizes. "
+        "Solutions that have some come first.",
     )

@@ -21,6 +21,7 @@ from typing import NamedTuple
 from synthesis.assembly.gaps import Carried, Gaps, Least, Proof, Run
 from synthesis.assembly.machine import WHOLE, Machine
 from synthesis.assembly.shapes import disc
+from synthesis.errors import FieldError
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
@@ -309,7 +310,11 @@ class _Search:
             for stack, mask in self.stacks(count, loose, longest):
                 best = stack
                 longest.most = loose.longest(mask)[0]
-        assert best is not None, "two layers hold any chain of plates; more bodies need no more than there are plates"
+        if best is None:
+            raise FieldError(
+                "/layers_most",
+                f"plates on common pins{', with heads,' * self.asked.heads} need more than {self.asked.most} layers",
+            )
         _, first, last = loose.longest(loose.of(best.pairs))
         free_part = None if first is None or last is None else Interval(first, last)
         return self._told("blocked", best, None, free_part, 0, loose)

@@ -54,7 +54,7 @@ class Mesh(NamedTuple):
         ways = np.concatenate([self.triangles[:, [k, (k + 1) % 3]] for k in range(3)]).astype(np.int64)
         there = ways[:, 0] * len(self.corners) + ways[:, 1]
         back = ways[:, 1] * len(self.corners) + ways[:, 0]
-        return int(len(there) - len(np.unique(there)) + len(np.setxor1d(there, back)))
+        return int(len(there) - len(np.unique(there)) + len(np.setdiff1d(there, back)))
 
     @property
     def euler_characteristic(self) -> int:

@@ -115,9 +115,9 @@ def _in_metres(mass: Mass) -> Mass:
 def to_urdf(solids: Solids, name: str, used: Interval | None = None) -> str:
     """The file: a tree of links from ``ground`` on, with frames ``closing_C_1`` and ``closing_C_2`` that a loop constraint joins.
 
-    The convention of these frames is that of onshape-to-robot. A rocker does not turn in proportion to its crank, so no joint mimics
-    another. ``used``: crank angles that limit the joint of the crank; without it turns freely. Shapes that are seen are boxes and
-    cylinders: the format has no extruded outlines.
+    The convention of these frames is that of onshape-to-robot. A rocker does not turn in proportion to its crank, so no joint
+    mimics another. ``used``: crank angles that limit the joint of the crank; without it turns freely. Shapes that are seen are
+    boxes and cylinders: the format has no extruded outlines.
 
     Law: at zero both closing frames coincide; masses, centres and inertia are those of the parts.
     """
@@ -207,7 +207,7 @@ def _xy(point: complex) -> tuple[float, float]:
 
 
 def to_sdf(solids: Solids, name: str) -> str:
-    """The file (SDF 1.9): a link a body, fixed to the world by the ground, and a revolute joint a pin, the closing one among them.
+    """The file (SDF 1.9): a link a body, fixed to the world by the ground, and a revolute joint a pin, also where it closes one.
 
     Shapes are the extruded outlines of the parts, without their holes.
 

@@ -18,6 +18,7 @@ from synthesis.assembly.layers import HEAD, Stack
 from synthesis.assembly.machine import Machine
 from synthesis.assembly.parts import Heights, Part, parts_of
 from synthesis.errors import FieldError
+from synthesis.fourbar.analysis import LinkMass
 from synthesis.solids.fits import Fit, tolerance
 from synthesis.solids.prism import Hole, Mass, Prism, filleted, rounded, together
 
@@ -253,35 +254,34 @@ class _Washers:
         return (layer - 1) * self.pitch + self.thick
 
     def places(self, pin: Part) -> Iterable[tuple[float, float, bool]]:
-        """Lower and upper face of each washer of a pin, and whether the pin holds it."""
+        """Lower face and thickness of each washer of a pin, and whether the pin holds it."""
         if not self.wanted:
             return
         layers = self.plates[_pin_of(pin)]
         for layer in range(min(layers) - 1, max(layers) + 1):
             below, above = layer in layers, layer + 1 in layers
-            low, high = self._above(layer), self._above(layer) + self.gap
-            middle = (low + high) / 2
+            low, half = self._above(layer), self.gap / 2
             if below and above:
                 if self._turns(pin, layer) or self._turns(pin, layer + 1):
-                    yield low + self.play, high - self.play, False
+                    yield low + self.play, self.gap - 2 * self.play, False
             elif below and self._turns(pin, layer):
-                yield low + self.play, middle, True
+                yield low + self.play, half - self.play, True
             elif above and self._turns(pin, layer + 1):
-                yield middle, high - self.play, True
+                yield low + half, half - self.play, True
 
     def reach(self, pin: Part) -> tuple[float, float]:
         """Lower and upper end of a pin or a post: through its heads, and through the washers beside its last plates."""
         layers = self.plates[_pin_of(pin)]
         low, high = self._above(min(layers)) - self.thick, self._above(max(layers))
         if pin.kind == "pin":
-            ends = [end for first, last, holds in self.places(pin) if holds for end in (first, last)]
+            ends = [end for at, tall, holds in self.places(pin) if holds for end in (at, at + tall)]
             low, high = min([low, *ends]), max([high, *ends])
         return low, high
 
     def solids_on(self, pin: Part) -> Iterable[Solid]:
         """The washers of a pin, counted from below."""
-        for number, (low, high, holds) in enumerate(self.places(pin), 1):
-            prism = Prism.disc(0j, self.radius, 0.0, high - low, self.held if holds else self.turning)
+        for number, (low, tall, holds) in enumerate(self.places(pin), 1):
+            prism = Prism.disc(0j, self.radius, 0.0, tall, self.held if holds else self.turning)
             at = pin.shape.core[0] * self.unit
             name = f"washer_{_pin_of(pin)}{number}"
             link = self.names[pin.body]
@@ -315,7 +315,7 @@ def parts_list(solids: Solids, fit: Fit) -> dict[str, list[object]]:
                 "kind": part.kind,
                 "link": part.link,
                 "material": part.material,
-                "length": prism.height if pin else (high - low).real,
+                "length": prism.height if pin else diameter or (high - low).real,
                 "width": None if diameter is not None else (high - low).imag,
                 "thickness": None if pin else prism.height,
                 "diameter": diameter,
@@ -325,18 +325,22 @@ def parts_list(solids: Solids, fit: Fit) -> dict[str, list[object]]:
                 "mass": 1000 * part.mass.mass,
             }
         )
-    return {name: [row[name] for row in rows] for name in rows[0]}
+    # to a millionth of a micrometre, or of a milligram: beyond that stands rounding
+    return {name: [_short(row[name]) for row in rows] for name in rows[0]}
 
 
-def masses_of_links(masses: Mapping[str, Mass], unit: float) -> list[dict[str, object]]:
+def _short(value: object) -> object:
+    return round(value, 9) if isinstance(value, float) else value
+
+
+def masses_of_links(masses: Mapping[str, Mass], unit: float) -> dict[str, LinkMass]:
     """Masses as an analysis takes them: of each moving link its mass, centre and inertia in its frame.
 
     ``unit``: millimetres in the unit of the lengths.
     """
-    found = []
+    found = {}
     for name, mass in masses.items():
         if name != "ground" and mass.mass > 0:
             x, y, _ = (mass.centre / unit).tolist()
-            inertia = float(mass.inertia[2, 2]) / unit**2
-            found.append({"link": name, "mass": mass.mass, "at": [x, y], "inertia": inertia})
+            found[name] = LinkMass(mass.mass, complex(x, y), float(mass.inertia[2, 2]) / unit**2)
     return found

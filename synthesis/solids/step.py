@@ -22,7 +22,9 @@ _ENDS = ((0, _DOWN), (1, _UP))
 def to_step(parts: Sequence[Solid], places: Sequence[Posed], name: str) -> str:
     """The file: an assembly of that name, a product a part; lengths in millimetres.
 
-    ``places``: where the frames of the parts stand. Law: reopened, every part has its name and colour, its exact volume, and its holes where they are.
+    ``places``: where the frames of the parts stand.
+
+    Law: reopened, every part has its name and colour, its exact volume, and its holes where they are.
     """
     data = _Data()
     units = data.units()
