@@ -77,10 +77,9 @@ def analysis_of(request: SynthesizeRequest) -> dict[str, Any] | None:
     return None if request.analysis is None else request.analysis.model_dump()
 
 
-def assembly_of(request: SynthesizeRequest) -> dict[str, Any] | bool:
+def assembly_of(request: SynthesizeRequest) -> dict[str, Any] | None:
     """What a request says of an assembly."""
-    asked = request.assembly
-    return asked if isinstance(asked, bool) else asked.model_dump(exclude_none=True)
+    return None if request.assembly is None else request.assembly.model_dump(exclude_none=True)
 
 
 def motion_of(request: SynthesizeRequest) -> dict[str, Any]:

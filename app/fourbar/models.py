@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, create_model
+from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
 from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
 from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
@@ -249,6 +249,15 @@ class AssemblyOptions(RequestModel):
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
 
 
+def _with_defaults(given: Any) -> Any:
+    """True stands for all defaults, false for nothing."""
+    return ({} if given else None) if isinstance(given, bool) else given
+
+
+def _or_a_flag(schema: dict[str, Any]) -> None:
+    schema["anyOf"].insert(0, {"type": "boolean"})
+
+
 # -- rotation, positions or both ---------------------------------------------------------------------------------------
 
 
@@ -292,10 +301,11 @@ class SynthesizeRequest(CrankMotion):
     tolerances: TolerancesRequest | None = Field(
         None, description="Largest errors allowed; then status `reached` means that every sample keeps them."
     )
-    prefer: Literal["error", "size", "transmission", "crank_span"] | None = Field(
+    prefer: Literal["error", "size", "transmission", "crank_span", "layers"] | None = Field(
         None,
         description="Of linkages inside the tolerances those first with the least error, the smallest links and reach, the best "
-        "transmission angle, or the shortest swing of the crank. Default: `size` with tolerances, otherwise `error`.",
+        "transmission angle, the shortest swing of the crank, or layers over whose fixed pivots nothing passes. "
+        "Default: `size` with tolerances, otherwise `error`.",
     )
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
     effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
@@ -337,8 +347,9 @@ class SynthesizeRequest(CrankMotion):
     tolerance_study: ToleranceStudyRequest | None = Field(
         None, description="Also report what tolerances of manufacture do to the body's motion."
     )
-    assembly: Flag | AssemblyOptions = Field(
-        False,
+    assembly: Annotated[AssemblyOptions | None, BeforeValidator(_with_defaults)] = Field(
+        None,
         description="Also look for layers in which the parts of each solution pass one another; true: with default sizes. "
         "Solutions that have some come first.",
+        json_schema_extra=_or_a_flag,
     )

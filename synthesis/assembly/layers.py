@@ -136,10 +136,10 @@ def arrange(machine: Machine, asked: Asked, work: Work) -> Arrangement:
 
     Among free ones of as many layers: most pins held on both sides, then the shortest pins, then the largest least gap.
     """
-    return _Search(machine, asked, work).answer()
+    return Search(machine, asked, work).answer()
 
 
-class _Search:
+class Search:
     """The parts of a machine, what is proved of their pairs, and the search for a stack."""
 
     def __init__(self, machine: Machine, asked: Asked, work: Work) -> None:
@@ -161,7 +161,7 @@ class _Search:
         shapes, numbers = _numbered(parts, self.pairs)
         self.gaps = Gaps(machine.movement, shapes, numbers, machine.clearance, machine.size)
         self.proofs = self.gaps.prove(machine.used, work)
-        self._shapes, self._numbers = shapes, numbers
+        self.shapes, self.numbers = shapes, numbers
         self.number = {pair: k for k, pair in enumerate(self.pairs)}
         self.strict = _Masks(self.proofs, machine, touching=True)
         self.tried = 0
@@ -301,7 +301,7 @@ class _Search:
                 continue
             self.tried = 0
             for count in self.counts:
-                free = [stack for stack, _ in self.stacks(count, masks, _Free())]
+                free = [stack for stack, _ in self.stacks(count, masks, Free())]
                 if free:
                     return self._told(status, *self._best(free), None, len(free) - 1, masks)
         self.tried, longest = 0, _Longest(loose)
@@ -418,8 +418,8 @@ class _Search:
             return []
         gaps = Gaps(
             self.machine.movement,
-            self._shapes,
-            [self._numbers[pair] for pair in stack.pairs],
+            self.shapes,
+            [self.numbers[pair] for pair in stack.pairs],
             self.machine.clearance,
             self.machine.size,
         )
@@ -506,10 +506,11 @@ class _Bound:
         raise NotImplementedError
 
 
-class _Free(_Bound):
+class Free(_Bound):
     """Those that collide nowhere."""
 
     def lets_pass(self, mask: int) -> bool:
+        """Nothing may be added to a collision."""
         return mask == 0
 
 
@@ -520,4 +521,5 @@ class _Longest(_Bound):
         self.masks, self.most = masks, -1.0
 
     def lets_pass(self, mask: int) -> bool:
+        """More collisions leave shorter parts."""
         return self.masks.longest(mask)[0] > self.most

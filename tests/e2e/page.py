@@ -36,11 +36,11 @@ IN_SIGHT = (
 )
 """An element, scrolled out from under the bar with Solve, which stays in sight; found and scrolled by one call of the browser."""
 ASKED = (
-    "window.asked=[];const own=window.fetch;window.fetch=async(...a)=>{if(!String(a[0]).startsWith('/v1/'))return own(...a);"
+    "window.asked=[];const own=window.fetch;window.fetch=async(...a)=>{if(!String(a[0]).startsWith('/v1/')||a[0]==='/v1/assembly')return own(...a);"
     "window.asked.push(JSON.parse(a[1].body));const s=a[0]==='/v1/synthesize'&&window.stub;"
     "return s?new Response(JSON.stringify(s),{headers:{'content-type':'application/json'}}):own(...a)}"
 )
-"""Keeps the bodies of the page's requests; a reply in `window.stub` stands in for the service's."""
+"""Keeps the bodies of the page's requests, but those for layers, which follow by themselves; a reply in `window.stub` stands in for the service's."""
 FREE = la.FourBar(
     20, 60, 55, 58, start_angle=30, pivot_a=(10, 5), ground_angle=8, coupler_point=(40, 35), body_offset=12
 )

@@ -47,9 +47,7 @@ def built(name: str, boards: str = "both", heads: bool = False, fit: str = "H7",
 def arranged(name: str, boards: str = "both", heads: bool = False, body=()) -> tuple[Machine, Arrangement]:
     case = TABLE[name]
     sizes = Sizes(*(case[size] for size in ("hole", "width", "clearance")))
-    machine = four_bar(
-        linkage_of(case), Interval(*np.deg2rad(case["used"])), sizes, body=body, bar=boards == "bar"
-    )
+    machine = four_bar(linkage_of(case), Interval(*np.deg2rad(case["used"])), sizes, body=body, bar=boards == "bar")
     return machine, arrange(machine, Asked(boards, heads=heads), Work())
 
 
@@ -110,7 +108,9 @@ def step_shells(text: str) -> list[dict]:
                 bounds += 1
                 loop = re.search(r"#(\d+)", entities[bound])[1]
                 for edge in re.findall(r"#(\d+)", entities[loop]):
-                    curve, sign = re.fullmatch(r"ORIENTED_EDGE\('',\*,\*,#(\d+),\.([TF])\.\)", entities[edge]).groups()
+                    curve, sign = re.fullmatch(
+                        r"ORIENTED_EDGE\('',\*,\*,#(\d+),\.([TF])\.\)", entities[edge]
+                    ).groups()
                     ways[curve, sign] += 1
                     corners |= set(re.findall(r"#(\d+)", entities[curve])[:2])
         edges = {curve for curve, _ in ways}

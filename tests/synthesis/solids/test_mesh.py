@@ -24,7 +24,9 @@ def window():
     return built("E2", "below", fit="print", body=SASH)
 
 
-@pytest.mark.parametrize(("name", "boards", "heads"), [("E1", "both", True), ("E3", "both", False), ("E4", "below", True)])
+@pytest.mark.parametrize(
+    ("name", "boards", "heads"), [("E1", "both", True), ("E3", "both", False), ("E4", "below", True)]
+)
 def test_surfaces_are_closed_and_within_the_exact_solid(name, boards, heads) -> None:
     for part in built(name, boards, heads).parts:
         mesh, prism = mesh_of(part.prism), part.prism
@@ -61,7 +63,9 @@ def test_many_random_plates_are_closed() -> None:
 def test_straight_corners_of_a_body_leave_no_gap() -> None:
     corners = [0j, 10 + 0j, 30 + 0j, 60 + 0j, 60 + 40j, 60 + 60j, 30 + 60j, 60j, 30j]
     for fillet in (0.0, 3.0):
-        mesh = mesh_of(Prism(filleted(corners, fillet), 0, 4, (Hole(30 + 30j, 5), Hole(10 + 30j, 5), Hole(50 + 30j, 5))))
+        mesh = mesh_of(
+            Prism(filleted(corners, fillet), 0, 4, (Hole(30 + 30j, 5), Hole(10 + 30j, 5), Hole(50 + 30j, 5)))
+        )
         assert mesh.open_edges == 0 and mesh.euler_characteristic == -4
 
 

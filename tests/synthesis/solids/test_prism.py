@@ -79,8 +79,7 @@ def test_a_rounded_triangle_is_what_fine_polygons_tend_to(base, x, y, radius) ->
     xx = ((ring.real**2 + ring.real * on.real + on.real**2) * cross).sum() / 12
     assert prism.moments.xx + area * prism.moments.centre.real**2 == pytest.approx(xx, rel=1e-5)
     xy = np.sum(
-        cross
-        * (2 * ring.real * ring.imag + ring.real * on.imag + on.real * ring.imag + 2 * on.real * on.imag)
+        cross * (2 * ring.real * ring.imag + ring.real * on.imag + on.real * ring.imag + 2 * on.real * on.imag)
     )
     mixed = prism.moments.xy + area * prism.moments.centre.real * prism.moments.centre.imag
     assert mixed == pytest.approx(xy / 24, rel=1e-5, abs=1e-5 * xx)
@@ -100,7 +99,9 @@ def test_an_arc_ends_where_its_bulge_says(start, way, bulge) -> None:
     for sign in (1, -1):
         arc = arc_between(start, start + way, sign * bulge)
         ends = arc.at(np.array([0.0, 1.0]))
-        assert abs(ends[0] - start) < 1e-9 * max(1, arc.radius) and abs(ends[1] - start - way) < 1e-9 * max(1, arc.radius)
+        assert abs(ends[0] - start) < 1e-9 * max(1, arc.radius) and abs(ends[1] - start - way) < 1e-9 * max(
+            1, arc.radius
+        )
         middle = arc.at(np.array([0.5]))[0]
         # the sagitta is the bulge times half the chord, to the right of the way where the bulge is positive
         assert (start + way / 2 - 1j * way / 2 * sign * bulge) == pytest.approx(middle, abs=1e-8 * max(1, arc.radius))
@@ -118,9 +119,7 @@ def test_an_arc_around_a_hollow_is_a_polygon_around_it() -> None:
 
 def test_several_masses_are_one_rigid_body() -> None:
     random = np.random.default_rng(5)
-    parts = [
-        Prism.disc(complex(*random.uniform(-9, 9, 2)), 2, z, z + 3).mass(1.5) for z in random.uniform(-5, 5, 4)
-    ]
+    parts = [Prism.disc(complex(*random.uniform(-9, 9, 2)), 2, z, z + 3).mass(1.5) for z in random.uniform(-5, 5, 4)]
     whole = together(parts)
     # a cloud of points has the same mass, centre and inertia
     points = [(p.mass / 6, p.centre + off) for p in parts for off in _octahedron(p)]

@@ -15,7 +15,7 @@ from synthesis.solids.mesh import mesh_of
 from synthesis.solids.solid import COLOURS, DENSITIES, Made, masses_of_links, parts_list, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
-from tests.oracles.solids import SASH, arranged, built, deepest, linkage_of, places_of, TABLE
+from tests.oracles.solids import SASH, TABLE, arranged, built, deepest, linkage_of, places_of
 
 CASES = [
     ("E1", "below", False, ()),
@@ -68,7 +68,9 @@ def test_no_two_parts_overlap_in_manifold(name, boards, heads, body) -> None:
 def test_a_part_in_the_wrong_layer_is_seen_to_overlap() -> None:
     solids = built("E4", "both")
     wrong = solids._replace(
-        parts=tuple(part if part.name != "rocker" else part.__class__(**{**vars(part), "up": 0.0}) for part in solids.parts)
+        parts=tuple(
+            part if part.name != "rocker" else part.__class__(**{**vars(part), "up": 0.0}) for part in solids.parts
+        )
     )
     assert deepest(wrong, 10)[0] > 0
 
@@ -148,7 +150,9 @@ def test_a_model_is_smaller_in_everything_but_its_play() -> None:
     full, half = built("E2", "below", fit="print"), built("E2", "below", fit="print", scale=0.5)
     for one, other in zip(full.parts, half.parts, strict=True):
         assert one.name == other.name
-    pins = [next(part for part in solids.parts if part.name == "pin_A").prism.circle.radius for solids in (full, half)]
+    pins = [
+        next(part for part in solids.parts if part.name == "pin_A").prism.circle.radius for solids in (full, half)
+    ]
     assert 2 * pins[0] + 0.4 == pytest.approx(2 * (2 * pins[1] + 0.4))
     # a printer makes no thinner wall
     assert half.thinnest_wall[0] > 1.2 and full.thinnest_wall[0] > 1.2
