@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
     from linkage_atlas.door import Live, prepare, synthesize
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
+    from linkage_atlas.guided import GuidedJoints, GuidedLinkage
     from linkage_atlas.limits import Limits
     from linkage_atlas.linkages import FourBar, Joints, assembly
     from linkage_atlas.many_requests import StudyLocked, study
@@ -33,6 +34,7 @@ _HOMES = {
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
+    "linkage_atlas.guided": ("GuidedLinkage", "GuidedJoints"),
     "linkage_atlas.linkages": ("FourBar", "Joints", "assembly"),
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.assemblies": ("Assembly",),
@@ -56,6 +58,8 @@ __all__ = [
     "FourBar",
     "FunctionResult",
     "FunctionSolution",
+    "GuidedJoints",
+    "GuidedLinkage",
     "Joints",
     "Limits",
     "Live",

@@ -10,6 +10,7 @@ from synthesis.errors import FieldError
 if TYPE_CHECKING:
     from linkage_atlas.solids import SolidParts
     from synthesis.fourbar.linkage import Linkage
+    from synthesis.guided.linkage import GuidedLinkage
     from synthesis.target import Target
 
 
@@ -89,6 +90,32 @@ def content_of(
     except FieldError:
         masses = None  # no plates of these sizes: the file says that its links are rods
     return files.to_mjcf(linkage, target, unit_mm, masses).encode()
+
+
+_FOUR_BARS_ONLY = {
+    "plates": "links are cut as plates for four-bars only: rails and slots are not drawn as plates",
+    "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
+}
+
+
+def guided_text(linkage: GuidedLinkage, target: Target, radian: float, kind: str, length_unit: str) -> str:
+    """The text of a file of a body on two guides, rails and slots among them."""
+    from linkage_atlas.motions import MILLIMETRES
+    from synthesis.guided import files
+
+    if kind not in FORMATS:
+        raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
+    if kind in _FOUR_BARS_ONLY:
+        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
+    if kind == "csv":
+        return files.to_csv(linkage, target, radian)
+    if kind == "svg":
+        return files.to_svg(linkage, target)
+    if kind not in ("dxf", "mjcf"):
+        raise FieldError("/format", f"{kind!r} is written for four-bars only")
+    if length_unit not in MILLIMETRES:
+        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
+    return (files.to_dxf if kind == "dxf" else files.to_mjcf)(linkage, target, MILLIMETRES[length_unit])
 
 
 def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
