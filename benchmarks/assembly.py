@@ -25,7 +25,7 @@ SEED = 7
 
 
 def four_bars(count: int) -> Iterator[Machine]:
-    """Random four-bars: lengths over a decade, both branches, plates and clearances of all sizes, over a turn or a part of one."""
+    """Random four-bars: lengths over a decade, both branches, plates of all sizes, over a turn or a part of one."""
     random = np.random.default_rng(SEED)
     while count:
         links = tuple(10.0 ** random.uniform(-0.8, 0, 4))

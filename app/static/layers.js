@@ -41,16 +41,25 @@ const within = ({ from, to }, degrees) => [-360, 0, 360].some((turn) => from <= 
 export class Layers {
   /** `jump(degrees)` moves the crank; `told(solution)` is called when the verdict of a solution has its assembly. */
   constructor(board, jump, told) {
-    Object.assign(this, { board, jump, told, solution: null, answer: null, control: null, wrong: new Map() });
+    Object.assign(this, { board, jump, told, solution: null, answer: null, control: null, outline: null, wrong: new Map() });
     for (const name of ["layer-boards", "layer-heads", "layer-body", ...Object.values(SIZES)]) $(name).addEventListener("change", () => this.#again());
     $("layer-plates").addEventListener("change", () => this.#drawPlates());
     board.seen.push(() => this.#drawPlates());
+    board.redrawn.push(() => this.#see(board.motion?.outline ?? null));
+  }
+
+  /** The outline of the body, which may be drawn after the answer. */
+  #see(outline) {
+    if (this.outline === outline) return;
+    const before = polygonOf(this.outline);
+    this.outline = outline;
+    if (before || polygonOf(outline)) this.#again();
   }
 
   /** What is asked for besides linkage and request. */
   #options(solution, motion) {
     const sizes = Object.entries(SIZES).map(([name, id]) => [name, $(id).valueAsNumber]).filter(([, value]) => value > 0);
-    const body = $("layer-body").checked ? bodyOf(motion.outline, solution, motion) : null;
+    const body = $("layer-body").checked ? bodyOf(this.outline, solution, motion) : null;
     return { boards: $("layer-boards").value, heads: $("layer-heads").checked, ...Object.fromEntries(sizes), ...(body ? { body } : {}) };
   }
 
@@ -109,7 +118,7 @@ export class Layers {
 
   #describe() {
     const { assembly } = this, host = $("stack"), words = $("layers-note"), list = $("layers-reasons"), jumps = $("layers-jumps");
-    $("layer-body").disabled = !polygonOf(this.answer?.motion.outline);
+    $("layer-body").disabled = !polygonOf(this.outline);
     for (const part of [host, list, jumps]) part.replaceChildren();
     host.setAttribute("hidden", "");
     this.#drawPlates();

@@ -230,7 +230,11 @@ export class Results {
   /** The verdict of a solution has its layers: its card and, where it is selected, its numbers say so. */
   #judgedAnew(solution) {
     const place = this.cards?.indexOf(solution) ?? -1;
-    if (place >= 0) $("solutions").children[place].querySelector(".verdict")?.replaceWith(sign(solution.verdict));
+    const shown = $("solutions").children[place]?.querySelector(".verdict"), { className, childNodes } = sign(solution.verdict);
+    if (shown) {
+      shown.className = className;
+      shown.replaceChildren(...childNodes);
+    }
     if (solution === this.solution) this.#showNumbers(true);
   }
 
