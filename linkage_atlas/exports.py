@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from synthesis.errors import FieldError
 
 if TYPE_CHECKING:
-    from linkage_atlas.solids import SolidParts
     from synthesis.fourbar.linkage import Linkage
     from synthesis.guided.linkage import GuidedLinkage
     from synthesis.target import Target
@@ -57,11 +56,11 @@ def content_of(
     length_unit: str,
     analysis: Mapping[str, Any] | None,
     plates: Mapping[str, Any] | None,
-    parts: Callable[[bool], SolidParts],
+    parts: Callable[[bool], Any],
 ) -> bytes:
     """The content of a file; see `FourBar.file` for what the arguments mean.
 
-    ``parts``: makes the solid parts, with an error where they collide, or (True) nevertheless.
+    ``parts``: makes the `SolidParts`, with an error where they collide, or (True) nevertheless.
     """
     from linkage_atlas.motions import MILLIMETRES
     from linkage_atlas.studies import analysed, read_drive
