@@ -13,18 +13,20 @@ from benchmarks.report import Times
 from linkage_atlas.solids import SolidParts
 
 GALLERY = Path(__file__).parents[1] / "app/static/examples.json"
+MOTION = ("rotation", "position", "crank_span", "crank_angle", "timing", "order", "closed", "weights", "tolerances")
+"""Fields of a request that say the motion."""
 KINDS = ("step", "3mf", "stl", "urdf", "sdf")
 
 
 def machines() -> Iterator[tuple[str, SolidParts]]:
     """The parts of the first solution of each machine that has layers, boards on both sides."""
     for one in json.loads(GALLERY.read_text()):
-        asked = {**one["request"], **one["reply"]["solutions"][0]}
+        asked = {name: one["request"][name] for name in MOTION if name in one["request"]}
+        motion = la.Motion(**asked, degrees=one["request"].get("angle_unit", "deg") == "deg")
         for solution in one["reply"]["solutions"]:
-            motion = la.Motion(crank_angle=solution["crank_angle"], rotation=[0.0] * len(solution["crank_angle"]))
-            linkage = la.FourBar.from_dict(solution, asked.get("angle_unit", "deg") == "deg")
+            linkage = la.FourBar.from_dict(solution, motion.degrees)
             try:
-                yield one["title"], linkage.solids(motion, boards="both", fit="print")
+                yield one["title"], linkage.solids(motion, solution["crank_angle"], boards="both", fit="print")
             except la.FieldError:
                 continue
             break
