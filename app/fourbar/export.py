@@ -112,7 +112,7 @@ def exports_of(
     }
 
 
-SYNTHESIZE_EXPORTS = exports_of(tuple(FILES), _best_linkage)
+SYNTHESIZE_EXPORTS = exports_of(tuple(kind for kind in FILES if kind != "json"), _best_linkage)
 
 
 def as_json(request: RequestModel, solution: Any) -> bytes:

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import zipfile
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from linkage_atlas.exports import FORMATS, OF_PARTS, kind_of
 from linkage_atlas.solids import MATERIALS, PART_KINDS, SOLIDS
 from synthesis.solids.fits import FITS
 from synthesis.solids.solid import DENSITIES
+from tests.oracles.solids import deepest, step_shells
 from tests.synthesis.solids.test_mesh import CORE, Mesh, model_of
 
 CASEMENT = {
@@ -238,3 +240,28 @@ def test_every_argument_of_solids_is_one_of_http() -> None:
 
     assert tuple(SolidsRequest.model_fields) == SOLIDS
     assert set(Material.__args__) == set(DENSITIES)
+
+
+GALLERY = json.loads(files("app").joinpath("static/examples.json").read_text())
+
+
+@pytest.mark.parametrize("machine", GALLERY, ids=lambda one: one["name"])
+def test_a_machine_of_the_gallery_is_reopened_as_it_was(machine, tmp_path) -> None:
+    """In Open CASCADE: names, volumes, holes; its parts apart at 50 places."""
+    asked = {name: machine["request"].get(name) for name in ("rotation", "position", "crank_span", "crank_angle")}
+    motion = la.Motion(**asked, timing=machine["request"].get("timing"))
+    solution = machine["reply"]["solutions"][0]
+    parts = la.FourBar.from_dict(solution).solids(motion, solution["crank_angle"], boards="both")
+    deep, who = deepest(parts.solids, 50)
+    assert deep <= 1e-9, who
+    shells = step_shells(parts.file("step").decode())
+    assert [shell["name"] for shell in shells] == [one.name for one in parts.parts]
+    assert all(shell["closed"] for shell in shells)
+    pytest.importorskip("OCP", reason="the extra [solids] is not installed")
+    from tests.oracles.occt import reopened
+    from tests.synthesis.solids.test_step import check
+
+    title, found = reopened(parts.file("step").decode(), tmp_path)
+    assert title == "four-bar linkage"
+    for one, part, place in zip(found, parts.solids.parts, parts.solids.posed(), strict=True):
+        check(one, part, place)
