@@ -97,9 +97,18 @@ _FOUR_BARS_ONLY = {
 }
 
 
-def guided_text(linkage: GuidedLinkage, target: Target, radian: float, kind: str, length_unit: str) -> str:
+def guided_text(
+    linkage: GuidedLinkage,
+    target: Target,
+    radian: float,
+    kind: str,
+    length_unit: str,
+    analysis: Mapping[str, Any] | None,
+) -> str:
     """The text of a file of a body on two guides, rails and slots among them."""
+    from linkage_atlas.guided_studies import analysed
     from linkage_atlas.motions import MILLIMETRES
+    from linkage_atlas.studies import read_drive
     from synthesis.guided import files
 
     if kind not in FORMATS:
@@ -107,7 +116,9 @@ def guided_text(linkage: GuidedLinkage, target: Target, radian: float, kind: str
     if kind in _FOUR_BARS_ONLY:
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     if kind == "csv":
-        return files.to_csv(linkage, target, radian)
+        drive = None if analysis is None else read_drive(analysis, True)
+        more = None if drive is None else analysed(linkage, drive, target.crank, radian).columns()
+        return files.to_csv(linkage, target, radian, more)
     if kind == "svg":
         return files.to_svg(linkage, target)
     if kind not in ("dxf", "mjcf"):
