@@ -146,9 +146,9 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
             place,
             analysis_of(request),
             plates,
-            assembly,
-            solids,
-            resources.work(),
+            assembly=assembly,
+            solids=solids,
+            work=resources.work(),
         )
 
 
