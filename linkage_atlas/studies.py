@@ -139,7 +139,9 @@ class Drive(NamedTuple):
 
 
 LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body")
-MOST_MASSES = 64
+MOST_LINK_MASSES = 64
+GRAVITY = -9.81j
+"""Of masses unless a load says otherwise, m/s^2."""
 
 
 def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
@@ -159,10 +161,12 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
     if force and not mounted:
         raise FieldError("/analysis/load/force", "acts at the body point, but without `position` there is none")
     torque = 0.0 if load.get("torque") is None else _bounded("analysis/load/torque", load["torque"])
-    gravity = _pair("analysis/load/gravity", load.get("gravity"), "[gx, gy]")
+    gravity = GRAVITY
+    if load.get("gravity") is not None:
+        gravity = _pair("analysis/load/gravity", load["gravity"], "[gx, gy]")
     masses = load.get("masses") or ()
-    if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > MOST_MASSES:
-        raise FieldError("/analysis/load/masses", f"wanted a list of at most {MOST_MASSES} masses")
+    if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > MOST_LINK_MASSES:
+        raise FieldError("/analysis/load/masses", f"wanted a list of at most {MOST_LINK_MASSES} masses")
     read = tuple(_mass(f"analysis/load/masses/{k}", mass, mounted) for k, mass in enumerate(masses))
     return Drive(speed, Load(force, torque), read, gravity, MILLIMETRES[unit] / 1000)
 

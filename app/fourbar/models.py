@@ -14,7 +14,7 @@ from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
-from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_MASSES, MOST_SAMPLES, SAMPLES
+from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
 
@@ -206,7 +206,7 @@ Bounded = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
 Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 
 
-class MassRequest(RequestModel):
+class LinkMassRequest(RequestModel):
     """A mass on a link."""
 
     link: Literal["crank", "coupler", "rocker", "body"]
@@ -226,10 +226,10 @@ class LoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
-    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = Field(
+    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
         None, description="Of the links; with them forces are in newtons."
     )
-    gravity: Pair | None = Field(None, description="[gx, gy] in m/s^2.")
+    gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
 
 
 class AnalysisRequest(RequestModel):
