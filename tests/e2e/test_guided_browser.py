@@ -52,7 +52,7 @@ def solved(page, drive, **studies):
 @pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
 def test_a_linkage_is_drawn_moved_and_described(pages, drive) -> None:
     page = pages
-    one, motion = solved(page, drive, analysis={"crank_speed": 10, "load": {"force": [0, -5]}})
+    one, _ = solved(page, drive, analysis={"crank_speed": 10, "load": {"force": [0, -5]}})
     half_pixel = 0.6 / page.view()[2]
     joints = one.linkage.joints(0)
     assert abs(page.drawn("p") - complex(*joints.body_point[0])) < half_pixel
