@@ -93,7 +93,7 @@ export class Layers {
   async #ask(solution, answer, signal) {
     if (!solution.verdict || solution.verdict.assembly || this.wrong.has(solution)) return;
     if (!solution.links) {
-      this.wrong.set(solution, "layers are looked for among the plates of four-bars");
+      this.wrong.set(solution, "for rails and slots layers are not drawn here: ask /v1/assembly, or the command line");
       this.told(solution);
       if (solution === this.solution) this.#describe();
       return;
