@@ -211,6 +211,11 @@ class GuidedLinkage:
         return guides_of(self._linkage, self._radian, used)
 
     @property
+    def way(self) -> Floats | None:
+        """Travel of the drive over the motion that it answers, radians or lengths, (n,); None where it answers none."""
+        return None if self._motion is None else self._motion.crank
+
+    @property
     def turns_fully(self) -> bool:
         """Whether the drive turns, and can turn fully."""
         return self._linkage.turns_fully

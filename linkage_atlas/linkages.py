@@ -261,6 +261,11 @@ class FourBar:
         both = self._linkage, other._linkage
         return all(one.mounted for one in both) and are_cognates(*both)
 
+    @property
+    def way(self) -> Floats | None:
+        """Crank angles of the motion that it answers in radians, (n,); None where it answers none."""
+        return None if self._motion is None else self._motion.crank
+
     # -- how it moves -------------------------------------------------------------------------------------------------
 
     def joints(self, crank: ArrayLike) -> Joints:
