@@ -420,6 +420,13 @@ class AssemblyOptions(RequestModel):
         None, description="How fixed pins must be held, where that matters."
     )
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
+    envelope: Box | None = Field(
+        None,
+        description="A box that all plates must stay in: xmin, ymin, xmax, ymax. Default: that of the request's limits.",
+    )
+    keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = Field(
+        None, description="Boxes that no plate may enter. Default: those of the request's limits."
+    )
 
 
 def _with_defaults(given: Any) -> Any:
