@@ -294,7 +294,7 @@ class GuidedSolution(Record):
     origin: GuidedOrigin = field(metadata=KEPT, repr=False)
 
     def studied(self, work: Work | None = None, **studies: Any) -> GuidedSolution:
-        """The same solution with studies of it: ``analysis`` and what drives it, as of `Solution.studied`."""
+        """The same solution with studies of it: ``analysis``, ``assembly`` and what drives it, as of `Solution.studied`."""
         for name in studies:
             if name not in STUDIES:
                 raise FieldError.no_such("", name, STUDIES, "study")
@@ -601,7 +601,12 @@ def finished_guided(
             break
         solutions.append(_guided_studied(_guided_described(one, motion, limits), studies, work))
     solutions.sort(
-        key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False, one.drivable is False)
+        key=lambda one: (
+            not one.verdict.works,
+            one.verdict.within_tolerance is False,
+            one.verdict.assembly is not None and not one.verdict.assembly.free,
+            one.drivable is False,
+        )
     )
     return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
 
@@ -656,6 +661,8 @@ def _guided_studied(solution: GuidedSolution, studies: Studies, work: Work) -> G
     if studies.drive is not None:
         target = own.target
         done["analysis"] = guided_analysed(one.linkage, studies.drive, target.crank, own.radian, target.interval)
+    if studies.assembly is not None:
+        done["verdict"] = _with_assembly(solution, studies.assembly, work)
     if studies.drives is not None:
         done |= driven_solution(one.linkage, own.target.crank, studies.drives, own.radian, work)
     return replace(solution, **done) if done else solution
@@ -688,14 +695,15 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
     return replace(solution, **done) if done else solution
 
 
-def _with_assembly(solution: Solution, asked: AskedAssembly, work: Work) -> Verdict:
+def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> Verdict:
     """The verdict with the assembly; the parts of a linkage that does not carry its motion are not arranged."""
-    verdict, (one, own, _) = solution.verdict, solution.origin
+    verdict, (one, own, limits) = solution.verdict, solution.origin
     found: Assembly | None = None
     if not verdict.works:
-        why = ["layers were not looked for: the crank does not carry the linkage through the samples"]
+        why = ["layers were not looked for: the drive does not carry the linkage through the samples"]
     else:
         try:
+            asked = asked.within(limits.envelope, limits.keep_out)
             found = assembled(one.linkage, asked, own.target.interval, own.radian, work)
             why = [] if found.free else [f"layers: {found.reasons[0]}"]
         except FieldError as error:

@@ -1,8 +1,8 @@
-"""A linkage as the text of a file: the formats there are."""
+"""A linkage as a file: the formats there are."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from synthesis.errors import FieldError
@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from synthesis.sheet import More
     from synthesis.target import Target
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-"""Units of length that DXF and MJCF files are written from."""
-
 
 class Format(NamedTuple):
     """How a file is declared over HTTP, and how its name may end: first as in the name of a route, last as it is sent."""
@@ -27,14 +24,22 @@ class Format(NamedTuple):
 
 
 FORMATS = {
+    "parts": Format("text/csv; charset=utf-8", ("parts.csv",)),
     "csv": Format("text/csv; charset=utf-8", ("csv",)),
     "svg": Format("image/svg+xml", ("svg",)),
     "plates": Format("image/vnd.dxf", ("plates.dxf",)),
     "dxf": Format("image/vnd.dxf", ("dxf",)),
     "mjcf": Format("application/xml", ("mjcf", "xml")),
     "pylinkage": Format("application/json", ("pylinkage.json",)),
+    "step": Format("model/step", ("step",)),
+    "3mf": Format("model/3mf", ("3mf",)),
+    "stl": Format("application/zip", ("stl.zip",)),
+    "urdf": Format("application/xml", ("urdf",)),
+    "sdf": Format("application/xml", ("sdf",)),
 }
 """Kinds of files; of two whose ending fits the first."""
+OF_PARTS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
+"""Kinds that are written from solid parts."""
 
 
 def kind_of(name: str) -> str:
@@ -46,52 +51,63 @@ def kind_of(name: str) -> str:
     raise FieldError("/path", f"the file must end in one of {endings}, found {name!r}")
 
 
-def text_of(
-    linkage: Linkage | GuidedLinkage,
+def content_of(
+    linkage: Linkage,
     target: Target,
     radian: float,
     kind: str,
     length_unit: str,
     analysis: Mapping[str, Any] | None,
     plates: Mapping[str, Any] | None,
+    parts: Callable[[bool], Any],
     drive: Mapping[str, Any] | None = None,
-) -> str:
-    """The text of a file; see `FourBar.render` for what the arguments mean."""
+) -> bytes:
+    """The content of a file; see `FourBar.file` for what the arguments mean.
+
+    ``parts``: makes the `SolidParts`, with an error where they collide, or (True) nevertheless.
+    """
+    from linkage_atlas.motions import MILLIMETRES
     from linkage_atlas.studies import analysed, read_drive
     from synthesis.fourbar import files
-    from synthesis.fourbar.linkage import Linkage
+    from synthesis.fourbar.analysis import LinkMass
 
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
-    with_drive = _with_drive(linkage, target, drive, kind)
-    if not isinstance(linkage, Linkage):
-        return _guided_text(linkage, target, radian, kind, length_unit, analysis, with_drive)
+    with_drive = drive_on(linkage, target, drive, kind)
     if kind == "csv":
         asked = None if analysis is None else read_drive(analysis, linkage.mounted)
         more = {} if asked is None else analysed(linkage, asked, target.crank, radian).columns()
-        return files.to_csv(linkage, target, radian, more | with_drive.columns())
+        return files.to_csv(linkage, target, radian, more | with_drive.columns()).encode()
     if kind in ("svg", "pylinkage"):
-        return (files.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target)
+        return (files.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target).encode()
     if length_unit not in MILLIMETRES:
         raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
     unit_mm = MILLIMETRES[length_unit]
+    if kind in OF_PARTS:
+        return parts(False).file(kind)
     if kind == "plates":
-        return files.to_plates(linkage, unit_mm, **_sizes(plates or {}))
+        return files.to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
-        return files.to_dxf(linkage, target, unit_mm, with_drive.drawn())
-    return with_drive.simulated(files.to_mjcf(linkage, target, unit_mm), unit_mm / 1000)
+        return files.to_dxf(linkage, target, unit_mm, with_drive.drawn()).encode()
+    try:
+        masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
+    except FieldError:
+        masses = None  # no plates of these sizes: the file says that its links are rods
+    return with_drive.simulated(files.to_mjcf(linkage, target, unit_mm, masses), unit_mm / 1000).encode()
 
 
-class _WithDrive(NamedTuple):
+class DriveOn(NamedTuple):
     """What a drive adds to a file; nothing where there is none."""
 
     drive: Attached | None
     machine: Machine | None
 
     def columns(self) -> dict[str, Any]:
+        """Further columns of a table."""
         return {} if self.drive is None or self.machine is None else self.drive.columns(self.machine)
 
     def drawn(self) -> More | None:
+        """A layer of a drawing."""
         from synthesis.drives.attached import COLOUR, LAYER
         from synthesis.sheet import More
 
@@ -101,17 +117,16 @@ class _WithDrive(NamedTuple):
         return More(LAYER, COLOUR, lambda space, xy, size: drive.draw(machine, space, xy, size))
 
     def simulated(self, model: str, metre: float) -> str:
+        """A model with it."""
         return (
             model if self.drive is None or self.machine is None else self.drive.simulated(self.machine, model, metre)
         )
 
 
-def _with_drive(
-    linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[str, Any] | None, kind: str
-) -> _WithDrive:
+def drive_on(linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[str, Any] | None, kind: str) -> DriveOn:
     """A drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
-        return _WithDrive(None, None)
+        return DriveOn(None, None)
     if kind not in ("csv", "dxf", "mjcf"):
         raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, dxf or mjcf")
     from linkage_atlas.driving import attached_of
@@ -122,7 +137,7 @@ def _with_drive(
         machine = machine_at(linkage, target.crank)
     else:
         machine = guided_machine_at(linkage, target.crank)
-    return _WithDrive(attached_of(drive, machine), machine)
+    return DriveOn(attached_of(drive, machine), machine)
 
 
 _FOUR_BARS_ONLY = {
@@ -131,22 +146,26 @@ _FOUR_BARS_ONLY = {
 }
 
 
-def _guided_text(
+def guided_text(
     linkage: GuidedLinkage,
     target: Target,
     radian: float,
     kind: str,
     length_unit: str,
     analysis: Mapping[str, Any] | None,
-    with_drive: _WithDrive,
+    drive: Mapping[str, Any] | None = None,
 ) -> str:
-    """The same of a body on two guides, rails and slots among them."""
+    """The text of a file of a body on two guides, rails and slots among them."""
     from linkage_atlas.guided_studies import analysed
+    from linkage_atlas.motions import MILLIMETRES
     from linkage_atlas.studies import read_drive
     from synthesis.guided import files
 
+    if kind not in FORMATS:
+        raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
     if kind in _FOUR_BARS_ONLY:
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
+    with_drive = drive_on(linkage, target, drive, kind)
     if kind == "csv":
         asked = None if analysis is None else read_drive(analysis, True)
         more = {} if asked is None else analysed(linkage, asked, target.crank, radian).columns()
