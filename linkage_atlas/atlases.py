@@ -18,7 +18,6 @@ from synthesis.atlas.index import Index, temporary_arrays
 from synthesis.atlas.preparation import CELLS, Preparation, Progress, types_of
 from synthesis.atlas.scan import KIND, Scan
 from synthesis.errors import AtlasError, AtlasFault, FieldError
-from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import family
 from synthesis.fourbar.mechanism import FOURBAR, ROCKER
 from synthesis.work import OutOfTime, Work
@@ -49,13 +48,18 @@ class Atlas:
     def __len__(self) -> int:
         return len(self.stored)
 
+    @property
+    def kind(self) -> str:
+        """What its types are of: "four_bar" or "slider_crank"."""
+        return self.stored.mechanism.kind
+
     @cached_property
     def scan(self) -> Scan:
         """The types prepared for matching."""
         with self._lock:
             index = self._source.index if self._source else None
             progress = self._source.progress if self._source else _quietly
-            prepared = Preparation(FOURBAR, self._table, KIND, self._threads, index, progress)
+            prepared = Preparation(self.stored.mechanism, self._table, KIND, self._threads, index, progress)
             if self.index_files:  # what is mapped needs no memory
                 mapped: Any = prepared.types
                 self.stored = mapped
@@ -99,7 +103,10 @@ class Atlas:
 
     @property
     def rocker_scan(self) -> Scan:
-        """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds)."""
+        """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds).
+
+        Only of four-bars.
+        """
         with self._rocker_lock:
             if self._rocker_scan is None:
                 prepared = Preparation(ROCKER, self._rockers, KIND, self._threads, self._rocker_parts)
@@ -151,9 +158,10 @@ class Atlas:
             average, details = self._source.features(row)
         lengths = stored.lengths[row]
         return {
+            "kind": self.kind,
             "number": number,
             "lengths": lengths.tolist(),
-            "family": str(family(lengths)),
+            "family": str(family(lengths)) if self.kind == FOURBAR.kind else None,
             "samples": stored.rule.samples,
             "winding": int(stored.winding[row]),
             "normalisation": "mean",
@@ -165,6 +173,7 @@ class Atlas:
     def describe(self) -> dict[str, Any]:
         """What it holds, as plain values."""
         return {
+            "kind": self.kind,
             "types": len(self),
             "schema_version": self.stored.schema,
             "content_sha256": self.content_sha256,
@@ -261,11 +270,12 @@ def load_atlas(
 
 def build_atlas(
     path: str | Path,
-    perimeter: int = 400,
-    smallest: int = 2,
-    order: str = "increasing",
-    samples: int = 256,
+    perimeter: int | None = None,
+    smallest: int | None = None,
+    order: str | None = None,
+    samples: int | None = None,
     *,
+    kind: str = "four_bar",
     jobs: int | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Atlas:
@@ -275,13 +285,16 @@ def build_atlas(
     ----------
     path : str or Path
         Written whole or not at all; an interrupted build goes on from where it was.
-    perimeter : int
-        Sum of the four whole lengths.
-    smallest : int
-        Smallest length of the shortest link.
-    order : {"increasing", "crank_shortest", "full_crank"}
-    samples : int
-        Samples of a curve over the turn, a power of two.
+    perimeter : int, optional
+        Sum of the whole lengths of a type; default: 400 of the four of four-bars, 640 of crank, rod and offset.
+    smallest : int, optional
+        Smallest length of the shortest link, of slider-cranks of the crank; default: 2.
+    order : {"increasing", "crank_shortest", "full_crank"}, optional
+        Of four-bars.
+    samples : int, optional
+        Samples of a curve over the turn, a power of two; default: 256.
+    kind : {"four_bar", "slider_crank"}
+        Of slider-cranks all whose crank turns fully, crank + offset < rod, mirror images once.
     jobs : int, optional
         Processes; default: one a core. (More than one needs a script that can be imported, as all Python processes do.)
     progress : callable
@@ -294,10 +307,7 @@ def build_atlas(
     from data_build.batch import build_atlas as build
     from data_build.executors import local_executor
 
-    orders = [rule.value for rule in OrderRule]
-    if order not in orders:
-        raise FieldError("/order", f"wanted one of {', '.join(orders)}, found {order!r}")
-    rule = table.AtlasRule(TypeRule(perimeter, smallest, OrderRule(order)), samples)
+    rule = table.AtlasRule.of(kind, perimeter, smallest, order, samples)
     with local_executor(jobs or os.cpu_count() or 1) as executor:
         build(rule, Path(path), executor, progress)
     return load_atlas(path)

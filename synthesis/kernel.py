@@ -728,7 +728,7 @@ class Limits:
 
 # -- shapes --------------------------------------------------------------------------------------------------------------
 
-# Charts, see `fourbar.charts` and `guided.charts`
+# Charts, see `fourbar.charts` and `slider.charts`
 GRASHOF = declare(cython.int, 0)
 ANY = declare(cython.int, 1)
 FULL_CRANK = declare(cython.int, 2)
@@ -789,7 +789,7 @@ class Shape:
 
     @cfunc
     def slider_crank(self, x: double, y: double):
-        """Of `guided.charts.SliderCrankChart`."""
+        """Of `slider.charts.SliderCrankChart`."""
         loop = self.loop
         loop.length[0] = 1.0
         loop.length[1] = 1.0 + 0.5 * (x + y)
@@ -803,7 +803,7 @@ class Shape:
 
     @cfunc
     def swinging_block(self, p: double, w: double):
-        """Of `guided.charts.SwingingBlockChart`."""
+        """Of `slider.charts.SwingingBlockChart`."""
         loop, ratio = self.loop, exp(p)
         gap, share, e = fabs(tanh_of(0.5 * p)), tanh_of(w), exp(-2.0 * fabs(w))
         less, fall = 2.0 * e / (1.0 + e), 4.0 * e / ((1.0 + e) * (1.0 + e))  # 1 - |tanh w|, 1 / cosh^2 w
@@ -820,7 +820,7 @@ class Shape:
 
     @cfunc
     def any_slider(self, ratio: double, w: double):
-        """Of `guided.charts.AnySliderChart`: l1 = 1, l2, and l3 as a part of their sum."""
+        """Of `slider.charts.AnySliderChart`: l1 = 1, l2, and l3 as a part of their sum."""
         loop = self.loop
         share, e = tanh_of(w), exp(-2.0 * fabs(w))
         fall = 4.0 * e / ((1.0 + e) * (1.0 + e))

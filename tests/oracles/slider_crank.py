@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.guided.charts import RAIL, SLOT, AnySliderChart, SliderCrankChart, SwingingBlockChart
+from synthesis.slider.charts import RAIL, SLOT, AnySliderChart, SliderCrankChart, SwingingBlockChart
 
 SLIDER_CHARTS: list[Any] = [SliderCrankChart(), SwingingBlockChart(), AnySliderChart(RAIL), AnySliderChart(SLOT)]
 SLIDER_NAMES = ["slider", "block", "any slider", "any block"]

@@ -22,10 +22,10 @@ from synthesis.free import dyads
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem
 from synthesis.free.poses import Poses
-from synthesis.guided.charts import SliderChart
 from synthesis.mechanism import Placed
 from synthesis.pose import DEGENERATE
 from synthesis.search.problems import GivenProblem
+from synthesis.slider.charts import SliderChart
 from synthesis.target import Interval, Samples, Target
 from synthesis.work import Work
 from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle

@@ -15,7 +15,7 @@ import pytest
 from synthesis import kernel
 from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.limits import Constraints, Limits, Reach
-from synthesis.guided.charts import SliderChart
+from synthesis.slider.charts import SliderChart
 from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from, uncompiled
 from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.guided.charts import (
+from synthesis.slider.charts import (
     RAIL,
     SLOT,
     AnySliderChart,
