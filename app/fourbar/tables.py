@@ -25,6 +25,7 @@ def matches_table(reply: Matches, units: Units = DEGREES) -> str:
     text = columns(
         reply.matches,
         ("rank", "d", "rank"),
+        ("kind", "", "kind"),
         ("type", "d", "type.number"),
         ("lengths", "", lambda match: " ".join(map(str, match.type.lengths))),
         ("start", ".6g", "start_angle"),

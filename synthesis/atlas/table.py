@@ -306,6 +306,20 @@ class Atlas(AtlasTypes, Table):
         return content_hash(self.rule, lambda name: [getattr(self, name)])
 
 
+def types_of_rule(rule: AtlasRule) -> AtlasTypes:
+    """The types of a rule alone, which takes no time."""
+    lengths = rule.lengths()
+    winding = rule.kind.mechanism.winding(lengths.astype(float)).astype(np.int8)
+    return AtlasTypes(mechanism=rule.kind.mechanism, rule=rule, generator={}, lengths=lengths, winding=winding)
+
+
+def atlas_of_rule(rule: AtlasRule) -> Atlas:
+    """The atlas of a rule, computed here and now."""
+    lengths, mechanism = rule.lengths(), rule.kind.mechanism
+    rows = compute_rows(lengths, rule.samples, mechanism)._asdict()
+    return Atlas(mechanism=mechanism, rule=rule, generator={}, lengths=lengths, **rows)
+
+
 def content_hash(rule: AtlasRule, parts: Parts) -> str:
     """The hash of `Atlas.content_hash` from columns in parts. Law: the same however they are divided."""
     digest = hashlib.sha256(json.dumps(rule.as_json(), sort_keys=True).encode())
