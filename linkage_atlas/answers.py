@@ -312,6 +312,10 @@ class Features(Record):
     """(mean of first half - mean of second half) / 2 of each block, coarse to fine."""
 
 
+_SHOWN_KINDS = {"four_bar": "", "slider_crank": "slider-crank "}
+"""How a match names its kind to a reader."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Match(Record):
     """A row of the atlas and the start at which it turns like the request."""
@@ -361,7 +365,7 @@ class Matches(Record, Ranked[Match]):
 
     def __repr__(self) -> str:
         rows = [
-            f"  {m.rank}  {m.kind} {m.type.number} {m.type.lengths}, start {m.start_angle:g}, branch {m.branch:+d}, "
+            f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, branch {m.branch:+d}, "
             f"rms error {m.similarity:.3g}"
             for m in self.matches
         ]

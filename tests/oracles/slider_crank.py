@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from synthesis.slider.charts import RAIL, SLOT, AnySliderChart, SliderCrankChart, SwingingBlockChart
+from synthesis.target import make_target
 
 SLIDER_CHARTS: list[Any] = [SliderCrankChart(), SwingingBlockChart(), AnySliderChart(RAIL), AnySliderChart(SLOT)]
 SLIDER_NAMES = ["slider", "block", "any slider", "any block"]
@@ -22,3 +23,29 @@ def body_angle(lengths: np.ndarray, crank: np.ndarray, guide: int = RAIL) -> np.
             return np.arcsin((offset - r * np.sin(crank)) / long)
         arm = long - r * np.exp(1j * crank)
         return np.unwrap(np.angle(arm)) - np.arcsin(offset / np.abs(arm))
+
+
+def random_lengths(random: np.random.Generator, guide: int) -> np.ndarray:
+    """Lengths whose crank turns fully, on no lattice: ratios up to about ten, offsets up to nearly the change point."""
+    if guide == RAIL:
+        return SliderCrankChart().shape(random.uniform([[-3, -3]], [[2.3, 2.3]])).lengths[0]
+    ratio = random.choice([-1.0, 1.0]) * random.uniform(0.1, 2.3)
+    return SwingingBlockChart().shape(np.array([[ratio, random.uniform(-2, 2)]])).lengths[0]
+
+
+def random_motion(
+    random: np.random.Generator, guide: int, span: float, what: str, samples: int = 16, noise: float = 0.0
+) -> Any:
+    """The motion of a random body on a crank over a span in degrees, by the formula of books, and perhaps noise.
+
+    ``what``: "rotation", "position" or "both".
+    """
+    crank, start = np.deg2rad(np.linspace(0.0, span, samples)), random.uniform(0, 2 * np.pi)
+    angle = body_angle([random_lengths(random, guide)], start + crank, guide)[0]
+    pivot, z1, z2 = random.normal(size=3) + 1j * random.normal(size=3)
+    place = pivot + z1 * np.exp(1j * (start + crank)) + z2 * np.exp(1j * angle)
+    place = place + noise * (random.normal(size=samples) + 1j * random.normal(size=samples))
+    turned = angle + random.uniform(-9, 9) + noise * random.normal(size=samples)
+    return make_target(
+        None if what == "position" else turned, None if what == "rotation" else place, crank_angle=crank
+    )
