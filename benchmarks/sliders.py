@@ -1,4 +1,4 @@
-"""Slider-cranks and swinging blocks with a crank: the atlas, its scan against the plain scan, and searches for given crank angles.
+"""Slider-cranks and swinging blocks by their crank: atlas, its scan against the plain scan, searches for given crank angles.
 
 ``python -m benchmarks.sliders [--requests 300] [--cases 1000]`` ends with 1 if an answer of the scan differs from that of all
 windows bounded one by one. Requests are motions of random linkages on no lattice by the formulas of books, a third of them with
@@ -20,7 +20,7 @@ import linkage_atlas as la
 from benchmarks import report
 from benchmarks.product import Scan
 from benchmarks.report import Times, spread
-from benchmarks.retrieval import TOP, duels, summaries
+from benchmarks.retrieval import duels, summaries
 from synthesis.atlas.file import load_atlas
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank, seed_tables
 from synthesis.slider.charts import RAIL

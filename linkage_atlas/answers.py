@@ -365,8 +365,8 @@ class Matches(Record, Ranked[Match]):
 
     def __repr__(self) -> str:
         rows = [
-            f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, branch {m.branch:+d}, "
-            f"rms error {m.similarity:.3g}"
+            f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, "
+            f"branch {m.branch:+d}, rms error {m.similarity:.3g}"
             for m in self.matches
         ]
         return "\n".join([f"{len(self.matches)} matches", *rows])

@@ -45,7 +45,7 @@ def test_a_row_of_slider_cranks_is_matched_to_itself(sliders: la.Atlas, branch: 
     assert first.start_angle == pytest.approx(70 * unit) and first.similarity < 1e-12
     assert first.offset == pytest.approx(30 * unit) and first.linkage is None
     assert found.report.exhaustive and found.report.windows == len(sliders) * 720
-    assert json.loads(json.dumps(found.to_dict())) == found.to_dict() and "slider_crank" in repr(found)
+    assert json.loads(json.dumps(found.to_dict())) == found.to_dict() and "slider-crank" in repr(found)
 
 
 def test_the_rows_of_both_kinds_are_the_best_of_all(four_bars: la.Atlas) -> None:
