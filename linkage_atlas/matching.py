@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
 from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas
 from linkage_atlas.cache import default_atlas, default_slider_cranks
+from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, check_above_zero, check_top
 from synthesis.atlas.haar import features as haar_features
@@ -21,7 +22,10 @@ from synthesis.atlas.windows import TIE, ScanReport
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import principal
 from synthesis.fourbar.solution import four
-from synthesis.target import HOW_TURNED
+from synthesis.guided.by_crank import BY_CRANK
+from synthesis.guided.linkage import Kind
+from synthesis.guided.solution import turned_frame
+from synthesis.target import HOW_TURNED, Target
 from synthesis.work import Work
 
 
@@ -114,8 +118,10 @@ def match(
         kind, branch = row.atlas.type_of(row.number), _side(row.branch)
         start = row.start * (360 / row.scan.starts) * (np.pi / 180 / radian)
         offset = float(np.mean(wanted - angle) / radian)
-        linkage = None
-        if row.atlas.kind != SLIDER_CRANK:
+        linkage: FourBar | GuidedLinkage
+        if row.atlas.kind == SLIDER_CRANK:
+            linkage = _slider_crank(kind.lengths, branch, start * radian, offset * radian, radian, target)
+        else:
             body = offset if curve == "coupler" else None
             linkage = FourBar(*four(kind.lengths), branch, start_angle=start, body_offset=body, degrees=degrees)
         own = _features(target.crank, angle, radian) if features else None
@@ -176,6 +182,16 @@ def _atlas_of(kind: str, atlas: Atlas | None) -> Atlas:
     if atlas is not None:
         return atlas.of(kind)
     return default_slider_cranks() if kind == SLIDER_CRANK else default_atlas()
+
+
+def _slider_crank(
+    lengths: list[int], branch: int, start: float, offset: float, radian: float, target: Target
+) -> GuidedLinkage:
+    """The linkage of a row, its rail along the x axis and the body's point in the crank pin; angles in radians."""
+    crank, rod, beside = lengths
+    signed = np.array([[crank, rod, branch * beside]], dtype=float)
+    (linkage,) = BY_CRANK[Kind.SLIDER_CRANK].posed(signed, np.ones(1), np.array([start]), None)
+    return GuidedLinkage.of(turned_frame(linkage, offset), radian, target)
 
 
 def _side(branch: float) -> Literal[-1, 1]:

@@ -11,8 +11,8 @@ limits are checked on what comes back, and may go on from there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Kind, Rail, Slot
+from synthesis.guided.solution import GuidedSolution, assess
 from synthesis.mechanism import Bounded, Constrained, Placed
 from synthesis.pose import fit_positions
-from synthesis.ranking import Errors, motion_errors
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, search
 from synthesis.search.seeds import SeedTables
 from synthesis.slider.charts import RAIL
@@ -31,65 +31,6 @@ from synthesis.target import Target
 from synthesis.work import Work
 
 Family = Literal["full_crank", "any"]
-_ALIKE = 0.02
-"""Part by which lengths of linkages that look alike in a picture differ at most."""
-
-
-@dataclass(frozen=True)
-class GuidedSolution:
-    """A linkage that answers a request.
-
-    Attributes
-    ----------
-    linkage : GuidedLinkage
-        Its body's frame is that of the motion: the position in the origin, turned with the rotation. Without positions the crank
-        has its pivot and its pin in the origins of ground and body, and the rod, or the ground, is 1.
-    errors : Errors
-        Recomputed from the linkage's numbers.
-    transmission_angle_min : float
-        Over the used interval, exactly; 0 where it does not close between samples.
-    turns_fully : bool
-        Whether the crank can turn fully.
-    row : int or None
-        Atlas row, for solutions that are a row as it is.
-    """
-
-    linkage: GuidedLinkage
-    errors: Errors
-    transmission_angle_min: float
-    turns_fully: bool
-    row: int | None = None
-
-    @cached_property
-    def lengths(self) -> Floats:
-        """Crank, rod or ground, offset, (3,)."""
-        return lengths_of(self.linkage)
-
-    @property
-    def identity(self) -> Floats:
-        """Numbers, relative to the linkage's size, that tell linkages apart; the start does not count."""
-        circle, size = self.linkage.guides[0], float(np.abs(self.lengths).max())
-        assert isinstance(circle, Circle)
-        places = np.array([circle.pivot, circle.body_point, *self._other_points]) / size
-        return np.concatenate([self.lengths / size, [np.log(size)], places.real, places.imag])
-
-    @property
-    def _other_points(self) -> list[complex]:
-        other = self.linkage.guides[1]
-        if isinstance(other, Rail):
-            return [other.point, other.body_point]
-        assert isinstance(other, Slot)
-        return [other.pin, other.body_point]
-
-    @property
-    def looks(self) -> Floats:
-        """Numbers of which two linkages that look alike in a picture differ by less than one."""
-        crank, long, offset = self.lengths
-        return np.array([np.log(crank), np.log(long), offset / (crank + long)]) / np.log1p(_ALIKE)
-
-    def mirrored(self) -> GuidedSolution:
-        """The linkage in a mirror, for the mirrored target; its errors are the same."""
-        return replace(self, linkage=self.linkage.mirrored())
 
 
 def lengths_of(linkage: GuidedLinkage) -> Floats:
@@ -149,7 +90,7 @@ class CrankGuided(SliderTurning):
             for one in solutions
             if np.isfinite(one.errors.objective)
             and one.transmission_angle_min > 0
-            and (limits.family == "any" or one.turns_fully)
+            and (limits.family == "any" or one.linkage.turns_fully)
         ]
 
     # -- linkages -----------------------------------------------------------------------------------------------------
@@ -197,34 +138,7 @@ class CrankGuided(SliderTurning):
         self, target: Target, linkages: Sequence[GuidedLinkage], rows: list[int] | None = None
     ) -> list[GuidedSolution]:
         """Linkages with their errors, recomputed from their own numbers; their bodies turned by the best offset."""
-        if not linkages:
-            return []
-        found = [one.body(one.start + target.crank) for one in linkages]
-        points = None if target.position is None else np.array([one.position for one in found])
-        offsets, errors = motion_errors(target, np.array([one.rotation for one in found]), points)
-        used = target.interval
-        return [
-            GuidedSolution(
-                one if offset is None else with_body_turned(one, offset),
-                error,
-                float(np.nan_to_num(one.transmission_angle_over(used.after(one.start)))),
-                one.turns_fully,
-                None if rows is None else rows[k],
-            )
-            for k, (one, offset, error) in enumerate(zip(linkages, offsets, errors))
-        ]
-
-
-def with_body_turned(linkage: GuidedLinkage, offset: float) -> GuidedLinkage:
-    """The linkage, the rotation of whose body counts from another direction: by so much more, about the body's own point."""
-    back = complex(np.exp(-1j * offset))
-    guides: list[Any] = []
-    for one in linkage.guides:
-        guide: Any = one._replace(body_point=one.body_point * back)
-        guides.append(
-            guide._replace(body_direction=guide.body_direction - offset) if isinstance(guide, Slot) else guide
-        )
-    return replace(linkage, guides=(guides[0], guides[1]))
+        return [assess(target, one, target.crank) for one in linkages]
 
 
 BY_CRANK = {kind: CrankGuided(kind, FULL_CHARTS[kind]) for kind in (Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK)}

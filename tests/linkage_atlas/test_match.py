@@ -43,7 +43,11 @@ def test_a_row_of_slider_cranks_is_matched_to_itself(sliders: la.Atlas, branch: 
     first = found.matches[0]
     assert (first.kind, first.type.lengths, first.branch) == ("slider_crank", [12, 40, 8], branch)
     assert first.start_angle == pytest.approx(70 * unit) and first.similarity < 1e-12
-    assert first.offset == pytest.approx(30 * unit) and first.linkage is None
+    assert first.offset == pytest.approx(30 * unit)
+    for one in found:  # each linkage turns as its row
+        assert one.linkage.kind == "slider_crank" and one.linkage.driver == "crank"
+        joints = one.linkage.joints(np.linspace(0, 120 * unit, 13))
+        assert np.sqrt(np.mean((joints.rotation - wanted) ** 2)) == pytest.approx(one.similarity, abs=1e-9)
     assert found.report.exhaustive and found.report.windows == len(sliders) * 720
     assert json.loads(json.dumps(found.to_dict())) == found.to_dict() and "slider-crank" in repr(found)
 
