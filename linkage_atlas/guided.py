@@ -9,15 +9,19 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.exports import kind_of, text_of
+from linkage_atlas.guided_studies import GuidedAnalysis, analysed
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import plain
+from linkage_atlas.studies import read_drive
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.guided import linkage as guided
 from synthesis.guided.linkage import DRIVERS, Circle, Driver, Guide, Rail, Slot
 from synthesis.guided.solution import as_target
 from synthesis.target import TURN, Interval, Target
+from synthesis.work import Work
 
 DriverName = Literal["crank", "slider", "cylinder", "hinge"]
 KindName = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
@@ -250,12 +254,60 @@ class GuidedLinkage:
 
         Default: over the motion that it answers, or else over a whole turn.
         """
-        interval = self._default_motion().interval
+        if first is None or last is None:
+            interval = self._default_motion().interval
         ends = [
             interval.first if first is None else first * self._unit,
             interval.last if last is None else last * self._unit,
         ]
         return self._linkage.transmission_angle_over(Interval(*ends).after(self._linkage.start)) / self._radian
+
+    def assembly(
+        self,
+        motion: Motion | None = None,
+        travel: ArrayLike | None = None,
+        *,
+        work: Work | None = None,
+        **asked: Any,
+    ) -> Assembly:
+        """Layers of its plates in which nothing collides over the used interval; as of `FourBar.assembly`.
+
+        Parameters
+        ----------
+        motion : Motion, optional
+            Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+        travel : array_like, shape (N,), optional
+            Of a motion whose timing is free: the drive's place at each sample, from the first on.
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        **asked
+            As of `FourBar.assembly`.
+        """
+        read = read_assembly(asked, "")
+        assert read is not None
+        target = self._default_motion() if motion is None else self.target_of(motion, travel)
+        return assembled(self._linkage, read, target.interval, self._radian, work or Work(), "")
+
+    def analysis(
+        self, speed: float, load: Mapping[str, Any] | None = None, travel: ArrayLike | None = None
+    ) -> GuidedAnalysis:
+        """Velocities, accelerations and, with a load, the torque or force of the drive and the forces of the guides.
+
+        Parameters
+        ----------
+        speed : float
+            Of the drive, constant: in the unit of angle of a crank or hinge, or the unit of length, a second.
+        load : mapping, optional
+            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it.
+        travel : array_like, shape (n,), optional
+            Of the drive from its start on. Default: the samples of the motion that it answers (or a whole turn), with the
+            `curve` over their interval.
+        """
+        drive = read_drive({"crank_speed": speed, "load": load}, True)
+        if travel is not None:
+            return analysed(self._linkage, drive, np.atleast_1d(column("travel", travel)) * self._unit, self._radian)
+        target = self._default_motion()
+        return analysed(self._linkage, drive, target.crank, self._radian, target.interval)
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
