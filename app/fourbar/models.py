@@ -29,6 +29,8 @@ SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_leng
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
+MatchedKind = Literal["four_bar", "slider_crank"]
+"""Kinds that there are atlases of."""
 
 
 class CrankMotion(RequestModel):
@@ -55,6 +57,10 @@ class MatchRequest(CrankMotion):
     rotation: Curve = Field(description="Rotation of the body at the samples, continuous: no jumps by whole turns.")
     curve: Literal["coupler", "rocker"] = Field(
         "coupler", description="Which link turns so: the coupler, or the rocker, from the line of the pivots."
+    )
+    mechanisms: Annotated[list[MatchedKind], Field(min_length=1, max_length=2)] | Literal["all"] = Field(
+        ["four_bar"],
+        description="Whose rows: the coupler of a four-bar, the rod of a slider-crank; the best of all kinds.",
     )
     top: Top = Field(10, description="How many rows to return.")
     features: Flag = Field(
