@@ -33,7 +33,6 @@ from synthesis.drives.actuator import (
     Wanted,
     best_of_rows,
 )
-from synthesis.drives.attached import Attached
 from synthesis.drives.balance import Spring as Placed
 from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
@@ -422,40 +421,6 @@ def drives(
         place = _place_of(linkage, motion, crank_angle, degrees)
     asked = read_asked(place.machine, load, drives, springs, hand, place.radian, MILLIMETRES[length_unit])
     return found_drives(place, asked, top, watch)
-
-
-def attached_of(given: Mapping[str, Any], machine: Machine) -> Attached:
-    """A drive of a reply, as it came, on a machine at its samples: for files."""
-    kind, link = given.get("kind"), given.get("link")
-    if kind not in ("rotary", "actuator", "dyad", "toggle"):
-        raise FieldError("/drive/kind", f"wanted a drive of a reply, found {kind!r}")
-    on = given.get("on") or GROUND
-    for name in (link, on):
-        if name not in (GROUND, *machine.links):
-            raise FieldError("/drive/link", f"wanted one of {', '.join(machine.links)}, found {name!r}")
-    where = given.get("motor") if kind in ("rotary", "dyad") else given.get("ground_point")
-    ground = _point(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", where)
-    pin = 0j if kind == "rotary" else _point("drive/pin_on_link", given.get("pin_on_link"))
-    part, names = {
-        "rotary": ({}, ()),
-        "actuator": (given, ("retracted", "stroke")),
-        "dyad": (given.get("six_bar") or {}, ("crank", "coupler")),
-        "toggle": (given.get("lock") or {}, ("handle", "strut")),
-    }[kind]
-    sizes = [number(f"drive/{name}", part.get(name)) for name in names]
-    if any(not size > 0 for size in sizes):
-        raise FieldError("/drive", f"wanted {' and '.join(names)} above 0")
-    knee = (given.get("curve") or {}).get("knee") if kind == "toggle" else None
-    return Attached(
-        kind,
-        str(link),
-        on,
-        ground,
-        pin,
-        (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
-        bool(given.get("extends", True)),
-        None if not knee or knee[0] is None else _point("drive/curve/knee/0", knee[0]),
-    )
 
 
 class _Place(NamedTuple):

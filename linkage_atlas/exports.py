@@ -129,7 +129,6 @@ def drive_on(linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[st
         return DriveOn(None, None)
     if kind not in ("csv", "dxf", "mjcf"):
         raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, dxf or mjcf")
-    from linkage_atlas.driving import attached_of
     from synthesis.drives.links import guided_machine_at, machine_at
     from synthesis.fourbar.linkage import Linkage
 
@@ -137,7 +136,53 @@ def drive_on(linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[st
         machine = machine_at(linkage, target.crank)
     else:
         machine = guided_machine_at(linkage, target.crank)
-    return DriveOn(attached_of(drive, machine), machine)
+    return DriveOn(_attached(drive, machine), machine)
+
+
+def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
+    """A drive of a reply, as it came, on a machine at its samples."""
+    from linkage_atlas.motions import number
+    from synthesis.drives.attached import Attached
+    from synthesis.drives.links import GROUND
+
+    kind, link = given.get("kind"), given.get("link")
+    if kind not in ("rotary", "actuator", "dyad", "toggle"):
+        raise FieldError("/drive/kind", f"wanted a drive of a reply, found {kind!r}")
+    on = given.get("on") or GROUND
+    for name in (link, on):
+        if name not in (GROUND, *machine.links):
+            raise FieldError("/drive/link", f"wanted one of {', '.join(machine.links)}, found {name!r}")
+    where = given.get("motor") if kind in ("rotary", "dyad") else given.get("ground_point")
+    ground = _place(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", where)
+    pin = 0j if kind == "rotary" else _place("drive/pin_on_link", given.get("pin_on_link"))
+    part, names = {
+        "rotary": ({}, ()),
+        "actuator": (given, ("retracted", "stroke")),
+        "dyad": (given.get("six_bar") or {}, ("crank", "coupler")),
+        "toggle": (given.get("lock") or {}, ("handle", "strut")),
+    }[kind]
+    sizes = [number(f"drive/{name}", part.get(name)) for name in names]
+    if any(not size > 0 for size in sizes):
+        raise FieldError("/drive", f"wanted {' and '.join(names)} above 0")
+    knee = (given.get("curve") or {}).get("knee") if kind == "toggle" else None
+    return Attached(
+        kind,
+        str(link),
+        on,
+        ground,
+        pin,
+        (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
+        bool(given.get("extends", True)),
+        None if not knee or knee[0] is None else _place("drive/curve/knee/0", knee[0]),
+    )
+
+
+def _place(field: str, given: Any) -> complex:
+    from linkage_atlas.motions import number
+
+    if not isinstance(given, (list, tuple)) or len(given) != 2:
+        raise FieldError(f"/{field}", "wanted two numbers [x, y]")
+    return complex(*(number(field, value) for value in given))
 
 
 _FOUR_BARS_ONLY = {
