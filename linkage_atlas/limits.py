@@ -21,7 +21,7 @@ PRESETS = ("practical", "none")
 """Sets of limits by name: the first holds by default where the crank angles are free, the second where they are given."""
 LIMITS = {name: form for name, form in FORMS.items() if form.kind != "reach"}
 """The limits of a request, beside its ``preset``."""
-FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns != "place"}
+FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns not in ("place", "sliders")}
 """Those of a request for function generators."""
 _STEPS = 6
 """Halvings of the way that a limit gives."""
