@@ -392,6 +392,22 @@ def _plates_of(linkage: Linkage, hole: float, width: float) -> list[_Plate]:
     return plates
 
 
+def plate_sizes(links: Sequence[float], hole: float | None = None, width: float | None = None) -> tuple[float, float]:
+    """Diameter of the holes and width of the plates of links; the defaults go by the shortest and the longest."""
+    if hole is None:
+        most = np.inf if width is None else width / WIDTH_OF_HOLE
+        hole = min(HOLE_OF_SHORTEST * min(links), HOLE_OF_LONGEST * max(links), most)
+    return float(hole), float(WIDTH_OF_HOLE * hole if width is None else width)
+
+
+def check_sizes(links: Sequence[float], hole: float, width: float, where: str) -> None:
+    """FieldError for a hole that leaves no material: wider than the plate, or than the distance of two joints."""
+    if not hole < width:
+        raise FieldError(f"{where}/hole", f"wanted less than the width {width:g}, found {hole:g}")
+    if not hole < min(links):
+        raise FieldError(f"{where}/hole", f"wanted less than the shortest link {min(links):g}, found {hole:g}")
+
+
 def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None, width: float | None = None) -> str:
     """The links as plates for cutting, a DXF file in millimetres.
 
@@ -404,20 +420,13 @@ def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None,
 
     Raises `FieldError`: for a hole that leaves no material: wider than the plate, or than the distance of two joints.
     """
-    shortest, longest = min(linkage.links), max(linkage.links)
-    if hole is None:
-        most = np.inf if width is None else width / WIDTH_OF_HOLE
-        hole = min(HOLE_OF_SHORTEST * shortest, HOLE_OF_LONGEST * longest, most)
-    width = WIDTH_OF_HOLE * hole if width is None else width
+    hole, width = plate_sizes(linkage.links, hole, width)
     for name, size in (("hole", hole), ("width", width)):
         if not LEAST_PLATE_MM <= size * unit_mm <= LARGEST_PLATE_MM:
             raise FieldError(
                 f"/plates/{name}", f"wanted {LEAST_PLATE_MM:g} to {LARGEST_PLATE_MM:g} mm, found {size * unit_mm:g}"
             )
-    if not hole < width:
-        raise FieldError("/plates/hole", f"wanted less than the width {width:g}, found {hole:g}")
-    if not hole < shortest:
-        raise FieldError("/plates/hole", f"wanted less than the shortest link {shortest:g}, found {hole:g}")
+    check_sizes(linkage.links, hole, width, "/plates")
     plates = _plates_of(linkage, hole, width)
     largest = max(abs(complex(x, y)) for plate in plates for x, y, _ in plate.outline)
     if not largest * unit_mm <= LARGEST_PLATE_MM:

@@ -1,0 +1,317 @@
+"""Whether shapes on moving bodies keep clear of one another over an interval: proved, not sampled; and how near they come.
+
+The gap of two shapes at crank angle t, c the clearance that is wanted::
+
+    f(t) = dist(core_i(t), core_j(t)) - r_i - r_j - c            collision: f < 0
+
+In a cell |t - tm| <= h the shapes move by at most D_i and D_j from their places at tm: it is free where f(tm) > D_i + D_j,
+collides where f(tm) < -(D_i + D_j), and is halved otherwise. All pairs are proved together, in arrays of cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Flags, Floats, Ints
+from synthesis.assembly.movement import Movement
+from synthesis.assembly.shapes import OVERLAP, Shape, distances
+from synthesis.target import Interval
+from synthesis.work import Work
+
+CELLS = 48
+"""Cells at the beginning, of each pair."""
+FINE = 1e-9
+"""Of the size: below this bound a cell is decided by the sign at its middle, or it touches."""
+ROUNDING = 1e-12
+"""Of the size: gaps less than this either way are as good as none."""
+MOST_CELLS = 6000
+"""Undecided cells of a pair at once: with more it touches where it does not collide."""
+NEAR = 1e-3
+"""Of the size: cells in which a gap may be less than the least known by this are halved."""
+LOOKS, PLACES = 8, 65
+"""Of the last refinement of a least gap: how often, and places at each."""
+_ROOTS = 60
+"""Steps to an end of a collision at most."""
+_FREE, _HITS, _TOUCHES = 0, 1, 2
+
+
+class Run(NamedTuple):
+    """Crank angles over which two shapes collide, or touch, in radians from the first sample."""
+
+    first: float
+    last: float
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What is proved of a pair over an interval: where it collides, and where it may touch; elsewhere it is free."""
+
+    hits: tuple[Run, ...]
+    touches: tuple[Run, ...]
+
+    @property
+    def free(self) -> bool:
+        """Whether it collides nowhere, and touches nowhere."""
+        return not (self.hits or self.touches)
+
+
+class Least(NamedTuple):
+    """The least gap of a pair, clearance taken off, and the crank angle at which it is."""
+
+    gap: float
+    at: float
+
+
+class Carried(NamedTuple):
+    """A shape and the body that carries it."""
+
+    body: int
+    shape: Shape
+
+
+class _Cells(NamedTuple):
+    """Cells of pairs (m,): the pair's number, the middle, half the width, the gap there and its bound."""
+
+    pair: Ints
+    middle: Floats
+    half: Floats
+    gap: Floats
+    bound: Floats
+
+    def some(self, which: Flags | Ints) -> _Cells:
+        """Some of them."""
+        return _Cells(self.pair[which], self.middle[which], self.half[which], self.gap[which], self.bound[which])
+
+    def halved(self) -> tuple[Ints, Floats, Floats]:
+        """Pair, middle and half width of their halves."""
+        half = np.repeat(self.half / 2, 2)
+        middle = np.repeat(self.middle, 2)
+        middle[::2] -= half[::2]
+        middle[1::2] += half[1::2]
+        return np.repeat(self.pair, 2), middle, half
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Cells]) -> _Cells:
+        """All of several."""
+        return cls(*(np.concatenate(columns) for columns in zip(*parts)))
+
+
+class Gaps:
+    """The gaps of pairs of shapes that a movement carries.
+
+    ``pairs`` (n, 2): numbers of shapes. ``size``: a length of the mechanism, against which lengths are small. Pairs on one body
+    are evaluated once.
+
+    Law: no gap at any crank angle of the interval is below 0 where a proof says free.
+    """
+
+    def __init__(
+        self,
+        movement: Movement,
+        shapes: Sequence[Carried],
+        pairs: Sequence[tuple[int, int]],
+        clearance: float,
+        size: float,
+    ) -> None:
+        self.movement, self.size = movement, size
+        # of two shapes that with more corners first: fewer kinds of pairs
+        counts = [len(one.shape.corners) for one in shapes]
+        ordered = [pair if counts[pair[0]] >= counts[pair[1]] else pair[::-1] for pair in pairs]
+        self._pairs = np.array(ordered, dtype=int).reshape(-1, 2)
+        self._body = np.array([one.body for one in shapes])
+        self._reach = np.array([one.shape.reach for one in shapes])
+        self._corners = np.zeros((len(shapes), max(counts)), dtype=complex)
+        for row, one in zip(self._corners, shapes):
+            row[: len(one.shape.corners)] = one.shape.corners
+        radius = np.array([one.shape.radius for one in shapes])
+        self._apart = radius[self._pairs].sum(axis=-1) + clearance
+        kinds = [(counts[i], counts[j]) for i, j in self._pairs.tolist()]
+        self._kinds = sorted(set(kinds))
+        self._kind = np.array([self._kinds.index(kind) for kind in kinds], dtype=int)
+        self._still = self._body[self._pairs[:, 0]] == self._body[self._pairs[:, 1]]
+
+    def at(self, pair: Ints, travel: Floats, half: Floats | float = 0.0) -> tuple[Floats, Floats]:
+        """Gaps of pairs (m,) at crank angles (m,), and the bounds of their change over cells of half widths (m,)."""
+        times, place = np.unique(travel, return_inverse=True)
+        if np.ndim(half):
+            # cells of one middle have one width in the course of a proof; elsewhere the widest counts
+            widths: Floats = np.zeros(times.size)
+            np.maximum.at(widths, place, half)
+            half = widths
+        bodies = self.movement.bodies(times, half)
+        gap: Floats = np.empty(travel.size)
+        bound: Floats = np.empty(travel.size)
+        kind = self._kind[pair]
+        for number, counts in enumerate(self._kinds):
+            rows = np.flatnonzero(kind == number) if len(self._kinds) > 1 else np.arange(travel.size)
+            if not rows.size:
+                continue
+            ends, spread = [], []
+            for side, count in enumerate(counts):
+                shape = self._pairs[pair[rows], side]
+                body, time = self._body[shape], place[rows]
+                corners = self._corners[shape, :count]
+                ends.append(bodies.origin[body, time][:, None] + bodies.direction[body, time][:, None] * corners)
+                turn = np.minimum(2.0, bodies.turn[body, time])
+                spread.append(bodies.shift[body, time] + self._reach[shape] * turn)
+            apart = self._apart[pair[rows]]
+            distance = distances(*ends)
+            gap[rows] = np.where(distance > 0, distance - apart, -np.maximum(apart, OVERLAP * self.size))
+            bound[rows] = np.where(self._still[pair[rows]], 0.0, spread[0] + spread[1])
+        return gap, bound
+
+    def prove(self, interval: Interval, work: Work) -> list[Proof]:
+        """Where each pair collides within an interval of crank angles, its ends to rounding."""
+        first, last = min(interval), max(interval)
+        edges = np.linspace(first, last, CELLS + 1)
+        moving = np.flatnonzero(~self._still)
+        pair = np.repeat(moving, CELLS)
+        middle = np.tile((edges[1:] + edges[:-1]) / 2, moving.size)
+        half = np.tile(np.diff(edges) / 2, moving.size)
+        still = np.flatnonzero(self._still)
+        if still.size:
+            pair = np.concatenate([pair, still])
+            middle = np.concatenate([middle, np.full(still.size, (first + last) / 2)])
+            half = np.concatenate([half, np.full(still.size, (last - first) / 2)])
+        decided: list[_Cells] = []
+        kinds: list[Ints] = []
+        while pair.size:
+            work.check()
+            cells = _Cells(pair, middle, half, *self.at(pair, middle, half))
+            open_, kind = self._decided(cells)
+            decided.append(cells.some(~open_))
+            kinds.append(kind[~open_])
+            pair, middle, half = cells.some(open_).halved()
+        self._cells, self._decisions = _Cells.joined(decided), np.concatenate(kinds)
+        return self._proofs(first, last)
+
+    def _decided(self, cells: _Cells) -> tuple[Flags, Ints]:
+        """Which cells are to be halved, and what the others do."""
+        gap, bound = cells.gap, cells.bound
+        free, hits = gap > bound, gap < -bound
+        open_ = ~(free | hits)
+        small = (bound < FINE * self.size) | (cells.half < 4e-16 * np.maximum(1.0, np.abs(cells.middle)))
+        many = np.bincount(cells.pair[open_], minlength=len(self._pairs)) > MOST_CELLS
+        small |= many[cells.pair]
+        touches = np.abs(gap) <= ROUNDING * self.size
+        kind = np.where(free, _FREE, np.where(hits, _HITS, np.where((gap < 0) & ~touches, _HITS, _TOUCHES)))
+        return open_ & ~small, kind
+
+    def _proofs(self, first: float, last: float) -> list[Proof]:
+        """Runs of cells that lie beside one another, with their ends."""
+        cells = self._cells
+        order = np.lexsort([cells.middle, cells.pair])
+        pair, middle, half = cells.pair[order], cells.middle[order], cells.half[order]
+        kind = self._decisions[order]
+        starts = np.flatnonzero(np.r_[True, (np.diff(pair) != 0) | (np.diff(kind) != 0)])
+        ends = np.r_[starts[1:], pair.size] - 1
+        run_pair, run_kind = pair[starts], kind[starts]
+        # an end of a collision lies between its last cell's middle and the next one's
+        left = np.flatnonzero((run_kind == _HITS) & (starts > 0) & (np.r_[-1, run_pair[:-1]] == run_pair))
+        right = np.flatnonzero((run_kind == _HITS) & (np.r_[run_pair[1:], -1] == run_pair))
+        inner = np.concatenate([middle[starts[left]], middle[ends[right]]])
+        outer = np.concatenate([middle[starts[left] - 1], middle[ends[right] + 1]])
+        roots = self._roots(np.concatenate([run_pair[left], run_pair[right]]), inner, outer)
+        begin, end = middle[starts] - half[starts], middle[ends] + half[ends]
+        begin[left], end[right] = roots[: left.size], roots[left.size :]
+        begin = np.where(middle[starts] - 1.5 * half[starts] < first, first, begin)
+        end = np.where(middle[ends] + 1.5 * half[ends] > last, last, end)
+        found: list[tuple[list[Run], list[Run]]] = [([], []) for _ in self._pairs]
+        for k, (own, what) in enumerate(zip(run_pair.tolist(), run_kind.tolist())):
+            if what == _FREE:
+                continue
+            beside = [n for n in (k - 1, k + 1) if 0 <= n < starts.size and run_pair[n] == own]
+            if what == _TOUCHES and any(run_kind[n] == _HITS for n in beside):
+                continue  # the end of a collision
+            found[own][what - 1].append(Run(float(begin[k]), float(end[k])))
+        return [Proof(tuple(hits), tuple(touches)) for hits, touches in found]
+
+    def _roots(self, pair: Ints, inner: Floats, outer: Floats) -> Floats:
+        """Where gaps of pairs (m,) change sign between places with f < 0 and places with f >= 0."""
+        if not pair.size:
+            return inner
+        values = self.at(np.tile(pair, 2), np.concatenate([inner, outer]))[0]
+        low, high = values[: pair.size], values[pair.size :]
+        inner, outer = inner.copy(), outer.copy()
+        weights = np.ones((2, pair.size))
+        for step in range(_ROOTS):
+            wide = np.abs(outer - inner)
+            if np.all(wide <= 4e-16 * np.maximum(1.0, np.abs(inner))):
+                break
+            # regula falsi, the end that stays halved (Illinois); each third step halves the bracket
+            share = np.where(
+                step % 3 == 2,
+                0.5,
+                np.abs(low) * weights[0] / np.maximum(np.abs(low) * weights[0] + high * weights[1], 1e-300),
+            )
+            middle = inner + (outer - inner) * np.clip(share, 1e-3, 1 - 1e-3)
+            gap = self.at(pair, middle)[0]
+            hits = gap < 0
+            weights = np.where(hits, [np.ones(pair.size), weights[1] / 2], [weights[0] / 2, np.ones(pair.size)])
+            inner, low = np.where(hits, middle, inner), np.where(hits, gap, low)
+            outer, high = np.where(hits, outer, middle), np.where(hits, high, gap)
+            if np.all(np.minimum(np.abs(low), np.abs(high)) <= 2e-15 * self.size) and np.all(wide < 1e-12):
+                break
+        return np.where(np.abs(low) <= np.abs(high), inner, outer)
+
+    def least(self, pairs: Sequence[int], interval: Interval) -> dict[int, Least]:
+        """The least gap of pairs that are free over the interval that was proved last.
+
+        The value is good to rounding; the place, where the gap has no corner there, to its square root.
+        """
+        if not pairs:
+            return {}
+        wanted = np.zeros(len(self._pairs), dtype=bool)
+        wanted[list(pairs)] = True
+        cells = self._cells.some(wanted[self._cells.pair])
+        ends = np.tile([min(interval), max(interval)], len(pairs))
+        own = np.repeat(np.array(pairs), 2)
+        best = np.full(len(self._pairs), np.inf)
+        np.minimum.at(best, own, self.at(own, ends)[0])
+        np.minimum.at(best, cells.pair, cells.gap)
+        kept: list[_Cells] = []
+        while cells.pair.size:
+            low = cells.gap - cells.bound
+            cells = cells.some(low < best[cells.pair])
+            rough = (cells.gap - cells.bound < best[cells.pair] - NEAR * self.size) & (cells.half > 1e-12)
+            rough &= (np.bincount(cells.pair[rough], minlength=best.size) < MOST_CELLS)[cells.pair]
+            kept.append(cells.some(~rough))
+            pair, middle, half = cells.some(rough).halved()
+            if not pair.size:
+                break
+            cells = _Cells(pair, middle, half, *self.at(pair, middle, half))
+            np.minimum.at(best, cells.pair, cells.gap)
+        rest = _Cells.joined(kept)
+        rest = rest.some(rest.gap - rest.bound < best[rest.pair])
+        return self._lowest(rest)
+
+    def _lowest(self, cells: _Cells) -> dict[int, Least]:
+        """The least gaps in runs of cells, by looking closer and closer at the lowest place of each."""
+        order = np.lexsort([cells.middle, cells.pair])
+        cells = cells.some(order)
+        gapped = cells.middle[1:] - cells.half[1:] > (cells.middle[:-1] + cells.half[:-1]) + 1e-3 * cells.half[1:]
+        starts = np.flatnonzero(np.r_[True, (np.diff(cells.pair) != 0) | gapped])
+        ends = np.r_[starts[1:], cells.pair.size] - 1
+        pair = cells.pair[starts]
+        low, high = cells.middle[starts] - cells.half[starts], cells.middle[ends] + cells.half[ends]
+        begin, end = low, high
+        best, at = np.full(pair.size, np.inf), low.copy()
+        for _ in range(LOOKS):
+            places = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, PLACES)
+            gap = self.at(np.repeat(pair, PLACES), places.ravel())[0].reshape(places.shape)
+            lowest = np.argmin(gap, axis=-1)
+            value = np.take_along_axis(gap, lowest[:, None], axis=-1)[:, 0]
+            where = np.take_along_axis(places, lowest[:, None], axis=-1)[:, 0]
+            better = value < best
+            best, at = np.where(better, value, best), np.where(better, where, at)
+            step = (high - low) / (PLACES - 1)
+            low, high = np.maximum(begin, at - step), np.minimum(end, at + step)
+        found: dict[int, Least] = {}
+        for own, value, where in zip(pair.tolist(), best.tolist(), at.tolist()):
+            if own not in found or value < found[own].gap:
+                found[own] = Least(value, where)
+        return found

@@ -1,0 +1,518 @@
+"""In which layers plates lie so that nothing collides: a small search over layers and over how the fixed pins are held.
+
+Layers are numbered from 1; board 0 lies below them, board N + 1 above. What is asked of an arrangement:
+
+1. plates that a pin joins lie in different layers;
+2. plates in one layer keep clear of one another;
+3. a pin fills the layers from its lowest to its highest plate, a fixed one on to its board; plates there that it does not join
+   keep clear of it;
+4. so do two pins in a layer where neither has a plate of its own;
+5. a head fills one layer more at each free end of a pin, and lies in no board: only with heads may a layer be empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+from synthesis.assembly.gaps import Carried, Gaps, Least, Proof, Run
+from synthesis.assembly.machine import WHOLE, Machine
+from synthesis.assembly.shapes import disc
+from synthesis.target import TURN, Interval
+from synthesis.work import Work
+
+BOARDS = ("below", "above", "both", "bar")
+HEAD = 1.8
+"""Diameter of a head, in diameters of its pin."""
+BELOW, ABOVE, BOTH = "below", "above", "below+above"
+_LEVEL = 1e-9
+"""Of the size: least gaps nearer than this are alike."""
+
+Pair = tuple[str, str]
+
+
+class Head(NamedTuple):
+    """A head of a pin and the layer that it fills."""
+
+    pin: str
+    end: str
+    """"below" or "above"."""
+    layer: int
+
+
+@dataclass(frozen=True)
+class Stack:
+    """Layers of plates, how each fixed pin is held, and what follows: layers that pins and heads fill."""
+
+    count: int
+    layers: dict[str, int]
+    mounts: dict[str, str]
+    pins: dict[str, tuple[int, int]]
+    heads: tuple[Head, ...]
+    pairs: tuple[int, ...] = ()
+    """Numbers of the pairs that meet in a layer."""
+
+    @property
+    def held(self) -> int:
+        """Pins that are held on both sides."""
+        return sum(mount == BOTH for mount in self.mounts.values())
+
+    @property
+    def pin_length(self) -> int:
+        """Of all pins, in layers."""
+        return sum(high - low for low, high in self.pins.values())
+
+
+class Collision(NamedTuple):
+    """Two parts, and crank angles over which they collide; over the seam of a turn beyond its end."""
+
+    pair: Pair
+    first: float
+    last: float
+
+
+class Stop(NamedTuple):
+    """Where the motion ends."""
+
+    at: float
+    pair: Pair | None
+    """What collides there; None: the loop itself ends."""
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """Whether a shaft may pass through all layers at a fixed pivot, and what passes over it if not."""
+
+    both_sides: bool
+    passes: tuple[Collision, ...]
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """The best stack, and what is to be said of it."""
+
+    status: str
+    """"free", "touching" or "blocked"."""
+    stack: Stack
+    least: tuple[Pair, Least] | None
+    """The least gap of all pairs that meet; None where none does, or where the stack is not free."""
+    collisions: tuple[Collision, ...]
+    touches: tuple[Collision, ...]
+    free: Interval | None
+    """Where the stack is blocked, the longest part of the used interval over which it is free."""
+    low: Stop | None
+    high: Stop | None
+    fewer: dict[int, Collision | None]
+    """What stops the best stack with a layer less; None where no stack of so few layers exists."""
+    others: int
+    """Further free stacks of as many layers."""
+    tried: int
+    shaft: dict[str, Shaft] = field(default_factory=dict)
+
+
+class Asked(NamedTuple):
+    """What an assembly is asked for."""
+
+    boards: str = "below"
+    heads: bool = False
+    most: int = 6
+    mounts: Mapping[str, str] = {}
+    """How some of the fixed pins must be held."""
+
+
+class _Part(NamedTuple):
+    """A plate, a pin or a head, and its shape on each body that it belongs to."""
+
+    name: str
+    shapes: tuple[Carried, ...]
+
+
+def arrange(machine: Machine, asked: Asked, work: Work) -> Arrangement:
+    """The best stack of a machine's plates: free with the fewest layers, or else free over the longest part of the motion.
+
+    Among free ones of as many layers: most pins held on both sides, then the shortest pins, then the largest least gap.
+    """
+    return _Search(machine, asked, work).answer()
+
+
+class _Search:
+    """The parts of a machine, what is proved of their pairs, and the search for a stack."""
+
+    def __init__(self, machine: Machine, asked: Asked, work: Work) -> None:
+        self.machine, self.asked, self.work = machine, asked, work
+        self.plates = [one.name for one in machine.plates]
+        self.pins = [one.name for one in machine.pins]
+        self.joined = {pin.name: frozenset(pin.joins) for pin in machine.pins}
+        parts = [_Part(one.name, (Carried(one.body, one.shape),)) for one in machine.plates]
+        parts += [
+            _Part(one.name, tuple(Carried(at.body, disc(at.at, one.radius)) for at in one.places))
+            for one in machine.pins
+        ]
+        if asked.heads:
+            parts += [
+                _Part(_head(one.name), tuple(Carried(at.body, disc(at.at, HEAD * one.radius)) for at in one.places))
+                for one in machine.pins
+            ]
+        self.pairs = self._pairs_of(parts)
+        shapes, numbers = _numbered(parts, self.pairs)
+        self.gaps = Gaps(machine.movement, shapes, numbers, machine.clearance, machine.size)
+        self.proofs = self.gaps.prove(machine.used, work)
+        self._shapes, self._numbers = shapes, numbers
+        self.number = {pair: k for k, pair in enumerate(self.pairs)}
+        self.strict = _Masks(self.proofs, machine, touching=True)
+        self.tried = 0
+        # more layers than plates would leave one empty; heads need some of their own
+        self.counts = range(1, asked.most + 1 if asked.heads else min(asked.most, len(self.plates)) + 1)
+
+    def _pairs_of(self, parts: Sequence[_Part]) -> list[Pair]:
+        """The pairs that may meet in a layer: not plates that a pin joins, nor a pin and what it joins."""
+        never = set()
+        for pin, plates in self.joined.items():
+            never |= {frozenset((a, b)) for a in plates for b in plates if a != b}
+            never |= {frozenset((own, plate)) for own in (pin, _head(pin)) for plate in plates}
+            never.add(frozenset((pin, _head(pin))))
+        names = [part.name for part in parts]
+        return [
+            (one, other)
+            for k, one in enumerate(names)
+            for other in names[k + 1 :]
+            if frozenset((one, other)) not in never
+        ]
+
+    def pair(self, one: str, other: str) -> int:
+        """Number of a pair."""
+        found = self.number.get((one, other))
+        return self.number[other, one] if found is None else found
+
+    # -- stacks -----------------------------------------------------------------------------------------------------
+
+    def stacks(self, count: int, masks: _Masks, bound: _Bound) -> Iterator[tuple[Stack, int]]:
+        """Stacks of a number of layers that the bound lets pass, with the masks of their collisions, layers rising."""
+        boards = self.asked.boards
+        options = [self._mounts(pin.name) for pin in self.machine.pins if pin.grounded and boards != "bar"]
+        grounded = [pin.name for pin in self.machine.pins if pin.grounded and boards != "bar"]
+        for layers in self._layers(count, masks, bound, {}, 0):
+            self.work.check()
+            for mounts in product(*options):
+                stack = self._stack(count, layers, dict(zip(grounded, mounts)))
+                if stack is None:
+                    continue
+                self.tried += 1
+                mask = masks.of(stack.pairs)
+                if bound.lets_pass(mask):
+                    yield stack, mask
+
+    def _mounts(self, pin: str) -> tuple[str, ...]:
+        given = self.asked.mounts.get(pin)
+        if given is not None:
+            return (given,)
+        return {"below": (BELOW,), "above": (ABOVE,), "both": (BELOW, ABOVE, BOTH)}[self.asked.boards]
+
+    def _layers(
+        self, count: int, masks: _Masks, bound: _Bound, placed: dict[str, int], mask: int
+    ) -> Iterator[dict[str, int]]:
+        """Layers of all plates, where those placed so far and the pins between them do not exclude them."""
+        if len(placed) == len(self.plates):
+            yield dict(placed)
+            return
+        plate, left = self.plates[len(placed)], len(self.plates) - len(placed) - 1
+        for layer in range(1, count + 1):
+            if not self.asked.heads and count - len({layer, *placed.values()}) > left:
+                continue  # a layer would stay empty
+            if any(
+                placed.get(other) == layer
+                for plates in self.joined.values()
+                if plate in plates
+                for other in plates
+                if other != plate
+            ):
+                continue
+            more = mask
+            for other, at in placed.items():
+                if at == layer:
+                    more |= masks.by_pair[self.pair(other, plate)]
+            placed[plate] = layer
+            for pin, plates in self.joined.items():
+                if plates <= placed.keys():
+                    own = [placed[one] for one in plates]
+                    for other, at in placed.items():
+                        if min(own) <= at <= max(own) and other not in plates:
+                            more |= masks.by_pair[self.pair(other, pin)]
+            if bound.lets_pass(more):
+                yield from self._layers(count, masks, bound, placed, more)
+            else:
+                self.tried += len(placed) == len(self.plates)
+            del placed[plate]
+
+    def _stack(self, count: int, layers: dict[str, int], mounts: dict[str, str]) -> Stack | None:
+        """The stack of layers and mounts with the pairs that meet in it; None where a head has no place."""
+        boards = self.asked.boards
+        floor, roof = boards in ("below", "both"), boards in ("above", "both")
+        pins: dict[str, tuple[int, int]] = {}
+        heads: list[Head] = []
+        for pin, plates in self.joined.items():
+            own = [layers[one] for one in plates]
+            mount = mounts.get(pin, "")
+            low = 0 if mount in (BELOW, BOTH) else min(own)
+            high = count + 1 if mount in (ABOVE, BOTH) else max(own)
+            pins[pin] = low, high
+            if self.asked.heads:
+                heads += [Head(pin, BELOW, low - 1)] * (low > 0) + [Head(pin, ABOVE, high + 1)] * (high <= count)
+        if self.asked.heads:
+            if any((floor and one.layer < 1) or (roof and one.layer > count) for one in heads):
+                return None
+            # else the same stack stands among those of fewer layers
+            filled = [*layers.values(), *(one.layer for one in heads)]
+            lowest = min(filled) if floor else min(layers.values())
+            highest = max(filled) if roof else max(layers.values())
+            if lowest != 1 or highest != count:
+                return None
+        return Stack(count, dict(layers), mounts, pins, tuple(heads), self._meeting(count, layers, pins, heads))
+
+    def _meeting(
+        self, count: int, layers: Mapping[str, int], pins: Mapping[str, tuple[int, int]], heads: Sequence[Head]
+    ) -> tuple[int, ...]:
+        """Numbers of the pairs that meet in a layer."""
+        found = set()
+        for layer in range(count + 2):
+            plates = [name for name, own in layers.items() if own == layer]
+            through = [name for name, (low, high) in pins.items() if low <= layer <= high and 1 <= layer <= count]
+            bare = [name for name in through if all(layers[one] != layer for one in self.joined[name])]
+            tops = [head.pin for head in heads if head.layer == layer]
+            found |= {(a, b) for k, a in enumerate(plates) for b in plates[k + 1 :]}
+            found |= {(plate, pin) for plate in plates for pin in through if plate not in self.joined[pin]}
+            found |= {(a, b) for k, a in enumerate(bare) for b in bare[k + 1 :]}
+            found |= {(plate, _head(pin)) for plate in plates for pin in tops}
+            found |= {(pin, _head(other)) for pin in bare for other in tops if pin != other}
+            found |= {(_head(a), _head(b)) for k, a in enumerate(tops) for b in tops[k + 1 :] if a != b}
+        return tuple(sorted(self.pair(*pair) for pair in found))
+
+    # -- the answer -------------------------------------------------------------------------------------------------
+
+    def answer(self) -> Arrangement:
+        """The best stack with everything that is said of it."""
+        loose = _Masks(self.proofs, self.machine, touching=False)
+        for status, masks in (("free", self.strict), ("touching", loose)):
+            if status == "touching" and masks.by_pair == self.strict.by_pair:
+                continue
+            self.tried = 0
+            for count in self.counts:
+                free = [stack for stack, _ in self.stacks(count, masks, _Free())]
+                if free:
+                    return self._told(status, *self._best(free), None, len(free) - 1, masks)
+        self.tried, longest = 0, _Longest(loose)
+        best: Stack | None = None
+        for count in self.counts:
+            for stack, mask in self.stacks(count, loose, longest):
+                best = stack
+                longest.most = loose.longest(mask)[0]
+        assert best is not None, "two layers hold any chain of plates; more bodies need no more than there are plates"
+        _, first, last = loose.longest(loose.of(best.pairs))
+        free_part = None if first is None or last is None else Interval(first, last)
+        return self._told("blocked", best, None, free_part, 0, loose)
+
+    def _best(self, free: Sequence[Stack]) -> tuple[Stack, tuple[Pair, Least] | None]:
+        """The first by pins held on both sides, by length of pins, and by least gap."""
+        order = min((-one.held, one.pin_length) for one in free)
+        alike = [one for one in free if (-one.held, one.pin_length) == order]
+        least = self.gaps.least(
+            sorted({pair for one in alike for pair in one.pairs if self.proofs[pair].free}), self.machine.used
+        )
+
+        def smallest(stack: Stack) -> tuple[Pair, Least] | None:
+            gaps = [(self.pairs[pair], least[pair]) for pair in stack.pairs if pair in least]
+            return min(gaps, key=lambda one: one[1].gap, default=None)
+
+        found = [(one, smallest(one)) for one in alike]
+        step = _LEVEL * self.machine.size
+        return min(found, key=lambda one: float("-inf") if one[1] is None else -round(one[1][1].gap / step))
+
+    def _told(
+        self,
+        status: str,
+        stack: Stack,
+        least: tuple[Pair, Least] | None,
+        free: Interval | None,
+        others: int,
+        masks: _Masks,
+    ) -> Arrangement:
+        tried = self.tried
+        low, high = self._stops(stack, self.machine.used if status != "blocked" else free)
+        fewer: dict[int, Collision | None] = {}
+        if status != "blocked" and stack.count > 1:
+            fewer[stack.count - 1] = self._why_not(stack.count - 1, masks)
+        return Arrangement(
+            status,
+            stack,
+            least,
+            self._collisions(stack.pairs, "hits"),
+            self._collisions(stack.pairs, "touches"),
+            free,
+            low,
+            high,
+            fewer,
+            others,
+            tried,
+            {pin.name: self._shaft(pin.name) for pin in self.machine.pins if pin.grounded},
+        )
+
+    def _collisions(self, pairs: Sequence[int], what: str) -> tuple[Collision, ...]:
+        """Collisions of pairs by crank angle, those on both sides of the seam of a turn as one."""
+        found = []
+        for pair in pairs:
+            runs: list[Run] = list(getattr(self.proofs[pair], what))
+            first, last = self.machine.used
+            if self.machine.whole_turn and len(runs) > 1 and runs[0].first <= first and runs[-1].last >= last:
+                runs = [*runs[1:-1], Run(runs[-1].first, runs[0].last + TURN)]
+            found += [Collision(self.pairs[pair], *run) for run in runs]
+        return tuple(sorted(found, key=lambda one: (one.first, one.last, one.pair)))
+
+    def _why_not(self, count: int, masks: _Masks) -> Collision | None:
+        """The collision that takes most of the motion from the best stack of so few layers."""
+        longest, best = _Longest(masks), None
+        for stack, mask in self.stacks(count, masks, longest):
+            best = stack
+            longest.most = masks.longest(mask)[0]
+        if best is None:
+            return None
+        return max(self._collisions(best.pairs, "hits"), key=lambda one: one.last - one.first, default=None)
+
+    def _shaft(self, pin: str) -> Shaft:
+        plates = [plate for plate in self.plates if plate not in self.joined[pin]]
+        passes = self._collisions([self.pair(plate, pin) for plate in plates], "hits")
+        return Shaft(not passes, passes)
+
+    def _stops(self, stack: Stack, free: Interval | None) -> tuple[Stop | None, Stop | None]:
+        """Where the stack collides next, or the loop ends, below and above an interval over which it is free."""
+        if free is None:
+            return None, None
+        loop, turn = self.machine.loop, TURN
+        if loop is None:
+            if free.last - free.first >= turn - WHOLE:
+                return None, None
+            runs = self._runs(stack, Interval(free.last, free.first + turn))
+            if not runs:
+                return None, None
+            (pair, run), (last_pair, last_run) = min(runs, key=_begin), max(runs, key=_end)
+            return Stop(last_run.last - turn, last_pair), Stop(run.first, pair)
+        low, high = Stop(loop.first, None), Stop(loop.last, None)
+        if runs := self._runs(stack, Interval(loop.first, free.first)):
+            pair, run = max(runs, key=_end)
+            low = Stop(run.last, pair)
+        if runs := self._runs(stack, Interval(free.last, loop.last)):
+            pair, run = min(runs, key=_begin)
+            high = Stop(run.first, pair)
+        return low, high
+
+    def _runs(self, stack: Stack, interval: Interval) -> list[tuple[Pair, Run]]:
+        """Collisions of a stack's pairs over another interval."""
+        if interval.last - interval.first < WHOLE or not stack.pairs:
+            return []
+        gaps = Gaps(
+            self.machine.movement,
+            self._shapes,
+            [self._numbers[pair] for pair in stack.pairs],
+            self.machine.clearance,
+            self.machine.size,
+        )
+        proofs = gaps.prove(interval, self.work)
+        return [(self.pairs[pair], run) for pair, proof in zip(stack.pairs, proofs) for run in proof.hits]
+
+
+def _begin(one: tuple[Pair, Run]) -> float:
+    return one[1].first
+
+
+def _end(one: tuple[Pair, Run]) -> float:
+    return one[1].last
+
+
+def _head(pin: str) -> str:
+    """Name of a pin's heads."""
+    return f"head {pin}"
+
+
+def _numbered(parts: Sequence[_Part], pairs: Sequence[Pair]) -> tuple[list[Carried], list[tuple[int, int]]]:
+    """All shapes of parts, and each pair by two of them: on one body where there is one that both belong to."""
+    shapes = [shape for part in parts for shape in part.shapes]
+    first, count = {}, 0
+    for part in parts:
+        first[part.name] = range(count, count + len(part.shapes))
+        count += len(part.shapes)
+    found = []
+    for one, other in pairs:
+        both = list(product(first[one], first[other]))
+        found.append(next((pair for pair in both if shapes[pair[0]].body == shapes[pair[1]].body), both[0]))
+    return shapes, found
+
+
+# -- parts of the motion as bits ----------------------------------------------------------------------------------------
+
+
+class _Masks:
+    """Collisions of pairs as bits of an integer: one for each place where any begins or ends, and one for each part between."""
+
+    def __init__(self, proofs: Sequence[Proof], machine: Machine, touching: bool) -> None:
+        runs = [[*proof.hits, *(proof.touches if touching else ())] for proof in proofs]
+        first, last = machine.used
+        self.points = sorted({first, last, *(end for own in runs for run in own for end in run)})
+        at = {point: 2 * k for k, point in enumerate(self.points)}
+        self.bits = 2 * len(self.points) - 1
+        self.by_pair = [
+            sum({1 << bit: 0 for run in own for bit in range(at[run.first], at[run.last] + 1)}) for own in runs
+        ]
+        self._whole = machine.whole_turn
+        self.longest = cache(self._longest)
+
+    def of(self, pairs: Sequence[int]) -> int:
+        """Where any of some pairs collides."""
+        mask = 0
+        for pair in pairs:
+            mask |= self.by_pair[pair]
+        return mask
+
+    def _longest(self, mask: int) -> tuple[float, float | None, float | None]:
+        """The longest part of the motion without a bit: its length, and its ends; over the seam of a whole turn as one."""
+        parts: list[tuple[float, float]] = []
+        begin: float | None = None
+        for bit in range(self.bits + 1):
+            taken = bit == self.bits or bool(mask >> bit & 1)
+            if not taken and begin is None:
+                begin = self.points[bit // 2]
+            if taken and begin is not None:
+                parts.append((begin, self.points[min(bit, self.bits - 1) // 2 + (bit < self.bits and bit % 2)]))
+                begin = None
+        if self._whole and len(parts) > 1 and not mask & 1 and not mask >> (self.bits - 1) & 1:
+            parts = [*parts[1:-1], (parts[-1][0], parts[0][1] + TURN)]
+        if not parts:
+            return 0.0, None, None
+        first, last = max(parts, key=lambda part: part[1] - part[0])
+        return last - first, first, last
+
+
+class _Bound:
+    """Whether a stack, or a part of one, is still of interest by where it collides."""
+
+    def lets_pass(self, mask: int) -> bool:
+        """``mask``: collisions so far; more plates only add to them."""
+        raise NotImplementedError
+
+
+class _Free(_Bound):
+    """Those that collide nowhere."""
+
+    def lets_pass(self, mask: int) -> bool:
+        return mask == 0
+
+
+class _Longest(_Bound):
+    """Those that are free over a longer part of the motion than the best so far."""
+
+    def __init__(self, masks: _Masks) -> None:
+        self.masks, self.most = masks, -1.0
+
+    def lets_pass(self, mask: int) -> bool:
+        return self.masks.longest(mask)[0] > self.most

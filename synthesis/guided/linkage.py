@@ -1,0 +1,784 @@
+"""A body on two guides, one of them driven: its dimensions, and how the body and every link move with the drive.
+
+A guide holds the body to one condition: a *circle* (a body point on a crank or rocker), a *rail* (a body point on a line of the
+ground), a *slot* (a line of the body through a fixed pin). The four-bar has two circles. The first guide is the driven one:
+
+=========  ======  =======================================================================================
+driver     guide   coordinate q
+=========  ======  =======================================================================================
+crank      circle  direction of the line from pivot to body point, radians
+slider     rail    place of the body point along the rail, from the rail's point
+cylinder   slot    place of the pin along the slot, from the slot's body point
+hinge      slot    direction of the slot in the plane, radians (the body turns as the drive does)
+=========  ======  =======================================================================================
+
+With the drive locked the body still turns about a pin Z: that of the crank or slider, or the fixed pin of the cylinder; with the
+hinge locked it slides along its slot. The other guide then pushes along a line through X with direction f, and
+
+    sin mu = cross(X - Z, f) / |X - Z|,   hinge:  sin mu = f . (direction of the slot).
+
+Its sign is the branch, its size that of the transmission angle. It vanishes at the dead positions. Everything needs its value
+free of cancellation: `vectors` has the differences that it is the root of.
+
+A body's pose is its place P (complex) and rotation gamma, R = e^{i gamma}; body points m are in the body's frame: P + R m.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from synthesis.arrays import Complexes, Floats
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.vectors import Condition, Round, Still, Straight, Vector, places_within
+from synthesis.target import TURN, Interval
+
+
+class Circle(NamedTuple):
+    """A body point on a circle: a crank, or a rocker."""
+
+    pivot: complex
+    radius: float
+    body_point: complex
+
+
+class Rail(NamedTuple):
+    """A body point on a line of the ground through ``point``; ``direction`` in radians."""
+
+    point: complex
+    direction: float
+    body_point: complex
+
+
+class Slot(NamedTuple):
+    """A line of the body, through ``body_point`` with ``body_direction`` in radians, through a fixed pin."""
+
+    pin: complex
+    body_point: complex
+    body_direction: float
+
+
+Guide = Circle | Rail | Slot
+
+
+class Kind(StrEnum):
+    """Which guides a linkage has."""
+
+    FOUR_BAR = "four_bar"
+    SLIDER_CRANK = "slider_crank"
+    SWINGING_BLOCK = "swinging_block"
+    RAIL_SLOT = "rail_slot"
+    TWO_RAILS = "two_rails"
+    TWO_SLOTS = "two_slots"
+
+
+class Driver(StrEnum):
+    """What moves the first guide."""
+
+    CRANK = "crank"
+    SLIDER = "slider"
+    CYLINDER = "cylinder"
+    HINGE = "hinge"
+
+    @property
+    def turns(self) -> bool:
+        """Whether its coordinate is an angle; otherwise it is a length."""
+        return self in (Driver.CRANK, Driver.HINGE)
+
+
+GUIDES: dict[Kind, tuple[type[Circle] | type[Rail] | type[Slot], type[Circle] | type[Rail] | type[Slot]]] = {
+    Kind.FOUR_BAR: (Circle, Circle),
+    Kind.SLIDER_CRANK: (Circle, Rail),
+    Kind.SWINGING_BLOCK: (Circle, Slot),
+    Kind.RAIL_SLOT: (Rail, Slot),
+    Kind.TWO_RAILS: (Rail, Rail),
+    Kind.TWO_SLOTS: (Slot, Slot),
+}
+"""The guides of each kind, in either order."""
+DRIVERS: dict[type[Circle] | type[Rail] | type[Slot], tuple[Driver, ...]] = {
+    Circle: (Driver.CRANK,),
+    Rail: (Driver.SLIDER,),
+    Slot: (Driver.CYLINDER, Driver.HINGE),
+}
+"""What may drive each guide."""
+BODY = "coupler"
+"""Name of the link that is the body."""
+
+
+class BodyPoses(NamedTuple):
+    """Of the body at n coordinates of the drive; NaN where the loop does not close."""
+
+    position: Complexes
+    rotation: Floats
+    """Radians, continuous in the coordinate."""
+    sine: Floats
+    """sin mu: its sign is the branch, its size that of the transmission angle."""
+    arm: Floats
+    """|X - Z| |sin mu|, the moment arm of the other guide's push about the pin Z; with the hinge locked |sin mu|."""
+    transmission_angle: Floats
+    """0 (dead) to pi/2 (best), without the loss of an arcsine near either."""
+
+
+class BodyRates(NamedTuple):
+    """First and second derivatives of a body's pose by the drive's coordinate, (n,); NaN at a dead position."""
+
+    position: Complexes
+    rotation: Floats
+    position_second: Complexes
+    rotation_second: Floats
+
+
+class MovingLink(NamedTuple):
+    """A link as a frame in the plane over n coordinates of the drive: a point z of it lies at ``place + z e^{i direction}``.
+
+    Rates are derivatives by the drive's coordinate, NaN at a dead position.
+    """
+
+    name: str
+    place: Complexes
+    direction: Floats
+    place_rate: Complexes
+    direction_rate: Floats
+    place_second: Complexes
+    direction_second: Floats
+
+
+class _Triangle(NamedTuple):
+    """The triangle Z, C, X by four factors of 16 times its squared area, each free of cancellation, (n,).
+
+    Sides: distance D = |ZC|, arm L = |ZX|, radius r = |CX|.
+    """
+
+    total: Floats
+    """L + r + D"""
+    beyond: Floats
+    """L + r - D"""
+    less_arm: Floats
+    """D + r - L"""
+    less_radius: Floats
+    """D + L - r"""
+
+    @classmethod
+    def of(cls, varying: Floats, still: Floats, radius: float, shorter: Floats, longer: Floats) -> _Triangle:
+        """With the distance varying; with the arm varying ``beyond`` and ``less_arm`` have changed places.
+
+        ``shorter``: the square of (still + radius) less that of the varying side. ``longer``: the square of the varying side
+        less that of (still - radius).
+        """
+        total = varying + still + radius
+        outer, inner = varying + radius - still, varying + still - radius
+        larger = np.maximum(outer, inner)
+        smaller = longer / np.where(larger > 0, larger, 1.0)
+        first = outer > inner
+        return cls(total, shorter / total, np.where(first, larger, smaller), np.where(first, smaller, larger))
+
+    @property
+    def root(self) -> Floats:
+        """L r sin mu."""
+        return np.sqrt(self.total * self.beyond) * np.sqrt(self.less_arm * self.less_radius) / 2
+
+    @property
+    def at_z(self) -> Floats:
+        """The angle between ZC and ZX."""
+        return 2 * np.arctan2(np.sqrt(self.beyond * self.less_arm), np.sqrt(self.total * self.less_radius))
+
+    @property
+    def at_c(self) -> Floats:
+        """The angle between CZ and CX."""
+        return 2 * np.arctan2(np.sqrt(self.beyond * self.less_radius), np.sqrt(self.total * self.less_arm))
+
+    @property
+    def at_x(self) -> Floats:
+        """The acute angle between the lines XZ and XC."""
+        one, other = self.total * self.beyond, self.less_arm * self.less_radius
+        return 2 * np.arctan2(np.sqrt(np.minimum(one, other)), np.sqrt(np.maximum(one, other)))
+
+
+def _cross(one: Any, other: Any) -> Floats:
+    return np.imag(np.conj(one) * other)
+
+
+def _dot(one: Any, other: Any) -> Floats:
+    return np.real(np.conj(one) * other)
+
+
+def _acute(sine: Floats, cosine: Floats) -> Floats:
+    return np.arctan2(np.abs(sine), np.abs(cosine))
+
+
+@dataclass(frozen=True)
+class GuidedLinkage:
+    """A body on two guides with actual lengths; angles in radians.
+
+    Attributes
+    ----------
+    guides : tuple of Circle, Rail or Slot
+        The first is driven.
+    driver : Driver
+        By which of its coordinates.
+    branch : int
+        The sign of sin mu, +1 or -1. With a hinge on the first of two slots the dimensions decide it.
+    start : float
+        The drive's coordinate at the first sample of the motion.
+    """
+
+    guides: tuple[Guide, Guide]
+    driver: Driver
+    branch: int = 1
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        driven, _ = self.guides
+        if self.driver not in DRIVERS[type(driven)]:
+            raise ValueError(f"driver: a {type(driven).__name__.lower()} has no {self.driver}")
+
+    # -- what it is ---------------------------------------------------------------------------------------------------
+
+    @property
+    def kind(self) -> Kind:
+        """Which guides it has, in either order."""
+        types = {type(one) for one in self.guides}
+        return next(kind for kind, guides in GUIDES.items() if set(guides) == types)
+
+    @property
+    def period(self) -> float | None:
+        """A turn, where the drive's coordinate is an angle."""
+        return TURN if self.driver.turns else None
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of the moving links: that of the driven guide, the body, that of the other guide."""
+        first, second = (_LINK_OF[type(one)] for one in self.guides)
+        if first == second:
+            second = "rocker" if first == "crank" else f"second_{second}"
+        return first, BODY, second
+
+    def scaled(self, scale: float) -> GuidedLinkage:
+        """The linkage with all lengths times a scale, about the origin."""
+        return self._mapped(lambda z: z * scale, scale, 0.0)
+
+    def moved(self, turn: float, shift: complex) -> GuidedLinkage:
+        """The linkage turned about the origin, then shifted; the body's frame goes with it."""
+        factor = np.exp(1j * turn)
+        guides: list[Guide] = []
+        for one in self.guides:
+            if isinstance(one, Circle):
+                guides.append(one._replace(pivot=complex(one.pivot * factor + shift)))
+            elif isinstance(one, Rail):
+                guides.append(one._replace(point=complex(one.point * factor + shift), direction=one.direction + turn))
+            else:
+                guides.append(one._replace(pin=complex(one.pin * factor + shift)))
+        start = self.start + turn if self.driver.turns else self.start
+        return replace(self, guides=(guides[0], guides[1]), start=start)
+
+    def mirrored(self) -> GuidedLinkage:
+        """The linkage in a mirror (the x axis): places, directions and rotations change their sign of y."""
+        mirrored = self._mapped(lambda z: z.conjugate(), 1.0, -2.0)
+        # a cross product changes its sign in a mirror, and so does a normal
+        flips = (self.driver is Driver.HINGE) != isinstance(self.guides[1], Circle)
+        start = -self.start if self.driver.turns else self.start
+        return replace(mirrored, branch=-self.branch if flips else self.branch, start=start)
+
+    def _mapped(self, point: Callable[[complex], complex], scale: float, turns: float) -> GuidedLinkage:
+        def guide(one: Guide) -> Guide:
+            if isinstance(one, Circle):
+                return Circle(point(one.pivot), one.radius * scale, point(one.body_point))
+            if isinstance(one, Rail):
+                return Rail(point(one.point), one.direction * (1 + turns), point(one.body_point))
+            return Slot(point(one.pin), point(one.body_point), one.body_direction * (1 + turns))
+
+        first, second = self.guides
+        start = self.start if self.driver.turns else self.start * scale
+        return replace(self, guides=(guide(first), guide(second)), start=start)
+
+    def driven_by(self, place: int, driver: Driver, rotation: float, position: complex) -> GuidedLinkage:
+        """The same guides driven at ``place`` (0 or 1) by another drive, started and on the branch where the body has a pose."""
+        guides = self.guides if place == 0 else self.guides[::-1]
+        other = GuidedLinkage(guides, driver)
+        q, sine = other.configuration(np.array([rotation]), np.array([position]))
+        return replace(other, branch=1 if sine[0] >= 0 else -1, start=float(q[0]))
+
+    # -- the loop -----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _pin(self) -> Vector:
+        """From the pin Z, about which the body turns with the drive locked, to the origin; not for a hinge."""
+        driven = self.guides[0]
+        if isinstance(driven, Circle):
+            return Round(-driven.pivot, driven.radius)
+        if isinstance(driven, Rail):
+            return Straight(-driven.point, driven.direction)
+        return Still(-driven.pin)
+
+    @cached_property
+    def _spread(self) -> Vector:
+        """From Z to the other guide's fixed point: pivot, point or pin."""
+        return self._pin.plus(_fixed_point(self.guides[1]))
+
+    @cached_property
+    def _arm(self) -> Vector:
+        """From Z to the other guide's body point, in the body's frame."""
+        driven, other = self.guides
+        vector = other.body_point - driven.body_point
+        if isinstance(driven, Slot):
+            return Straight(vector, driven.body_direction)
+        return Still(vector)
+
+    @cached_property
+    def _pushed(self) -> Vector:
+        """Of a hinge with a circle: its part across the line from pivot to pin is how far the pivot lies beside the slide."""
+        driven, other = self.guides
+        assert isinstance(driven, Slot)
+        between = driven.pin - _fixed_point(other)
+        beside = _turned(other.body_point - driven.body_point, -driven.body_direction).imag
+        return Round(_turned(1j * beside, float(np.angle(between))), abs(between))
+
+    @cached_property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What must not be negative for the loop to close; where one vanishes both branches meet."""
+        driven, other = self.guides
+        if self.driver is Driver.HINGE:
+            if not isinstance(other, Circle):
+                return ()
+            assert isinstance(driven, Slot)
+            towards = float(np.angle(driven.pin - other.pivot))
+            return tuple(self._pushed.across(towards, other.radius, sign) for sign in (1, -1))
+        cylinder = self.driver is Driver.CYLINDER
+        varying, still = (self._arm, self._spread) if cylinder else (self._spread, self._arm)
+        length = abs(still.middle)
+        if isinstance(other, Circle):
+            return varying.shorter_than(length + other.radius), varying.longer_than(abs(length - other.radius))
+        direction = other.direction if isinstance(other, Rail) else other.body_direction
+        if cylinder == isinstance(other, Slot):  # the vector that varies is the one that is projected
+            return tuple(varying.across(direction, length, sign) for sign in (1, -1))
+        return (varying.longer_than(abs(_turned(still.middle, -direction).imag)),)
+
+    def _closed(self, q: Floats) -> list[Floats]:
+        """The conditions' values; NaN where the loop does not close."""
+        values = [one.value(q) for one in self.conditions]
+        closed = np.ones(np.shape(q), dtype=bool)
+        for value in values:
+            closed &= value >= 0
+        return [np.where(closed, value, np.nan) for value in values]
+
+    def body(self, coordinate: ArrayLike, branch: int | None = None) -> BodyPoses:
+        """Poses of the body at coordinates q (n,) of the drive.
+
+        ``branch``: another one than its own.
+
+        Law: both guides hold to rounding at every pose, and ``configuration`` gives the coordinate and sin mu back.
+        """
+        q = np.atleast_1d(np.asarray(coordinate, dtype=float))
+        side = self.branch if branch is None else branch
+        with np.errstate(invalid="ignore", divide="ignore"):
+            if self.driver is Driver.HINGE:
+                return self._by_hinge(q, side)
+            return self._by_pin(q, side)
+
+    def _by_pin(self, q: Floats, side: int) -> BodyPoses:
+        """The body turns about the pin Z until the other guide holds it."""
+        other = self.guides[1]
+        spread, arm = self._spread, self._arm
+        if isinstance(other, Circle):
+            triangle, length = self._triangle(q), np.abs(arm.at(q))
+            rotation = spread.direction(q) + side * triangle.at_z - arm.direction(q)
+            push = triangle.root / other.radius
+            sine, angle = push / length, triangle.at_x
+        else:
+            root = np.prod([np.sqrt(value) for value in self._closed(q)], axis=0)
+            projected, direction = (
+                (spread, other.direction) if isinstance(other, Rail) else (arm, other.body_direction)
+            )
+            beside = np.imag(projected.at(q) * np.exp(-1j * direction))
+            turned = np.arctan2(beside, root)
+            turned = turned if side > 0 else math.pi - turned
+            if isinstance(other, Rail):
+                rotation = direction + turned - arm.direction(q)
+                length = np.abs(arm.at(q))
+            else:
+                rotation = spread.direction(q) - turned - direction
+                length = np.abs(spread.at(q))
+            push = root
+            sine, angle = root / length, np.arctan2(root, np.abs(beside))
+        rotation = np.where(spread.at(q) != 0, rotation, np.nan)  # at a change point any direction would do
+        position = -self._pin.at(q) - np.exp(1j * rotation) * self._on_body(q)
+        return BodyPoses(position, rotation, side * sine, push, angle)
+
+    def _triangle(self, q: Floats) -> _Triangle:
+        """Of the pin Z, the other guide's pivot and its body point."""
+        other = self.guides[1]
+        assert isinstance(other, Circle)
+        distance, length = np.abs(self._spread.at(q)), np.abs(self._arm.at(q))
+        if self.driver is not Driver.CYLINDER:
+            return _Triangle.of(distance, length, other.radius, *self._closed(q))
+        found = _Triangle.of(length, distance, other.radius, *self._closed(q))
+        return found._replace(beyond=found.less_arm, less_arm=found.beyond)
+
+    def _on_body(self, q: Floats) -> Complexes:
+        """The body point that lies on the pin Z."""
+        driven = self.guides[0]
+        if isinstance(driven, Slot):
+            return driven.body_point + q * np.exp(1j * driven.body_direction)
+        return np.full(q.shape, driven.body_point)
+
+    def _by_hinge(self, q: Floats, side: int) -> BodyPoses:
+        """The body slides along its slot until the other guide holds it."""
+        driven = self.guides[0]
+        assert isinstance(driven, Slot)
+        rotation = q - driven.body_direction
+        extension, sine, cosine = self._extension(q, side)
+        position = driven.pin - np.exp(1j * rotation) * (
+            driven.body_point + extension * np.exp(1j * driven.body_direction)
+        )
+        return BodyPoses(
+            position, np.where(np.isfinite(sine), rotation, np.nan), sine, np.abs(sine), _acute(sine, cosine)
+        )
+
+    def _extension(self, q: Floats, side: int) -> tuple[Floats, Floats, Floats]:
+        """With a hinge: place of the pin along the slot, and sine and cosine of the other guide's push against it."""
+        driven, other = self.guides
+        assert isinstance(driven, Slot)
+        along = np.exp(1j * q)
+        arm = _turned(other.body_point - driven.body_point, -driven.body_direction)
+        between = driven.pin - _fixed_point(other)
+        if isinstance(other, Circle):
+            upper, lower = self._closed(q)
+            root = np.sqrt(upper) * np.sqrt(lower)
+            free = np.conj(along) * between + arm
+            return free.real - side * root, side * root / other.radius, free.imag / other.radius
+        if isinstance(other, Rail):
+            slope = np.sin(q - other.direction)
+            beside = np.imag((between + arm * along) * np.exp(-1j * other.direction))
+            sine = np.where(np.sign(slope) == side, slope, np.nan)
+            return beside / sine, sine, np.cos(q - other.direction)
+        tilt = other.body_direction - driven.body_direction
+        turned = np.conj(along) * between + arm
+        sine = np.full(q.shape, -math.sin(tilt))
+        return np.imag(turned * np.exp(-1j * tilt)) / -math.sin(tilt), sine, np.full(q.shape, math.cos(tilt))
+
+    # -- derivatives and links ----------------------------------------------------------------------------------------
+
+    def rates(self, coordinate: ArrayLike) -> BodyRates:
+        """First and second derivatives of the body's pose by the drive's coordinate, at coordinates (n,).
+
+        Law: what difference quotients of `body` tend to.
+        """
+        q = np.atleast_1d(np.asarray(coordinate, dtype=float))
+        found = self.body(q)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            turning = self._rates_by_hinge(q) if self.driver is Driver.HINGE else self._rates_by_pin(q, found)
+        return BodyRates(*(np.where(np.isfinite(one), one, np.nan) for one in turning))
+
+    def _rates_by_pin(self, q: Floats, found: BodyPoses) -> BodyRates:
+        """From g(gamma, q) = 0 of the other guide, differentiated twice; the factor of the unknown is the arm with its sign."""
+        driven, other = self.guides
+        turned = np.exp(1j * found.rotation)
+        pin, pin_second, on_body = 0j * q, 0j * q, 0j
+        if isinstance(driven, Circle):
+            spoke = driven.radius * np.exp(1j * q)
+            pin, pin_second = 1j * spoke, -spoke
+        elif isinstance(driven, Rail):
+            pin = pin + np.exp(1j * driven.direction)
+        else:
+            on_body = complex(np.exp(1j * driven.body_direction))
+        lever = np.copysign(found.arm, found.sine)
+        lever = np.where(lever != 0, lever, np.nan)
+        spread, arm = self._spread.at(q), turned * self._arm.at(q)
+        sliding = -turned * on_body  # of the arm, as the body has it
+        if isinstance(other, Slot):
+            slot = turned * np.exp(1j * other.body_direction)
+            rotation = -(_cross(slot, pin) + _cross(slot, sliding)) / lever
+            second = -_cross(slot, pin_second + 2j * rotation * -pin + rotation**2 * spread) / lever
+        else:
+            if isinstance(other, Circle):
+                normal = (arm - spread) / other.radius
+            else:
+                normal = np.full(q.shape, 1j * np.exp(1j * other.direction))
+            rotation = -_dot(normal, pin + sliding) / lever
+            velocity = pin + sliding + 1j * rotation * arm
+            pulled = pin_second + 2j * rotation * sliding - rotation**2 * arm
+            curved = np.abs(velocity) ** 2 / other.radius if isinstance(other, Circle) else 0.0
+            second = -(_dot(normal, pulled) + curved) / lever
+        point = turned * self._on_body(q)
+        along = turned * on_body
+        position = pin - along - 1j * rotation * point
+        position_second = pin_second - 2j * rotation * along - 1j * second * point + rotation**2 * point
+        return BodyRates(position, rotation, position_second, second)
+
+    def _rates_by_hinge(self, q: Floats) -> BodyRates:
+        driven, other = self.guides
+        assert isinstance(driven, Slot)
+        extension, sine, _ = self._extension(q, self.branch)
+        along = np.exp(1j * q)
+        one, none = np.ones(q.shape), np.zeros(q.shape)
+        turned = along * np.exp(-1j * driven.body_direction)
+        arm = turned * (other.body_point - driven.body_point)
+        if isinstance(other, Slot):
+            between = np.conj(along) * (driven.pin - other.pin)
+            tilt = other.body_direction - driven.body_direction
+            across = between * np.exp(-1j * tilt) / -math.sin(tilt)
+            first, second = np.imag(-1j * across), np.imag(-across)
+        else:
+            if isinstance(other, Circle):
+                normal = (driven.pin + arm - extension * along - other.pivot) / other.radius
+            else:
+                normal = np.full(q.shape, 1j * np.exp(1j * other.direction))
+            reach = arm - extension * along  # from the fixed pin to the other body point
+            push = np.where(sine != 0, sine, np.nan)
+            first = _dot(normal, 1j * reach) / push
+            velocity = 1j * reach - first * along
+            curved = np.abs(velocity) ** 2 / other.radius if isinstance(other, Circle) else none
+            second = (_dot(normal, -reach - 2j * first * along) + curved) / push
+        body_point = turned * driven.body_point + extension * along
+        velocity = -1j * body_point - first * along
+        change = body_point - 2j * first * along - second * along
+        known = np.isfinite(sine)
+        return BodyRates(velocity, np.where(known, one, np.nan), change, np.where(known, none, np.nan))
+
+    def links(self, travel: ArrayLike) -> tuple[MovingLink, ...]:
+        """The moving links, named as in `link_names`, over travel (n,) of the drive from the first sample.
+
+        * A crank or rocker: from its pivot towards its body point.
+        * The body: its own frame, from the body's place.
+        * A slider: from its body point along the rail.
+        * A block: from its fixed pin along the slot.
+
+        Law: places and directions are those of `body`, rates what their difference quotients tend to.
+        """
+        q = self.start + np.atleast_1d(np.asarray(travel, dtype=float))
+        found, rates = self.body(q), self.rates(q)
+        body = MovingLink(
+            BODY,
+            found.position,
+            found.rotation,
+            rates.position,
+            rates.rotation,
+            rates.position_second,
+            rates.rotation_second,
+        )
+        names = self.link_names
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self._link(0, names[0], q, body), body, self._link(1, names[2], q, body)
+
+    def _link(self, place: int, name: str, q: Floats, body: MovingLink) -> MovingLink:
+        """The link of one of the guides."""
+        guide = self.guides[place]
+        closed = np.where(np.isfinite(body.direction), 1.0, np.nan)
+        if isinstance(guide, Slot):
+            return MovingLink(
+                name,
+                guide.pin * closed,
+                body.direction + guide.body_direction,
+                0j * closed,
+                body.direction_rate,
+                0j * closed,
+                body.direction_second,
+            )
+        arm = np.exp(1j * body.direction) * guide.body_point
+        point = body.place + arm
+        velocity = body.place_rate + 1j * body.direction_rate * arm
+        change = body.place_second + (1j * body.direction_second - body.direction_rate**2) * arm
+        if isinstance(guide, Rail):
+            direction, none = guide.direction * closed, 0.0 * closed
+            return MovingLink(name, point, direction, velocity, none, change, none)
+        pivot = guide.pivot * closed
+        if place == 0:
+            none, one = 0.0 * closed, closed
+            return MovingLink(name, pivot, q * closed, 0j * closed, one, 0j * closed, none)
+        spoke = point - guide.pivot
+        turn, spin = (_cross(spoke, rate) / guide.radius**2 for rate in (velocity, change))
+        return MovingLink(name, pivot, self._rocker_direction(q), 0j * closed, turn, 0j * closed, spin)
+
+    def _rocker_direction(self, q: Floats) -> Floats:
+        """Direction of the other guide's radius, continuous in the drive's coordinate."""
+        other = self.guides[1]
+        assert isinstance(other, Circle)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            if self.driver is Driver.HINGE:
+                _, sine, cosine = self._extension(q, self.branch)
+                turned = np.arctan2(cosine, np.abs(sine))
+                return q + (turned if self.branch > 0 else math.pi - turned)
+            triangle = self._triangle(q)
+            return self._spread.direction(q) + math.pi - self.branch * triangle.at_c
+
+    def configuration(self, rotation: Floats, position: Complexes) -> tuple[Floats, Floats]:
+        """The drive's coordinate and sin mu of poses (n,) of the body that keep the guides, all within the last place's rounding.
+
+        Directions are in (-pi, pi].
+        """
+        driven, other = self.guides
+        turned = np.exp(1j * rotation)
+        on_other = position + turned * other.body_point
+        with np.errstate(invalid="ignore", divide="ignore"):
+            if isinstance(other, Circle):
+                push = (on_other - other.pivot) / np.abs(on_other - other.pivot)
+            elif isinstance(other, Rail):
+                push = np.full(turned.shape, 1j * np.exp(1j * other.direction))
+            else:
+                push, on_other = 1j * turned * np.exp(1j * other.body_direction), np.full(turned.shape, other.pin)
+            on_driven = position + turned * driven.body_point
+            if isinstance(driven, Slot):
+                along = turned * np.exp(1j * driven.body_direction)
+                if self.driver is Driver.HINGE:
+                    return np.angle(along), _dot(push, along)
+                coordinate, pin = _dot(along, driven.pin - on_driven), np.full(turned.shape, driven.pin)
+            elif isinstance(driven, Rail):
+                coordinate, pin = _dot(np.exp(1j * driven.direction), on_driven - driven.point), on_driven
+            else:
+                coordinate, pin = np.angle(on_driven - driven.pivot), on_driven
+            return coordinate, _cross(on_other - pin, push) / np.abs(on_other - pin)
+
+    # -- over an interval ---------------------------------------------------------------------------------------------
+
+    def closes_over(self, interval: Interval) -> bool:
+        """Whether the loop closes at every coordinate of an interval, exactly and not by samples."""
+        first, last = float(interval.first), float(interval.last)
+        if self._apart(first, last):
+            return False
+        for one in self.conditions:
+            inner = places_within(one.extremes, first, last, self.period)
+            if not np.all(one.value(np.array([first, last, *inner])) >= 0):
+                return False
+        return True
+
+    def _apart(self, first: float, last: float) -> bool:
+        """Whether a hinge's slot lies along the other guide's rail in between: the body would be infinitely far."""
+        other = self.guides[1]
+        if self.driver is not Driver.HINGE or not isinstance(other, Rail):
+            return False
+        ends = np.sin(np.array([first, last]) - other.direction)
+        between = places_within([other.direction, other.direction + math.pi], first, last, TURN)
+        return bool(between) or bool(np.any(np.sign(ends) != self.branch))
+
+    def transmission_angle_over(self, interval: Interval) -> float:
+        """The smallest transmission angle over an interval of the coordinate, exactly; NaN where it does not close there."""
+        if not self.closes_over(interval):
+            return math.nan
+        first, last = float(interval.first), float(interval.last)
+        return float(np.min(self.body([first, last, *self._worst_places(first, last)]).transmission_angle))
+
+    def _worst_places(self, first: float, last: float) -> list[float]:
+        """Where between two coordinates the transmission angle, or the arm, may be smallest."""
+        places = [place for one in self.conditions for place in one.extremes]
+        if self.driver is not Driver.HINGE:
+            places += [*self._spread.turning_points, *self._arm.turning_points]
+        return places_within(places, first, last, self.period)
+
+    @cached_property
+    def turns_fully(self) -> bool:
+        """Whether the drive turns, and turns fully."""
+        return self.driver.turns and self.closes_over(Interval(self.start, self.start + TURN))
+
+    def over(self, interval: Interval, least: int = 181) -> Floats:
+        """Coordinates over an interval of travel from the first sample, in even steps, of at most a degree for angles."""
+        first, last = interval
+        steps = least
+        if self.driver.turns:
+            steps = min(max(least, int(np.ceil(np.rad2deg(abs(last - first)))) + 1), 7201)
+        return np.linspace(first, last, steps)
+
+    def along(self, place: int, travel: ArrayLike) -> Floats:
+        """The coordinate of a rail or slot (the first or second guide) over travel (n,) of the drive.
+
+        Where the body point lies on the rail, from the rail's point; where the pin lies in the slot, from the body point.
+        """
+        guide = self.guides[place]
+        q = self.start + np.atleast_1d(np.asarray(travel, dtype=float))
+        if place == 0 and not self.driver.turns:
+            return q
+        found = self.body(q)
+        on_body = found.position + np.exp(1j * found.rotation) * guide.body_point
+        if isinstance(guide, Rail):
+            return _dot(np.exp(1j * guide.direction), on_body - guide.point)
+        assert isinstance(guide, Slot)
+        return _dot(np.exp(1j * (found.rotation + guide.body_direction)), guide.pin - on_body)
+
+    def used(self, place: int, interval: Interval) -> tuple[float, float]:
+        """The least and the largest coordinate of a rail or slot over an interval of travel of the drive.
+
+        Where it turns back in between is found by bisection of its derivative between steps of at most a degree.
+        """
+        travel = self.over(interval)
+        at = [float(interval.first), float(interval.last)]
+        if place == 1 or self.driver.turns:
+            rate = self._along_rate(place, travel)
+            for k in np.flatnonzero(rate[:-1] * rate[1:] < 0):
+                low, high = travel[k], travel[k + 1]
+                for _ in range(60):
+                    middle = (low + high) / 2
+                    same = self._along_rate(place, np.array([middle]))[0] * rate[k] > 0
+                    low, high = (middle, high) if same else (low, middle)
+                at.append(low)
+        values = self.along(place, np.array(at))
+        return float(np.min(values)), float(np.max(values))
+
+    def _along_rate(self, place: int, travel: Floats) -> Floats:
+        """Derivative of `along`; its sign is right at a dead position's neighbours too."""
+        guide = self.guides[place]
+        body = self.links(travel)[1]
+        arm = np.exp(1j * body.direction) * guide.body_point
+        velocity = body.place_rate + 1j * body.direction_rate * arm
+        if isinstance(guide, Rail):
+            return _dot(np.exp(1j * guide.direction), velocity)
+        assert isinstance(guide, Slot)
+        along = np.exp(1j * (body.direction + guide.body_direction))
+        return -_dot(along, velocity) + body.direction_rate * _cross(along, guide.pin - body.place - arm)
+
+    def dead_places(self, interval: Interval) -> list[float]:
+        """Coordinates within an interval at which the loop just closes: there both branches meet, and the drive can be stuck."""
+        found: list[float] = []
+        first, last = sorted((float(interval.first), float(interval.last)))
+        for one in self.conditions:
+            cuts = sorted([first, *places_within(one.extremes, first, last, self.period), last])
+            for low, high in itertools.pairwise(cuts):
+                ends = one.value(np.array([low, high]))
+                if ends[0] * ends[1] > 0:
+                    continue
+                rises = ends[1] > ends[0]
+                for _ in range(80):
+                    middle = (low + high) / 2
+                    above = one.value(np.array([middle]))[0] > 0
+                    low, high = (low, middle) if above == rises else (middle, high)
+                if np.isfinite(self.body(np.array([low, high])).sine).any():
+                    found.append((low + high) / 2)
+        return sorted(found)
+
+
+_LINK_OF: dict[type, str] = {Circle: "crank", Rail: "slider", Slot: "block"}
+
+
+def _fixed_point(guide: Guide) -> complex:
+    """A point of the ground that the guide goes by: pivot, point or pin."""
+    return guide[0]
+
+
+def _turned(vector: complex, angle: float) -> complex:
+    return complex(vector * np.exp(1j * angle))
+
+
+def through(guides: tuple[Guide, Guide], driver: Driver, rotation: float, position: complex) -> GuidedLinkage:
+    """The linkage that the guides make, started and on the branch where the body has a pose."""
+    return GuidedLinkage(guides, driver).driven_by(0, driver, rotation, position)
+
+
+def of_four_bar(linkage: Linkage) -> GuidedLinkage:
+    """A four-bar as a body on two circles, the crank the driven one.
+
+    The body's frame is that of its motion: the body point where it guides one (else the crank pin), turned with the body.
+
+    Law: poses over travel from the first sample are those of `Linkage.joints`.
+    """
+    crank, coupler, rocker, _ = linkage.links
+    turn = np.exp(-1j * (linkage.body_offset or 0.0))
+    point = linkage.arm if linkage.mounted else 0j
+    first, second = complex(-point * turn), complex((coupler - point) * turn)
+    guides = Circle(linkage.pivot_a, crank, first), Circle(linkage.pivot_b, rocker, second)
+    return GuidedLinkage(guides, Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)

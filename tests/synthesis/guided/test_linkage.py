@@ -1,0 +1,289 @@
+"""Bodies on two guides: checkpoints of published closed forms, and laws of poses, derivatives, mirrors and scales."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import (
+    DRIVERS,
+    BodyPoses,
+    Circle,
+    Driver,
+    Guide,
+    GuidedLinkage,
+    Kind,
+    Rail,
+    Slot,
+    of_four_bar,
+    through,
+)
+from synthesis.target import Interval
+
+GUIDE_TYPES = (Circle, Rail, Slot)
+DRIVES = [(guide, driver, other) for guide in GUIDE_TYPES for driver in DRIVERS[guide] for other in GUIDE_TYPES]
+NAMES = [f"{driver}-{other.__name__}" for _, driver, other in DRIVES]
+
+
+def random_guide(random: np.random.Generator, kind: type) -> Guide:
+    def place() -> complex:
+        return complex(*random.normal(size=2))
+
+    if kind is Circle:
+        return Circle(place(), float(random.uniform(0.5, 3)), place())
+    if kind is Rail:
+        return Rail(place(), float(random.uniform(0, 6)), place())
+    return Slot(place(), place(), float(random.uniform(0, 6)))
+
+
+def random_linkage(random: np.random.Generator, guide: type, driver: Driver, other: type) -> GuidedLinkage:
+    """Of a pose that is drawn first, so that it closes somewhere."""
+    guides = random_guide(random, guide), random_guide(random, other)
+    rotation, position = float(random.uniform(-3, 3)), complex(*random.normal(size=2))
+    turned = np.exp(1j * rotation)
+    made: list[Guide] = []
+    for one in guides:
+        at = complex(position + turned * one.body_point)
+        if isinstance(one, Circle):
+            made.append(one._replace(radius=abs(at - one.pivot)))
+        elif isinstance(one, Rail):
+            made.append(one._replace(point=complex(at + random.normal() * np.exp(1j * one.direction))))
+        else:
+            made.append(one._replace(pin=complex(at + random.normal() * turned * np.exp(1j * one.body_direction))))
+    return through((made[0], made[1]), driver, rotation, position)
+
+
+def off_guide(guide: Guide, poses: BodyPoses) -> np.ndarray:
+    """How far each pose is from keeping a guide, by the guide's own words."""
+    turned = np.exp(1j * poses.rotation)
+    point = poses.position + turned * guide.body_point
+    if isinstance(guide, Circle):
+        return np.abs(point - guide.pivot) - guide.radius
+    if isinstance(guide, Rail):
+        return np.imag((point - guide.point) * np.exp(-1j * guide.direction))
+    return np.imag((guide.pin - point) * np.conj(turned) * np.exp(-1j * guide.body_direction))
+
+
+def pushed(linkage: GuidedLinkage, poses: BodyPoses) -> np.ndarray:
+    """Sin mu as the module's head defines it."""
+    driven, other = linkage.guides
+    turned = np.exp(1j * poses.rotation)
+    at, pin = (poses.position + turned * one.body_point for one in (other, driven))
+    if isinstance(other, Circle):
+        push = (at - other.pivot) / np.abs(at - other.pivot)
+    elif isinstance(other, Rail):
+        push = 1j * np.exp(1j * other.direction) + 0 * at
+    else:
+        push, at = 1j * turned * np.exp(1j * other.body_direction), other.pin + 0 * at
+    if isinstance(driven, Slot):
+        if linkage.driver is Driver.HINGE:
+            return np.real(np.conj(push) * turned * np.exp(1j * driven.body_direction))
+        pin = driven.pin + 0 * at
+    return np.imag(np.conj(at - pin) * push) / np.abs(at - pin)
+
+
+@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
+def test_poses_keep_both_guides_and_tell_branch_and_angle(guide, driver, other) -> None:
+    random = np.random.default_rng(5)
+    seen = 0
+    for _ in range(60):
+        linkage = random_linkage(random, guide, driver, other)
+        assert np.isfinite(linkage.body(linkage.start).rotation).all()
+        poses = linkage.body(linkage.start + random.uniform(-2, 2, 9))
+        keep = np.isfinite(poses.rotation)
+        seen += int(keep.sum())
+        poses = BodyPoses(*(one[keep] for one in poses))
+        size = 1 + np.abs(poses.position)
+        for one in linkage.guides:
+            assert np.all(np.abs(off_guide(one, poses)) < 1e-13 * size)
+        sine = pushed(linkage, poses)
+        assert np.allclose(poses.sine, sine, atol=1e-12)
+        assert np.allclose(np.sin(poses.transmission_angle), np.abs(sine), atol=1e-12)
+        assert np.all(np.sign(poses.sine) == linkage.branch)
+    assert seen > 150
+
+
+@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
+def test_the_coordinate_of_a_pose_is_that_which_made_it(guide, driver, other) -> None:
+    random = np.random.default_rng(6)
+    for _ in range(40):
+        linkage = random_linkage(random, guide, driver, other)
+        wanted = linkage.start + random.uniform(-0.5, 0.5, 5)
+        poses = linkage.body(wanted)
+        keep = np.isfinite(poses.rotation)
+        found, sine = linkage.configuration(poses.rotation[keep], poses.position[keep])
+        gap = found - wanted[keep]
+        gap = np.angle(np.exp(1j * gap)) if driver.turns else gap
+        assert np.all(np.abs(gap) < 1e-12 * (1 + np.abs(poses.position[keep])))
+        assert np.allclose(sine, poses.sine[keep], atol=1e-12)
+
+
+@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
+def test_rates_are_what_difference_quotients_tend_to(guide, driver, other) -> None:
+    random = np.random.default_rng(7)
+    seen, step = 0, 1e-5
+    for _ in range(60):
+        linkage = random_linkage(random, guide, driver, other)
+        travel = random.uniform(-2, 2, 9)
+        at, before, after = (linkage.links(travel + way) for way in (0.0, -step, step))
+        poses = linkage.body(linkage.start + travel)
+        body = at[1]
+        with np.errstate(invalid="ignore"):
+            closed = np.isfinite(before[1].direction + after[1].direction)
+            keep = closed & (np.minimum(np.abs(poses.sine), poses.arm) > 0.1) & (np.abs(body.place_second) < 30)
+        seen += int(keep.sum())
+        for link, low, high in zip(at, before, after):
+            pairs = (
+                (high.place - low.place, link.place_rate),
+                (high.direction - low.direction, link.direction_rate),
+                (high.place_rate - low.place_rate, link.place_second),
+                (high.direction_rate - low.direction_rate, link.direction_second),
+            )
+            for difference, rate in pairs:
+                size = 1 + np.abs(body.place_second[keep]) ** 2
+                assert np.all(np.abs(difference[keep] / (2 * step) - rate[keep]) < 3e-6 * size)
+    assert seen > 100
+
+
+@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
+def test_a_mirror_a_scale_and_a_move_carry_the_motion_over(guide, driver, other) -> None:
+    random = np.random.default_rng(8)
+    travel = np.linspace(-0.4, 0.4, 7)
+    for _ in range(20):
+        linkage = random_linkage(random, guide, driver, other)
+        body = linkage.links(travel)[1]
+        size = 1 + np.nanmax(np.abs(body.place))
+        mirrored = linkage.mirrored()
+        there = mirrored.links(-travel if driver.turns else travel)[1]
+        assert np.allclose(there.place, body.place.conj(), atol=1e-11 * size, equal_nan=True)
+        assert np.allclose(np.exp(1j * there.direction), np.exp(-1j * body.direction), atol=1e-11, equal_nan=True)
+        assert mirrored.mirrored() == linkage
+        scaled = linkage.scaled(4.0).links(travel if driver.turns else travel * 4.0)[1]
+        assert np.allclose(scaled.place, 4 * body.place, atol=1e-10 * size, equal_nan=True)
+        moved = linkage.moved(0.7, 2 - 3j).links(travel)[1]
+        assert np.allclose(moved.place, body.place * np.exp(0.7j) + 2 - 3j, atol=1e-11 * size, equal_nan=True)
+        assert np.allclose(moved.direction_rate, body.direction_rate, rtol=1e-6, atol=1e-6, equal_nan=True)
+
+
+@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
+def test_what_is_said_of_an_interval_is_what_a_fine_walk_sees(guide, driver, other) -> None:
+    random = np.random.default_rng(9)
+    for _ in range(40):
+        linkage = random_linkage(random, guide, driver, other)
+        ends = linkage.start + np.sort(random.uniform(-2.5, 2.5, 2))
+        walk = linkage.body(np.linspace(*ends, 4001))
+        interval = Interval(*ends)
+        least = linkage.transmission_angle_over(interval)
+        if linkage.closes_over(interval):
+            assert np.isfinite(walk.rotation).all()
+            assert least <= walk.transmission_angle.min() + 1e-12
+            assert least > walk.transmission_angle.min() - 0.02
+            assert np.abs(np.diff(walk.rotation)).max() < 1.0  # continuous
+        else:
+            assert math.isnan(least)
+        for place in linkage.dead_places(interval):
+            near = linkage.body(place + np.array([-1e-9, 1e-9]))
+            assert np.isfinite(near.sine).sum() == 1 and np.nanmin(np.abs(near.sine)) < 1e-3
+        if not np.isfinite(walk.rotation).all() and np.isfinite(walk.rotation).any() and linkage.conditions:
+            assert linkage.dead_places(interval)
+
+
+def test_the_slider_crank_of_the_checkpoint() -> None:
+    radius, rod, offset, turn = 1.0, 2.0, 0.3, math.radians(50)
+
+    def angle(r: float, long: float, e: float, t: float) -> float:
+        made = GuidedLinkage((Circle(0j, r, 0j), Rail(1j * e, 0.0, complex(long))), Driver.CRANK)
+        return float(made.body(t).rotation[0])
+
+    at = (radius, rod, offset, turn)
+    assert math.degrees(angle(*at)) == pytest.approx(-13.475068128, abs=1e-9)
+    step = 1e-5
+    slopes = [
+        (
+            angle(*(v + step * (k == n) for n, v in enumerate(at)))
+            - angle(*(v - step * (k == n) for n, v in enumerate(at)))
+        )
+        / (2 * step)
+        for k in range(4)
+    ]
+    assert slopes == pytest.approx([-0.393864763, 0.119809292, 0.514153933, -0.330491777], abs=2e-9)
+    made = GuidedLinkage((Circle(0j, radius, 0j), Rail(1j * offset, 0.0, complex(rod))), Driver.CRANK)
+    assert made.rates(turn).rotation[0] == pytest.approx(-0.330491777, abs=1e-9)
+    assert made.turns_fully and made.kind is Kind.SLIDER_CRANK
+
+
+def test_the_swinging_block_of_the_checkpoint() -> None:
+    made = GuidedLinkage((Circle(0j, 1.0, 0j), Slot(2 + 0j, 0.5j, 0.0)), Driver.CRANK)
+    turn = math.radians(50)
+    assert math.degrees(made.body(turn).rotation[0]) == pytest.approx(-48.154355394, abs=1e-9)
+    assert made.rates(turn).rotation[0] == pytest.approx(0.096091789, abs=1e-9)
+    assert made.turns_fully and made.kind is Kind.SWINGING_BLOCK
+    psi, extension = made.body(turn).rotation[0], made.along(1, turn)[0]
+    assert np.exp(1j * psi) * (extension + 0.5j) == pytest.approx(2 - np.exp(1j * turn), abs=1e-14)
+    # by the cylinder: dt/ds = s / (d r sin t), d psi / d s = -cos(t - psi) / (d sin t)
+    cylinder = made.driven_by(1, Driver.CYLINDER, float(psi), complex(np.exp(1j * turn)))
+    crank = cylinder.links(0.0)[2]
+    assert cylinder.start == pytest.approx(extension, abs=1e-14)
+    assert crank.direction_rate[0] == pytest.approx(extension / (2 * math.sin(turn)), rel=1e-12)
+    assert crank.direction_rate[0] * made.rates(turn).rotation[0] == pytest.approx(
+        -math.cos(turn - psi) / (2 * math.sin(turn)), rel=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("radius", "rod", "offset", "turns"),
+    [(1, 2, 0.3, True), (1, 2, 1.0, True), (1, 2, 1.01, False), (2, 1, 0.1, False)],
+)
+def test_a_slider_crank_turns_where_the_rod_reaches_beyond_crank_and_offset(radius, rod, offset, turns) -> None:
+    made = GuidedLinkage((Circle(0j, radius, 0j), Rail(1j * offset, 0.0, complex(rod))), Driver.CRANK)
+    assert made.turns_fully is turns
+
+
+@pytest.mark.parametrize(
+    ("ground", "crank", "offset", "turns"), [(2, 1, 0.9, True), (1, 2, 0.9, True), (2, 1, 1.1, False)]
+)
+def test_a_swinging_block_turns_where_ground_and_crank_differ_by_the_offset(ground, crank, offset, turns) -> None:
+    made = GuidedLinkage((Circle(0j, crank, 0j), Slot(complex(ground), 1j * offset, 0.0)), Driver.CRANK)
+    assert made.turns_fully is turns
+    if turns:
+        wound = np.diff(made.body(np.array([0.0, 2 * math.pi])).rotation)[0]
+        assert wound == pytest.approx(0.0 if ground > crank else 2 * math.pi, abs=1e-12)
+
+
+def test_two_rails_at_an_angle() -> None:
+    delta, length, psi = 1.1, 2.0, 2.4
+    wide = length / math.sin(delta)
+    first, second = wide * math.sin(psi - delta), wide * math.sin(psi)
+    assert first + length * np.exp(1j * psi) == pytest.approx(second * np.exp(1j * delta), abs=1e-15)
+    made = through((Rail(0j, 0.0, 0j), Rail(0j, delta, complex(length))), Driver.SLIDER, psi, complex(first))
+    assert made.start == pytest.approx(first, abs=1e-15)
+    assert made.along(1, 0.0)[0] == pytest.approx(second, abs=1e-14)
+    assert made.rates(first).rotation[0] == pytest.approx(1 / (wide * math.cos(psi - delta)), rel=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(st.floats(0.5, 4.0), min_size=4, max_size=4),
+    st.sampled_from([1, -1]),
+    st.floats(-3, 3),
+    st.floats(-3, 3),
+    st.floats(0.1, 2),
+    st.floats(-3, 3),
+)
+def test_a_four_bar_moves_as_a_body_on_two_circles(lengths, branch, start, turn, radius, offset) -> None:
+    linkage = Linkage(tuple(lengths), branch, start, 1 - 2j, turn, (radius, 0.7), offset)
+    travel = np.linspace(0, 1, 9)
+    joints = linkage.joints(travel)
+    assume(np.isfinite(joints.rotation[0]))
+    assume(np.all(np.isnan(joints.transmission_angle) | (joints.transmission_angle > 1e-3)))
+    crank, body, rocker = of_four_bar(linkage).links(travel)
+    assert (crank.name, body.name, rocker.name) == ("crank", "coupler", "rocker")
+    tolerance = {"atol": 1e-10, "equal_nan": True}
+    assert np.allclose(body.place, joints.body_point, **tolerance)
+    assert np.allclose(np.exp(1j * body.direction), np.exp(1j * joints.rotation), **tolerance)
+    assert np.allclose(np.exp(1j * rocker.direction), np.exp(1j * joints.rocker_angle), **tolerance)
