@@ -50,11 +50,11 @@ class Signs(NamedTuple):
 class Bounds:
     """The limits of a request, made ready for many candidates.
 
-    ``joined``: the derivatives of what depends on poses and unknowns.
+    ``timed``: whether the drive is given, and with it the order.
     """
 
-    def __init__(self, limits: Limits, poses: Poses) -> None:
-        self.limits, self.ordered, self.closed = limits, poses.ordered, poses.closed
+    def __init__(self, limits: Limits, poses: Poses, timed: bool = False) -> None:
+        self.limits, self.ordered = limits, poses.ordered and not timed
         self.span_max, self.middle, self.scale = poses.span_max, poses.middle, poses.length_scale
         self.far = None if limits.pivot_reach is None else REACH * poses.extent / self.scale
 
@@ -224,16 +224,19 @@ class _Slopes:
     def __init__(self, found: Corrected) -> None:
         self.found = found
         _, self.turned, self.moved = found.derivatives()
+        self.size = self.turned.shape[1]
 
     def of(self, parts: tuple[Floats, Floats, Complexes]) -> Floats:
         """Of what has derivatives by the unknowns, by gamma and by the position."""
         own, by_angle, by_position = parts
+        if own.shape[1] < self.size:
+            own = np.concatenate([own, np.zeros((len(own), self.size - own.shape[1], own.shape[2]))], axis=1)
         return own + by_angle[:, None] * self.turned + (np.conj(by_position)[:, None] * self.moved).real
 
     def padded(self, k: int, parts: tuple[Floats, Complexes, Floats]) -> tuple[Floats, Floats, Complexes]:
         """Derivatives of one guide's own as those of the pair."""
         by_angle, by_position, own = parts
-        return _pad(own, k), by_angle, by_position
+        return _pad(own, k, self.size), by_angle, by_position
 
     def world(self, k: int) -> tuple[Complexes, Complexes]:
         """The place where a guide's point is in the ground, and its derivatives, (n, N) and (n, 10, N)."""
@@ -253,14 +256,14 @@ class _Slopes:
 
     def point(self, k: int) -> Complexes:
         """Derivatives of the running point, (n, 10, 1)."""
-        out = np.zeros((len(self.turned), 2 * OWN, 1), dtype=complex)
+        out = np.zeros((len(self.turned), self.size, 1), dtype=complex)
         out[:, OWN * k], out[:, OWN * k + 1] = 1.0, 1j
         return out
 
     def pivot(self, k: int) -> tuple[Complexes, Complexes, Flags]:
         """A fixed pivot or pin (n, 1), its derivatives (n, 10, 1), and which candidates have one."""
         guide = self.found.guides[k]
-        change = np.where(guide.inverse[:, None], self.point(k), _pad(_centre_change(guide), k))
+        change = np.where(guide.inverse[:, None], self.point(k), _pad(_centre_change(guide), k, self.size))
         return np.where(guide.inverse, guide.point, guide.centre), change, guide.inverse | ~guide.straight
 
     def radius(self, k: int) -> tuple[Floats, Floats]:
@@ -269,7 +272,7 @@ class _Slopes:
         bent = np.where(guide.straight, 1.0, guide.curvature)
         out = np.zeros((len(bent), OWN, 1))
         out[:, 4] = np.where(guide.straight, 0.0, -np.sign(bent) * guide.unit / bent**2)
-        return 1 / np.abs(bent), _pad(out, k)
+        return 1 / np.abs(bent), _pad(out, k, self.size)
 
     def between_points(self) -> tuple[Floats, Floats]:
         """Distance of the running points: of two points of the body, or of two pins of the ground."""
@@ -292,7 +295,7 @@ class _Slopes:
         found = self.found
         guide, other = found.guides
         way, by_angle, by_position, own = found.at[0].travel()
-        change = self.of((_pad(own, 0), by_angle, by_position))
+        change = self.of((_pad(own, 0, self.size), by_angle, by_position))
         along = np.conj(1j * guide.inward)
         # the other guide's body point on the slot; of two slots where they meet
         from_origin = other.point - guide.origin
@@ -314,7 +317,7 @@ class _Slopes:
         below = (np.conj(other.inward) * along).real
         below = np.where(np.abs(below) > 1e-12, below, 1e-12)
         value = (np.conj(other.inward) * gap).real / below
-        out = np.zeros((len(value), 2 * OWN, 1))
+        out = np.zeros((len(value), self.size, 1))
         out[:, 2] = ((np.conj(other.inward) * (-1j * guide.offset * guide.inward)).real + value * (np.conj(other.inward) * guide.inward).real) / below
         out[:, 3] = -(np.conj(other.inward) * guide.inward).real / below
         out[:, 7] = ((np.conj(1j * other.inward) * (gap - value * along)).real + (np.conj(other.inward) * (1j * other.offset * other.inward)).real) / below
@@ -322,8 +325,13 @@ class _Slopes:
         return value, out
 
 
-def _pad(own: Any, k: int) -> Any:
-    out = np.zeros((len(own), 2 * OWN, own.shape[2]), dtype=own.dtype)
+def extension(found: Corrected) -> Floats:
+    """Of candidates whose first guide is a slot: from the body point that it is measured from to the pin, (n, 1), on average."""
+    return np.mean(_Slopes(found).extension()[0], axis=1, keepdims=True)
+
+
+def _pad(own: Any, k: int, size: int) -> Any:
+    out = np.zeros((len(own), size, own.shape[2]), dtype=own.dtype)
     out[:, OWN * k : OWN * (k + 1)] = own
     return out
 
@@ -382,7 +390,7 @@ def slot_ends(solution: GuidedSolution) -> list[complex]:
     ]
 
 
-def _pin(guide: Circle | Rail | Slot) -> complex:
+def _pin(guide: Guide) -> complex:
     assert not isinstance(guide, Rail)
     return guide.pivot if isinstance(guide, Circle) else guide.pin
 

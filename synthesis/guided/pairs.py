@@ -29,6 +29,7 @@ from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.free.poses import Poses
 from synthesis.guided.dyads import Guides
 from synthesis.least_squares import Evaluation
+from synthesis.target import TURN
 
 OWN = 5
 """Unknowns of a guide: m (2), b, s, k."""
@@ -38,6 +39,8 @@ _LONGEST = 0.7
 """Longest correction of a pose, in radians and length scales."""
 _LEAST = 1e-9
 """Floor of the second guide's part of S, where both guides have one force line."""
+_CLOSES = 1e-7
+"""Gap of a pose whose drive is given, in radians and length scales, below which it closes."""
 _UNKNOWN = 1e10
 """Weight's reciprocal of a part of a sample that is missing; its correction starts anew at each step."""
 
@@ -78,9 +81,11 @@ class Samples(NamedTuple):
     position_variance: Floats
     rotation_missing: Flags
     position_missing: Flags
+    drive: Floats
+    """From the first sample on, where it is given: radians, or over the length scale."""
 
     @classmethod
-    def of(cls, poses: Poses) -> Samples:
+    def of(cls, poses: Poses, drive: Floats | None = None) -> Samples:
         """Those of a request, over its length scale and from its mean position."""
         rotation = poses.rotation if poses.rotation is not None else np.zeros(poses.samples)
         assert poses.position is not None
@@ -93,7 +98,7 @@ class Samples(NamedTuple):
             np.where(gone, _UNKNOWN, 1 / np.where(gone, 1.0, root) ** 2) for gone, root in zip(missing, roots)
         )
         position = (poses.position - poses.middle) / poses.length_scale
-        return cls(np.asarray(rotation, dtype=float), position, turn, place, *missing)
+        return cls(np.asarray(rotation, dtype=float), position, turn, place, *missing, np.zeros(poses.samples) if drive is None else drive)
 
     @property
     def count(self) -> int:
@@ -274,6 +279,7 @@ class Corrected:
                     given = np.where(place_gone, position, given)
         self.angle, self.position = angle, position
         self.rows = np.concatenate(self._rows, axis=1)
+        self.closed = np.ones(count, dtype=bool)
 
     def _solve(self, angle: Floats, position: Complexes, given_angle: Floats, given: Complexes) -> None:
         one, other = self.at = tuple(At(guide, angle, position) for guide in self.guides)
@@ -387,6 +393,80 @@ class Corrected:
         shift = shift - np.where(hinge, line_shift, np.conj(-1j * across * (x_shift - z_shift)))
         out = np.concatenate([-first, second], axis=1)
         return cosine[:, None] * out, cosine * turn, cosine * shift
+
+
+class Driven(Corrected):
+    """Candidates at the poses that they have where their drive is given: three equations fix each.
+
+    An eleventh unknown is the drive at the first sample. ``rows`` are the weighted differences to the given poses.
+    """
+
+    def __init__(
+        self, samples: Samples, unknowns: Floats, labels: Floats, sign: Floats, sweeps: int = 8
+    ) -> None:
+        """``sign`` (n, 1): along which of its coordinate's ways a candidate counts the drive."""
+        self.samples, count = samples, len(unknowns)
+        self.guides = Guide(unknowns[:, :OWN], labels[:, 1:6]), Guide(unknowns[:, OWN : 2 * OWN], labels[:, 6:11])
+        self.hinge = labels[:, :1] > 0
+        wanted = unknowns[:, 2 * OWN :] + sign * samples.drive
+        angle, position = np.tile(samples.angle, (count, 1)), np.tile(samples.position, (count, 1))
+        self._turns = ~self.guides[0].straight | self.hinge
+        for sweep in range(sweeps):
+            self.at = tuple(At(guide, angle, position) for guide in self.guides)
+            self.angle, self.position = angle, position
+            gaps = self._gaps(wanted)
+            self._factor()
+            if sweep < sweeps - 1:
+                step = self._solved(gaps)
+                far = np.maximum(np.abs(step[0]), np.hypot(step[1], step[2])) / _LONGEST
+                part = 1 / np.maximum(1.0, far)
+                angle, position = angle - part * step[0], position - part * (step[1] + 1j * step[2])
+        off = samples.angle - angle
+        off -= TURN * np.round(off / TURN)
+        away = samples.position - position
+        self._roots = [
+            np.where(missing, 0.0, 1 / np.sqrt(variance))
+            for missing, variance in (
+                (samples.rotation_missing, samples.rotation_variance),
+                (samples.position_missing, samples.position_variance),
+            )
+        ]
+        turn, place = self._roots
+        self.rows = np.concatenate([off * turn, away.real * place, away.imag * place], axis=1)
+        # where Newton's steps did not end the pose is none
+        self.closed = np.max(np.abs(np.stack(gaps)), axis=(0, 2)) < _CLOSES
+
+    def _gaps(self, wanted: Floats) -> list[Floats]:
+        off = self.drive() - wanted
+        return [self.at[0].distance, self.at[1].distance, np.where(self._turns, off - TURN * np.round(off / TURN), off)]
+
+    def _factor(self) -> None:
+        """The inverse of the three equations' derivatives by the pose, (n, N, 3, 3)."""
+        one, other = self.at
+        self._own, by_angle, by_position = self.drive_derivatives()
+        rows = [(one.turn, one.shift), (other.turn, other.shift), (by_angle, by_position)]
+        matrix = np.stack([np.stack([turn, shift.real, shift.imag], axis=2) for turn, shift in rows], axis=2)
+        a, b, c = (matrix[:, :, k] for k in range(3))
+        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=3)
+        determinant = np.einsum("nik,nik->ni", a, cofactors[..., 0])
+        self._inverse = cofactors / np.where(np.abs(determinant) > 1e-300, determinant, 1e-300)[:, :, None, None]
+
+    def _solved(self, gaps: Any) -> Any:
+        """Steps of (gamma, x, y) that close gaps, three arrays each; gaps are (n, N) or (n, m, N)."""
+        inverse = self._inverse if np.ndim(gaps[0]) == 2 else self._inverse[:, None]
+        return [sum(inverse[..., row, k] * gaps[k] for k in range(3)) for row in range(3)]
+
+    def derivatives(self) -> tuple[Floats, Floats, Complexes]:
+        """As of `Corrected`, by eleven unknowns."""
+        one, other = self.at
+        count, samples = self.angle.shape
+        own = np.zeros((3, count, 2 * OWN + 1, samples))
+        own[0, :, :OWN], own[1, :, OWN : 2 * OWN] = one.columns(), other.columns()
+        own[2, :, : 2 * OWN], own[2, :, 2 * OWN] = self._own, -1.0
+        turned, across, up = (-part for part in self._solved(list(own)))
+        turn, place = self._roots
+        rows = np.concatenate([-turned * turn, -across * place, -up * place], axis=2)
+        return rows, turned, across + 1j * up
 
 
 def evaluate(samples: Samples, unknowns: Floats, labels: Floats) -> Evaluation:

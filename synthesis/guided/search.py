@@ -36,9 +36,9 @@ from synthesis.free.dyads import (
 )
 from synthesis.free.poses import Poses
 from synthesis.guided.dyads import Guides, Lines, Motion, Straight, as_circles, lines_of
-from synthesis.guided.limits import Bounds, Signs, broken_limits
-from synthesis.guided.linkage import DRIVERS, GUIDES, Circle, Driver, GuidedLinkage, Kind, Rail, Slot
-from synthesis.guided.pairs import OWN, Chart, Corrected, Pairs, Samples, evaluate
+from synthesis.guided.limits import Bounds, Signs, broken_limits, extension
+from synthesis.guided.linkage import DRIVERS, GUIDES, Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot
+from synthesis.guided.pairs import OWN, Chart, Corrected, Driven, Pairs, Samples, evaluate
 from synthesis.guided.solution import GuidedSolution, assess
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.rounds import GAIN
@@ -51,7 +51,7 @@ _DIRECTIONS = 24
 """Rails and slots of further directions: one that is worse alone may be better in a pair."""
 _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
 """Points that circles, rails and slots are begun with: distances from the middle of the motion, and so many around it."""
-_SEEDS, _HOPS = 8, 6
+_SEEDS, _HOPS = 12, 8
 """Candidates of each kind and drive that a round begins with."""
 _LOOKED_AT = 40
 """Of the guides of a sort that fit best so many are paired."""
@@ -62,15 +62,20 @@ _POOL = 6
 _APART = 0.02
 _STAGES = ((8, 0.1, 2), (6, 1.0, 2), (8, 10.0, 2))
 _END = ((8, 1e2, 2), (8, 1e4, 3), (5, 1e6, 3))
+_GIVEN = ((12, 1.0, 3), (20, 100.0, 3))
 _LAST = ((15, 1e4, 3), (10, 1e6, 3))
 """Steps, the weight of broken limits, and Newton's steps of each pose."""
 _TIGHTENED = 3
 """So often a descent is repeated for what falls short between the samples."""
 _LOOKED_AT_WHOLE = 3
 """Candidates of each drive whose motion is looked at between the samples."""
+_TURNS = 1e-3
+"""Sine of the angle between two rails, or two slots, below which a body never turns."""
+_EQUAL = 1e-8
+"""To which a given length or place is kept, over the length scale."""
 _SAFETY = 1e-7
 """By which limits are kept more than asked, so that rounding breaks none."""
-_IDLE = 1
+_IDLE = 2
 """Rounds that gain nothing end the search."""
 
 
@@ -103,6 +108,8 @@ class Candidates(NamedTuple):
     """(n,): J squared."""
     branch: Floats
     way: Floats
+    first: Floats
+    """(n,): the drive at the first sample, where it is given."""
 
     def take(self, places: Any) -> Candidates:
         """Some of them."""
@@ -216,14 +223,26 @@ def pairs_of(sorts: Sorts, ways: Sequence[Drive]) -> tuple[Pairs, Ints]:
 
 
 class Search:
-    """One request's search."""
+    """One request's search.
+
+    ``given`` (N,): the drive from the first sample on, in radians or in the unit of length; None where it is free.
+    """
 
     def __init__(
-        self, poses: Poses, limits: Limits, ways: Sequence[Drive], tolerance: float, work: Work
+        self,
+        poses: Poses,
+        limits: Limits,
+        ways: Sequence[Drive],
+        tolerance: float,
+        work: Work,
+        given: Floats | None = None,
     ) -> None:
         self.poses, self.limits, self.ways, self.tolerance, self.work = poses, limits, list(ways), tolerance, work
-        self.bounds = Bounds(limits, poses)
-        self.samples = Samples.of(poses)
+        self.given = given
+        if given is not None and not ways[0].driver.turns:
+            self.given = given / poses.length_scale
+        self.bounds = Bounds(limits, poses, timed=given is not None)
+        self.samples = Samples.of(poses, self.given)
         self.few = _some(self.samples, _SAMPLES, _FEWER)
         self.body = Body(poses)
         self.sorts = {sort for way in ways for sort in (way.first, way.second)}
@@ -246,7 +265,7 @@ class Search:
         turns = ~self._slides(pairs)
         steps = np.where(turns[:, None], (steps + np.pi) % (2 * np.pi) - np.pi, steps)
         way = np.where(np.sum(steps, axis=1) >= 0, 1.0, -1.0)
-        return Candidates(pairs, drive, np.where(np.isfinite(cost), cost, np.inf), branch, way)
+        return Candidates(pairs, drive, np.where(np.isfinite(cost), cost, np.inf), branch, way, np.zeros(cost.size))
 
     @staticmethod
     def _slides(pairs: Pairs) -> Any:
@@ -272,9 +291,11 @@ class Search:
 
     def _bounded(self, samples: Samples, unknowns: Floats, labels: Floats, weight: float, sweeps: int) -> Evaluation:
         """As `pairs.evaluate`, with rows for the limits that are broken."""
-        own = labels[:, :11]
         with np.errstate(all="ignore"):
-            found = Corrected(samples, unknowns, own, sweeps)
+            return self._bounded_at(Corrected(samples, unknowns, labels[:, :11], sweeps), labels, weight)
+
+    def _bounded_at(self, found: Corrected, labels: Floats, weight: float) -> Evaluation:
+        with np.errstate(all="ignore"):
             rows, _, _ = found.derivatives()
             signs = Signs(labels[:, 11:12], labels[:, 12:13], labels[:, 13:14])
             parts = self.bounds(found, signs)
@@ -289,30 +310,83 @@ class Search:
                 used = some.any(axis=0)
                 off, slope = off[:, used], np.where(some[:, None, used], part.slopes[:, :, used], 0.0)
                 broken.append(scale * np.concatenate([slope, off[:, None]], axis=1))
-            count = 2 * OWN + 1
+            count = rows.shape[1] + 1
             stacks.append(
-                _condensed(np.concatenate(broken, axis=2)) if broken else np.zeros((len(unknowns), count, count))
+                _condensed(np.concatenate(broken, axis=2)) if broken else np.zeros((len(rows), count, count))
             )
             stack = np.concatenate(stacks, axis=2)
             cost = np.einsum("nk,nk->n", stack[:, -1], stack[:, -1])
-        bad = ~(np.isfinite(cost) & np.isfinite(stack).all(axis=(1, 2)))
+        bad = ~(np.isfinite(cost) & np.isfinite(stack).all(axis=(1, 2)) & found.closed)
         stack[bad] = 0.0
         return Evaluation(np.where(bad, np.inf, cost), stack)
 
+    def _signs(self, at: Corrected, way: Floats) -> Floats:
+        """Along which candidates' own coordinate the given drive counts, (n, 1): a cylinder's is longer where it is more."""
+        first = at.at[0].guide
+        # where two slots meet tells nothing of where a rod is fastened
+        cylinder = first.inverse & ~at.hinge & ~at.at[1].guide.inverse
+        slides = first.straight & ~at.hinge
+        return np.where(cylinder, np.sign(extension(at)), np.where(slides, way * np.sign(at.samples.drive[-1]), 1.0))
+
+    def _timing(self, at: Corrected, sign: Floats) -> tuple[Floats, Floats]:
+        """The drive at the first sample (n, 1) for which the given one comes nearest to their own, and how near, squared, (n,)."""
+        off = at.drive() - sign * at.samples.drive
+        if self.ways[0].driver.turns:
+            first = np.angle(np.mean(np.exp(1j * off), axis=1))[:, None]
+            off = (off - first + np.pi) % (2 * np.pi) - np.pi
+            return first, np.mean(off**2, axis=1)
+        first = np.mean(off, axis=1, keepdims=True)
+        return first, np.mean((off - first) ** 2, axis=1)
+
+    def _timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
+        """Candidates after descents at the drive that is given; with J squared there."""
+        chart = Chart(begin.pairs)
+        with np.errstate(all="ignore"):
+            at = Corrected(self.samples, chart.start, chart.labels, 6)
+            sign = self._signs(at, begin.way[:, None])
+            first, _ = self._timing(at, sign)
+        x = np.concatenate([chart.start, first], axis=1)
+        for steps, weight, _ in stages:
+            extra = np.stack([begin.branch, begin.way, np.zeros_like(begin.way), sign[:, 0]], axis=1)
+            labels = np.concatenate([chart.labels, extra], axis=1)
+
+            def priced(unknowns: Floats, own: Floats, weight: float = weight) -> Evaluation:
+                return self._bounded_at(
+                    Driven(self.samples, unknowns, own[:, :11], own[:, 14:15]), own, weight
+                )
+
+            done = minimise(priced, x, labels, steps, 0.0, self.work, 1e-6, 1e-3)
+            begin = begin._replace(pairs=chart.pairs_at(done.unknowns), cost=done.cost)
+            first = done.unknowns[:, 2 * OWN :]
+            chart = Chart(begin.pairs)
+            x = np.concatenate([chart.start, first], axis=1)
+        with np.errstate(all="ignore"):
+            at = Driven(self.samples, x, chart.labels, sign, 12)
+        cost = np.where(at.closed, np.einsum("nk,nk->n", at.rows, at.rows), np.inf)
+        return begin._replace(cost=np.where(np.isfinite(cost), cost, np.inf), first=first[:, 0])
+
     def broken(self, found: Candidates, samples: Samples) -> tuple[Candidates, Floats]:
         """Candidates with their J squared at the closed poses, and the most by which each breaks a limit there."""
-        chart = Chart(found.pairs)
         with np.errstate(all="ignore"):
-            at = Corrected(samples, chart.start, chart.labels, 8)
+            at = self._at(found, samples)
             cost = np.einsum("nk,nk->n", at.rows, at.rows)
             nothing = np.zeros((found.cost.size, 1))
             parts = self.bounds(at, Signs(found.branch[:, None], found.way[:, None], nothing))
-            worst = np.zeros(found.cost.size)
+            worst = np.where(at.closed, 0.0, np.inf)
             for part in parts:
-                off = np.abs(part.values) if part.equal else -part.values
+                off = np.abs(part.values) - _EQUAL if part.equal else -part.values
                 worst = np.maximum(worst, off.max(axis=1))
         worst = np.where(np.isfinite(worst), worst, np.inf)
         return found._replace(cost=np.where(np.isfinite(cost), cost, np.inf)), worst
+
+    def _at(self, found: Candidates, samples: Samples) -> Corrected:
+        """Candidates at the poses that close, and where the drive is given those that it leads to."""
+        chart = Chart(found.pairs)
+        if self.given is None:
+            return Corrected(samples, chart.start, chart.labels, 12)
+        sign = self._signs(Corrected(samples, chart.start, chart.labels, 6), found.way[:, None])
+        x = np.concatenate([chart.start, found.first[:, None]], axis=1)
+        return Driven(samples, x, chart.labels, sign, 12)
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 
@@ -361,6 +435,8 @@ class Search:
             for part in self.bounds(found, Signs(labels[:, 11:12], labels[:, 12:13], labels[:, 13:14])):
                 off = part.values if part.equal else np.minimum(part.values, 0.0)
                 merit = merit + 0.3 * np.mean(np.minimum(np.abs(off), 1.0) ** 2, axis=1)
+            if self.given is not None:
+                merit = merit + self._timing(found, self._signs(found, labels[:, 12:13]))[1]
         return np.where(np.isfinite(merit), merit, np.inf)
 
     def _apart(self, pairs: Pairs, places: Ints, most: int) -> Ints:
@@ -415,6 +491,34 @@ class Search:
 
     def run(self) -> bool:
         """Search until nothing is gained or the time is up; whether it ran to its end."""
+        return self._run_free() if self.given is None else self._run_given()
+
+    def _run_given(self) -> bool:
+        """First the poses alone, then with the drive that is given."""
+        exact = self.exact()
+        if exact is not None:
+            exact = exact.take(self._best(exact, _SEEDS, self.few))
+            self._answers(self._timed(exact, _GIVEN))
+            self.note()
+        idle, pool = 0, None
+        begin = self.near()
+        while idle < _IDLE and self._left.size and not (self.work.expired() and self.found is not None):
+            before = self.levels
+            begin = begin.take(np.isin(begin.drive, self._left))
+            begin = self._measured_again(self.descended(begin, _STAGES[:1], self.few), self.few)
+            begin = self._pooled(begin, _SEEDS)
+            ended = self._timed(begin, _GIVEN)
+            pool = ended if pool is None else pool.joined(ended)
+            pool = self._pooled(pool)
+            self._answers(self._timed(self._pooled(ended, 2), _END))
+            self.note()
+            if self.work.expired():
+                return False
+            idle = 0 if np.any(self.levels < (1 - GAIN) * before) else idle + 1
+            begin = self.hops(pool)
+        return not self.work.expired()
+
+    def _run_free(self) -> bool:
         exact = self.exact()
         if exact is not None:
             self._answers(exact)
@@ -531,9 +635,8 @@ class Search:
 
     def solution(self, one: Candidates) -> GuidedSolution | None:
         """A single candidate as a linkage with its errors; None where it does not pass the samples."""
-        chart = Chart(one.pairs)
         with np.errstate(all="ignore"):
-            at = Corrected(self.samples, chart.start, chart.labels, 12)
+            at = self._at(one, self.samples)
         poses, scale = self.poses, self.poses.length_scale
         rotation, position = at.angle[0], poses.middle + scale * at.position[0]
         way = self.ways[int(one.drive[0])]
@@ -541,12 +644,15 @@ class Search:
             _guide(guide.take([0]), poses, complex(here.place[0, 0])) for guide, here in zip(one.pairs[:2], at.at)
         ]
         guides = [_referred(guide, other) for guide, other in zip(guides, guides[::-1])]
+        if _parallel(guides):
+            return None
         linkage = GuidedLinkage((guides[0], guides[1]), way.driver)
         drive, sine = linkage.configuration(rotation, position)
         if not (np.isfinite(drive).all() and np.isfinite(sine).all()) or np.any(sine * sine[0] <= 0):
             return None
-        if way.driver is Driver.CYLINDER and drive[0] < 0:
-            linkage = replace(linkage, guides=(_reversed(guides[0]), guides[1]))
+        if not way.driver.turns:
+            turned = _directed(guides, drive, self.given)
+            linkage = replace(linkage, guides=turned)
             drive, sine = linkage.configuration(rotation, position)
         if way.driver.turns:
             straight, holds = (
@@ -564,7 +670,7 @@ class Search:
         return found if np.isfinite(found.errors.objective) else None
 
 
-def _guide(one: Guides, poses: Poses, place: complex) -> Circle | Rail | Slot:
+def _guide(one: Guides, poses: Poses, place: complex) -> Guide:
     """A guide in the user's unit; a rail's point is where its body point is at the first sample, ``place``."""
     scale, middle = poses.length_scale, poses.middle
     point, foot, normal = complex(one.point[0]), complex(one.foot[0]), float(one.normal[0])
@@ -577,7 +683,7 @@ def _guide(one: Guides, poses: Poses, place: complex) -> Circle | Rail | Slot:
     return Circle(middle + scale * complex(one.centre[0]), scale / abs(float(one.curvature[0])), scale * point)
 
 
-def _referred(guide: Circle | Rail | Slot, other: Circle | Rail | Slot) -> Circle | Rail | Slot:
+def _referred(guide: Guide, other: Guide) -> Guide:
     """A slot measured from the foot of the other guide's body point on it; of two slots from where they meet."""
     if not isinstance(guide, Slot):
         return guide
@@ -592,9 +698,31 @@ def _referred(guide: Circle | Rail | Slot, other: Circle | Rail | Slot) -> Circl
     return guide._replace(body_point=complex(guide.body_point + way * along))
 
 
-def _reversed(guide: Circle | Rail | Slot) -> Slot:
-    assert isinstance(guide, Slot)
-    return guide._replace(body_direction=float(wrap(guide.body_direction + np.pi)))
+def _parallel(guides: Sequence[Guide]) -> bool:
+    """Whether two rails, or two slots, are parallel: the body never turns."""
+    first, second = guides
+    if isinstance(first, Rail) and isinstance(second, Rail):
+        return bool(abs(np.sin(first.direction - second.direction)) < _TURNS)
+    if isinstance(first, Slot) and isinstance(second, Slot):
+        return bool(abs(np.sin(first.body_direction - second.body_direction)) < _TURNS)
+    return False
+
+
+def _directed(guides: Sequence[Guide], drive: Floats, given: Floats | None) -> tuple[Guide, Guide]:
+    """Guides whose first, driven along itself, counts as asked: a cylinder's length is positive, given travel has its sign."""
+    first, second = guides
+    backwards = given is not None and (drive[-1] - drive[0]) * given[-1] < 0
+    if isinstance(first, Rail):
+        turned = first._replace(direction=float(wrap(first.direction + np.pi)))
+        return (turned if backwards else first), second
+    assert isinstance(first, Slot)
+    if backwards or (given is None and drive[0] < 0):
+        first = first._replace(body_direction=float(wrap(first.body_direction + np.pi)))
+        drive = -drive
+    if drive[0] < 0:  # of two slots: the rod is fastened as far on the other side of where they meet
+        along = np.exp(1j * first.body_direction)
+        first = first._replace(body_point=complex(first.body_point - (abs(drive[0]) + np.max(np.abs(drive))) * along))
+    return first, second
 
 
 def search_guided(
@@ -684,6 +812,9 @@ def _some(samples: Samples, most: int, few: int) -> Samples:
         return samples
     kept = np.unique(np.round(np.linspace(0, samples.count - 1, few)).astype(int))
     share = kept.size / samples.count
-    angle, position, turn, place, no_turn, no_place = (column[kept] for column in samples)
-    turn, place = np.where(no_turn, turn, turn * share), np.where(no_place, place, place * share)
-    return Samples(angle, position, turn, place, no_turn, no_place)
+    some = Samples(*(column[kept] for column in samples))
+    turn, place = some.rotation_variance, some.position_variance
+    return some._replace(
+        rotation_variance=np.where(some.rotation_missing, turn, turn * share),
+        position_variance=np.where(some.position_missing, place, place * share),
+    )

@@ -15,7 +15,7 @@ _WIDTH = 1.2
 def random_motion(random: np.random.Generator, kind: str, samples: int) -> tuple[Floats, Complexes, Floats]:
     """Rotation, position and drive of a random linkage that turns its body by 0.2 rad and more.
 
-    The drive is the first guide's of the kind's name: crank, crank, slider, slider, cylinder.
+    The drive is the first guide's of the kind's name: crank, crank, slider, slider, cylinder (its length, from pin to meeting point).
     """
     while True:
         drive, angle, place = _FORMULAS[kind](random, samples)
@@ -86,7 +86,7 @@ def _two_slots(random: np.random.Generator, samples: int) -> Any:
     begin = random.uniform(0, 2 * np.pi)
     angle = _even(random, begin, begin + random.uniform(0.3, 1.5) * random.choice([-1, 1]), samples)
     first = ground * np.sin(angle + delta) / np.sin(delta)
-    if np.any(np.diff(first) * (first[-1] - first[0]) <= 0):
+    if np.any(np.diff(first) * (first[-1] - first[0]) <= 0) or first.min() < 0.05:
         return first, np.full(samples, np.nan), 0j * first
     return first, angle, first * np.exp(1j * angle)
 
