@@ -216,6 +216,7 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "function": (QUESTIONS["function"], _add_questions),
     **{scene: (f"the {scene} scene", _add_questions) for scene in SCENES},
     "match": (QUESTIONS["match"], _add_questions),
+    "assembly": (QUESTIONS["assembly"], _add_questions),
     "study": ("answer many requests, a line each", _add_study),
     "example": ("print a request to edit, or the list of examples", _add_example),
     "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),

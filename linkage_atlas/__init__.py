@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from linkage_atlas.answers import Match, Matches, Result, Solution
+    from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
     from linkage_atlas.door import Live, prepare, synthesize
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
+    from linkage_atlas.guided import GuidedJoints, GuidedLinkage
     from linkage_atlas.limits import Limits
-    from linkage_atlas.linkages import FourBar, Joints
+    from linkage_atlas.linkages import FourBar, Joints, assembly
     from linkage_atlas.many_requests import StudyLocked, study
     from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
@@ -32,8 +34,10 @@ _HOMES = {
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
-    "linkage_atlas.linkages": ("FourBar", "Joints"),
+    "linkage_atlas.guided": ("GuidedLinkage", "GuidedJoints"),
+    "linkage_atlas.linkages": ("FourBar", "Joints", "assembly"),
     "linkage_atlas.motions": ("Motion",),
+    "linkage_atlas.assemblies": ("Assembly",),
     "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
     "linkage_atlas.many_requests": ("study", "StudyLocked"),
@@ -45,6 +49,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "BATCH_COMMANDS",
+    "Assembly",
     "Atlas",
     "AtlasError",
     "AtlasFault",
@@ -53,6 +58,8 @@ __all__ = [
     "FourBar",
     "FunctionResult",
     "FunctionSolution",
+    "GuidedJoints",
+    "GuidedLinkage",
     "Joints",
     "Limits",
     "Live",
@@ -66,6 +73,7 @@ __all__ = [
     "Work",
     "__version__",
     "add_batch_commands",
+    "assembly",
     "build_atlas",
     "function",
     "load_atlas",

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, overload
 
 import numpy as np
 
+from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
@@ -115,9 +116,11 @@ class Verdict(Record):
     practical: bool
     """No practical limit is broken; what the request limits itself is judged by its own limit."""
     buildable: bool
-    """The same as `practical`: whether links collide is not checked."""
+    """`practical`, and where an assembly was asked for, it is free."""
     reasons: tuple[str, ...]
     """A sentence for everything that is amiss; samples count from 1."""
+    assembly: Assembly | None = None
+    """Where it was asked for: layers in which nothing collides; null where the loop does not carry the motion."""
 
     @property
     def works(self) -> bool:
@@ -193,6 +196,8 @@ class Solution(Record):
             ``analysis``: ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`.
         tolerance_study : mapping
             ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`.
+        assembly : mapping or True
+            ``verdict.assembly``: layers in which nothing collides; arguments as of `FourBar.assembly`, or their defaults.
 
         Examples
         --------
@@ -398,11 +403,13 @@ def finished(
             break
         for solution in _described(found[first : first + at_once], motion, limits, tolerance, type_of):
             solutions.append(_studied(solution, studies, len(found), work))
-    # a linkage that does not work as a machine never comes before one that does
+    # a linkage that does not work as a machine never comes before one that does, nor one without free layers before one
+    # that has some
     solutions.sort(
         key=lambda one: (
             not one.verdict.works,
             one.verdict.within_tolerance is False,
+            one.verdict.assembly is not None and not one.verdict.assembly.free,
             *_worth(one, motion, tolerance if by_error else 0.0),
         )
     )
@@ -499,7 +506,25 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
     if studies.manufacture is not None:
         share = share_of(studies.manufacture, target.samples, solutions, work.budget)
         done["tolerance_study"] = studied(linkage, share, target.crank, target.interval, radian, work)
+    if studies.assembly is not None:
+        done["verdict"] = _with_assembly(solution, studies.assembly, work)
     return replace(solution, **done) if done else solution
+
+
+def _with_assembly(solution: Solution, asked: AskedAssembly, work: Work) -> Verdict:
+    """The verdict with the assembly; the parts of a linkage that does not carry its motion are not arranged."""
+    verdict, (one, own, _) = solution.verdict, solution.origin
+    found: Assembly | None = None
+    if not verdict.works:
+        why = ["layers were not looked for: the crank does not carry the linkage through the samples"]
+    else:
+        try:
+            found = assembled(one.linkage, asked, own.target.interval, own.radian, work)
+            why = [] if found.free else [f"layers: {found.reasons[0]}"]
+        except FieldError as error:
+            why = [f"layers were not looked for: {error}"]
+    free = found is not None and found.free
+    return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
 
 
 def verdict_of(passing: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:

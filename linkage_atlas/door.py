@@ -7,7 +7,7 @@ within tighter limits on that measure; finish them as a user reads them; report.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Continued, Report, Result, cognate_notes, finished, status_of
+from linkage_atlas.assemblies import AskedAssembly, assembled, read_assembly
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.limits import read_limits, what_excludes
@@ -55,9 +56,11 @@ ILL_POSED = (
 LIVE_SECONDS, LIVE_FINISHING, LIVE_FINISHING_EACH = 0.06, 0.1, 0.025
 """Longest budget of an answer that goes on from the last, and the parts of it that are left for finishing: in any case, and for
 each of the first ten solutions."""
+_LAYERED = 3
+"""Times as many solutions whose layers are compared."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
-Prefer = Literal["error", "size", "transmission", "crank_span"]
+Prefer = Literal["error", "size", "transmission", "crank_span", "layers"]
 PREFER = get_args(Prefer)
 
 _TRIES = 6
@@ -144,6 +147,7 @@ class Asked(TypedDict, total=False):
     sensitivity: bool
     analysis: Mapping[str, Any] | None
     tolerance_study: Mapping[str, Any] | None
+    assembly: Mapping[str, Any] | bool | None
 
 
 def synthesize(
@@ -176,9 +180,10 @@ def synthesize(
         At most so many linkages, different from one another.
     effort : {"refine", "atlas"}
         The search, which refines to machine precision; or the best rows of ``atlas`` as they are.
-    prefer : {"error", "size", "transmission", "crank_span"}, optional
+    prefer : {"error", "size", "transmission", "crank_span", "layers"}, optional
         What is wanted of linkages inside the tolerances: the least error, the smallest links and reach, the best transmission
-        angle or the shortest swing of the crank. Default: "size" where there are tolerances, otherwise "error". Without
+        angle, the shortest swing of the crank, or layers over whose fixed pivots nothing passes
+        (``assembly`` is then asked for too). Default: "size" where there are tolerances, otherwise "error". Without
         tolerances those count whose error is at most a tenth above the least.
     diverse : bool
         Spread the solutions over families, branches and places, the objective at most twice the best, in place of the best ones.
@@ -257,8 +262,15 @@ def synthesize(
 
     spare = FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10)
     searching, many = watch.extended(-spare), _VARIETY * top if diverse else top
+    if prefers == "layers":
+        many = max(many, _LAYERED * top)
     found, course = _search(source, wanted, kept, many, goal, searching, begun=begun)
-    if prefers != "error":
+    if prefers == "layers":
+        if studies.assembly is None:
+            studies = studies._replace(assembly=read_assembly(True))
+        assert studies.assembly is not None
+        found = by_layers(found, wanted, studies.assembly, goal, top, searching)
+    elif prefers != "error":
 
         def again(other: Motion, tighter: Limits, near: float) -> list[Solution]:
             return _search(source, other, tighter, many, near, searching, TRY_ROUNDS)[0]
@@ -448,6 +460,33 @@ def _improved(
             out_of_reach = float(middle)
     ranked = distinct(sorted(good, key=measure.of), top, APART, order=measure.of)
     return (ranked + [one for one in found if not near_enough(one)])[:top]
+
+
+def by_layers(
+    found: Sequence[Solution], motion: Motion, asked: AskedAssembly, goal: float, top: int, work: Work
+) -> list[Solution]:
+    """Linkages that are near enough, first those with free layers over whose fixed pivots nothing passes, then by layers.
+
+    Those that the time does not reach keep their places behind them.
+    """
+    if not found:
+        return []
+    least = _NEAR_ENOUGH * max(found[0].errors.objective, goal)
+    ranked: list[tuple[tuple[float, ...], Solution]] = []
+    for place, one in enumerate(found):
+        if motion.tolerances is not None:
+            off = not motion.keeps(one.linkage, one.crank)
+        else:
+            off = one.errors.objective > least
+        rank = (off, True, 0, 0)
+        if not off and not work.expired():
+            target = motion.one_of(motion.with_angles([one.linkage], [one.crank]), 0).target
+            with suppress(FieldError):
+                layers = assembled(one.linkage, asked, target.interval, motion.radian, work)
+                crossed = sum(not shaft.both_sides for shaft in layers.shaft.values())
+                rank = (off, not layers.free, crossed, layers.count)
+        ranked.append(((*rank, place), one))
+    return [one for _, one in sorted(ranked, key=lambda pair: pair[0])][:top]
 
 
 def _as_good(best: float, other: float, measure: _Measure) -> bool:

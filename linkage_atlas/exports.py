@@ -9,6 +9,7 @@ from synthesis.errors import FieldError
 
 if TYPE_CHECKING:
     from synthesis.fourbar.linkage import Linkage
+    from synthesis.guided.linkage import GuidedLinkage
     from synthesis.target import Target
 
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
@@ -43,7 +44,7 @@ def kind_of(name: str) -> str:
 
 
 def text_of(
-    linkage: Linkage,
+    linkage: Linkage | GuidedLinkage,
     target: Target,
     radian: float,
     kind: str,
@@ -54,9 +55,12 @@ def text_of(
     """The text of a file; see `FourBar.render` for what the arguments mean."""
     from linkage_atlas.studies import analysed, read_drive
     from synthesis.fourbar import files
+    from synthesis.fourbar.linkage import Linkage
 
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
+    if not isinstance(linkage, Linkage):
+        return _guided_text(linkage, target, radian, kind, length_unit)
     if kind == "csv":
         drive = None if analysis is None else read_drive(analysis, linkage.mounted)
         more = None if drive is None else analysed(linkage, drive, target.crank, radian).columns()
@@ -69,6 +73,29 @@ def text_of(
     if kind == "plates":
         return files.to_plates(linkage, unit_mm, **_sizes(plates or {}))
     return (files.to_dxf if kind == "dxf" else files.to_mjcf)(linkage, target, unit_mm)
+
+
+_FOUR_BARS_ONLY = {
+    "plates": "links are cut as plates for four-bars only: rails and slots are not drawn as plates",
+    "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
+}
+
+
+def _guided_text(linkage: GuidedLinkage, target: Target, radian: float, kind: str, length_unit: str) -> str:
+    """The same of a body on two guides, rails and slots among them."""
+    from synthesis.guided import files
+
+    if kind in _FOUR_BARS_ONLY:
+        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
+    if kind == "csv":
+        return files.to_csv(linkage, target, radian)
+    if kind == "svg":
+        return files.to_svg(linkage, target)
+    if kind not in ("dxf", "mjcf"):
+        raise FieldError("/format", f"{kind!r} is written for four-bars only")
+    if length_unit not in MILLIMETRES:
+        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
+    return (files.to_dxf if kind == "dxf" else files.to_mjcf)(linkage, target, MILLIMETRES[length_unit])
 
 
 def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.exports import kind_of, text_of
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import plain
@@ -336,6 +337,48 @@ class FourBar:
         asked, work = read_manufacture(manufacture), work or Work()
         return studied(self._linkage, asked, target.crank, target.interval, self._radian, work)
 
+    def assembly(
+        self,
+        motion: Motion | None = None,
+        crank_angle: ArrayLike | None = None,
+        *,
+        work: Work | None = None,
+        **asked: Any,
+    ) -> Assembly:
+        """Layers of its plates in which nothing collides over the used interval, proved; or what stops the best ones.
+
+        Parameters
+        ----------
+        motion : Motion, optional
+            Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+        crank_angle : array_like, shape (N,), optional
+            Of a motion whose crank angles are free: those of this solution.
+        width, hole, clearance : float
+            Width of the plates, diameter of the pins, and the least gap of parts that pass one another.
+        thickness, washer : float
+            Of the plates, and of the washers between layers.
+        boards : {"below", "above", "both", "bar"}
+            Where the fixed pins stand: in a board on either side or both, or in a bar, a plate of its own.
+        heads : bool
+            Whether pins have heads, of 1.8 diameters, that fill a layer at each free end.
+        mounts : mapping
+            How fixed pins must be held: {"A": "below+above"}.
+        body : array_like, shape (n, 2)
+            Outline of the body, a plate that the coupler carries: in the body's frame, from the body point.
+        layers_most : int
+            Layers at most (6).
+
+        Examples
+        --------
+        >>> import linkage_atlas as la
+        >>> la.FourBar(30, 60, 70, 50).assembly(hole=6, width=18).layers
+        {'crank': 1, 'coupler': 2, 'rocker': 3}
+        """
+        read = read_assembly(asked, "")
+        assert read is not None
+        target = self._motion_over(motion, crank_angle)
+        return assembled(self._linkage, read, target.interval, self._radian, work or Work(), "")
+
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
     @property
@@ -401,17 +444,21 @@ class FourBar:
         plates : mapping, optional
             ``hole``, the diameter of the holes, and ``width`` of the plates.
         """
-        if motion is not None and motion.free:
-            if crank_angle is None:
-                raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
-            motion = motion.of_solution(self._linkage, column("crank_angle", crank_angle) * self._radian)
-        target = motion.target if motion is not None else self._default_motion()
+        target = self._motion_over(motion, crank_angle)
         return text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates)
 
     def save(self, path: str | Path, length_unit: str = "mm") -> None:
         """Write a file; its ending says which: .csv, .svg, .dxf, .plates.dxf, .xml (MJCF, also .mjcf), .pylinkage.json."""
         path = Path(path)
         path.write_text(self.render(kind_of(path.name), length_unit=length_unit), newline="")
+
+    def _motion_over(self, motion: Motion | None, crank_angle: ArrayLike | None) -> Target:
+        """A motion with the crank angles of this solution where its own are free; without one the default."""
+        if motion is not None and motion.free:
+            if crank_angle is None:
+                raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
+            motion = motion.of_solution(self._linkage, column("crank_angle", crank_angle) * self._radian)
+        return motion.target if motion is not None else self._default_motion()
 
     def _default_motion(self) -> Target:
         """What it is drawn over: the motion that it answers, or a whole turn."""
@@ -431,6 +478,42 @@ class FourBar:
     def __repr__(self) -> str:
         lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in ("crank", "coupler", "rocker", "ground"))
         return f"FourBar({lengths}, branch={self.branch:+d}: {self.family})"
+
+
+def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assembly:
+    """Layers of a linkage's plates in which nothing collides; see `FourBar.assembly` for what may be asked.
+
+    Parameters
+    ----------
+    linkage : FourBar, Solution or mapping
+        The linkage, or its plain values as `FourBar.to_dict` or a reply gives them, in the motion's unit of angle (degrees
+        without a motion).
+    motion : Motion, optional
+        Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+    **asked
+        As of `FourBar.assembly`.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> la.assembly(la.FourBar(19, 72, 144, 165)).status
+    'free'
+    """
+    crank = asked.pop("crank_angle", None)
+    if isinstance(linkage, Mapping):
+        crank = linkage.get("crank_angle") if crank is None else crank
+        try:
+            linkage = FourBar.from_dict(linkage, motion is None or motion.degrees)
+        except (KeyError, TypeError):
+            raise FieldError(
+                "/linkage", "wanted links (crank, coupler, rocker, ground), branch, start_angle"
+            ) from None
+    elif not isinstance(linkage, FourBar):
+        crank = getattr(linkage, "crank_angle", None) if crank is None else crank
+        linkage = getattr(linkage, "linkage", None)
+    if not isinstance(linkage, FourBar):
+        raise FieldError("/linkage", "wanted a FourBar, a solution, or its plain values")
+    return linkage.assembly(motion, crank, **asked)
 
 
 def _xy(points: Any) -> Floats:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.assemblies import AskedAssembly, read_assembly
 from linkage_atlas.motions import MOST_STOCK, Motion, check_above_zero, column, number
 from linkage_atlas.records import Record, Values, Vectors, plain
 from synthesis.arrays import Floats
@@ -320,7 +321,7 @@ def _made(spread: Spread, samples: int, unit: float) -> Made:
 
 # -- what is asked of each solution -----------------------------------------------------------------------------------
 
-STUDIES = ("round_to", "lengths_from", "sensitivity", "analysis", "tolerance_study")
+STUDIES = ("round_to", "lengths_from", "sensitivity", "analysis", "tolerance_study", "assembly")
 """What may be asked of each solution beyond the linkage itself, by the names of the HTTP contract."""
 
 
@@ -336,11 +337,13 @@ class Studies(NamedTuple):
     """Of an analysis."""
     manufacture: Manufacture | None = None
     """Of a tolerance study."""
+    assembly: AskedAssembly | None = None
 
     @property
     def long(self) -> bool:
         """Whether each solution takes long enough to look at the time after it."""
-        return not (self.round_to is None and self.lengths_from is None and self.manufacture is None)
+        rounded = self.round_to is not None or self.lengths_from is not None
+        return rounded or self.manufacture is not None or self.assembly is not None
 
 
 def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
@@ -354,7 +357,10 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         bool(values["sensitivity"]),
         None if values["analysis"] is None else read_drive(values["analysis"], positions),
         None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
+        None if values["assembly"] is None else read_assembly(values["assembly"]),
     )
+    if asked.assembly is not None and asked.assembly.body and not positions:
+        raise FieldError("/assembly/body", "needs `position`: without it nothing says where the body is")
     if asked.round_to is not None and asked.lengths_from is not None:
         raise FieldError("/lengths_from", "give either this or `round_to`")
     for name in ("round_to", "lengths_from", "tolerance_study"):

@@ -9,6 +9,7 @@ from typing import Any
 QUESTIONS = {
     "synthesize": "Rotation, positions or both: actual dimensions and mounting pose.",
     "function": "Function generation: whose rocker turns as a wanted function of its crank?",
+    "assembly": "Plates in layers: can a linkage be built so that its parts pass one another, and how far does it move?",
     "match": "Rotation only: which atlas rows, at which start?",
 }
 """One line of help of each question; their modules are imported when they are asked."""

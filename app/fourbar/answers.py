@@ -65,6 +65,7 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
         **{name: getattr(request, name) for name in ("round_to", "lengths_from", "sensitivity")},
         analysis=analysis_of(request),
         tolerance_study=None if request.tolerance_study is None else request.tolerance_study.model_dump(),
+        assembly=assembly_of(request),
         atlas=resources.atlas if request.effort == "atlas" else None,
         work=resources.work,
         live=None if request.live is None else resources.live(),
@@ -74,6 +75,11 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
 def analysis_of(request: SynthesizeRequest) -> dict[str, Any] | None:
     """What a request says of an analysis."""
     return None if request.analysis is None else request.analysis.model_dump()
+
+
+def assembly_of(request: SynthesizeRequest) -> dict[str, Any] | None:
+    """What a request says of an assembly."""
+    return None if request.assembly is None else request.assembly.model_dump(exclude_none=True)
 
 
 def motion_of(request: SynthesizeRequest) -> dict[str, Any]:

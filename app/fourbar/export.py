@@ -36,7 +36,8 @@ class ExportRequest(RequestModel):
     plates: PlatesRequest | None = Field(None, description="Sizes of the plates; each has a default.")
 
 
-def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
+def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
+    """The solution of a rank of a request that is solved; FieldError where there are fewer."""
     found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if len(found) < rank:
         raise la.FieldError(
@@ -55,7 +56,7 @@ def pointing(change: Callable[[str], str]) -> Iterator[None]:
 
 
 def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> str:
-    best = _ranked(request, 1, resources)
+    best = ranked(request, 1, resources)
     with pointing(lambda _: ""):
         return best.linkage.render(kind, analysis=analysis_of(request))
 
@@ -86,7 +87,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     request = body.request
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
         motion = la.Motion(**motion_of(request))
-        found = None if body.solution else _ranked(request, body.rank, resources)
+        found = None if body.solution else ranked(request, body.rank, resources)
     if body.format == "json":
         return as_json(request, found.to_dict() if found else body.solution.model_dump(mode="json"))
     linkage = found.linkage if found else la.FourBar.from_dict(body.solution.model_dump(), request.degrees)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, create_model
+from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, RequestModel
+from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
 from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_SAMPLES, SAMPLES
@@ -192,6 +193,51 @@ class ToleranceStudyRequest(RequestModel):
     )
 
 
+Rank = Annotated[Count, Field(ge=1, le=100)]
+
+
+class AssemblyOptions(RequestModel):
+    """How plates and pins are made and held; lengths in the unit of the linkage."""
+
+    width: Length | None = Field(None, description="Of the plates. Default: 2.5 holes.")
+    hole: Length | None = Field(
+        None,
+        description="Diameter of the pins. Default: 0.3 of the shortest link, at most 0.05 of the longest.",
+    )
+    thickness: Length | None = Field(None, description="Of the plates. Default: half a hole.")
+    washer: Size | None = Field(None, description="Between two layers. Default: a fifth of the thickness.")
+    clearance: Size | None = Field(
+        None,
+        description="Least gap of parts that pass one another. Default: 0.5 / 165 of the longest link.",
+    )
+    boards: Literal["below", "above", "both", "bar"] = Field(
+        "below",
+        description="Where the fixed pins stand: in a board below or above the links, in one on each side, or in a bar, a plate "
+        "like any other.",
+    )
+    heads: Flag = Field(
+        False, description="Whether pins have heads of 1.8 diameters, in a layer more at each free end."
+    )
+    body: Annotated[list[Point], Field(min_length=3, max_length=MOST_CORNERS + 1)] | None = Field(
+        None,
+        description="Outline of the body, a plate that the coupler carries: corners [x, y] in the body's frame, from the "
+        "requested position and turned with the requested rotation (without one: as at the first sample).",
+    )
+    mounts: dict[Literal["A", "B"], Literal["below", "above", "below+above"]] | None = Field(
+        None, description="How fixed pins must be held, where that matters."
+    )
+    layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
+
+
+def _with_defaults(given: Any) -> Any:
+    """True stands for all defaults, false for nothing."""
+    return ({} if given else None) if isinstance(given, bool) else given
+
+
+def _or_a_flag(schema: dict[str, Any]) -> None:
+    schema["anyOf"].insert(0, {"type": "boolean"})
+
+
 # -- rotation, positions or both ---------------------------------------------------------------------------------------
 
 
@@ -235,10 +281,11 @@ class SynthesizeRequest(CrankMotion):
     tolerances: TolerancesRequest | None = Field(
         None, description="Largest errors allowed; then status `reached` means that every sample keeps them."
     )
-    prefer: Literal["error", "size", "transmission", "crank_span"] | None = Field(
+    prefer: Literal["error", "size", "transmission", "crank_span", "layers"] | None = Field(
         None,
         description="Of linkages inside the tolerances those first with the least error, the smallest links and reach, the best "
-        "transmission angle, or the shortest swing of the crank. Default: `size` with tolerances, otherwise `error`.",
+        "transmission angle, the shortest swing of the crank, or layers over whose fixed pivots nothing passes. "
+        "Default: `size` with tolerances, otherwise `error`.",
     )
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
     effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
@@ -279,4 +326,10 @@ class SynthesizeRequest(CrankMotion):
     )
     tolerance_study: ToleranceStudyRequest | None = Field(
         None, description="Also report what tolerances of manufacture do to the body's motion."
+    )
+    assembly: Annotated[AssemblyOptions | None, BeforeValidator(_with_defaults)] = Field(
+        None,
+        description="Also look for layers in which the parts of each solution pass one another; true: with default sizes. "
+        "Solutions that have some come first.",
+        json_schema_extra=_or_a_flag,
     )

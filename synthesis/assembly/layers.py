@@ -21,6 +21,7 @@ from typing import NamedTuple
 from synthesis.assembly.gaps import Carried, Gaps, Least, Proof, Run
 from synthesis.assembly.machine import WHOLE, Machine
 from synthesis.assembly.shapes import disc
+from synthesis.errors import FieldError
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
@@ -135,10 +136,10 @@ def arrange(machine: Machine, asked: Asked, work: Work) -> Arrangement:
 
     Among free ones of as many layers: most pins held on both sides, then the shortest pins, then the largest least gap.
     """
-    return _Search(machine, asked, work).answer()
+    return Search(machine, asked, work).answer()
 
 
-class _Search:
+class Search:
     """The parts of a machine, what is proved of their pairs, and the search for a stack."""
 
     def __init__(self, machine: Machine, asked: Asked, work: Work) -> None:
@@ -300,7 +301,7 @@ class _Search:
                 continue
             self.tried = 0
             for count in self.counts:
-                free = [stack for stack, _ in self.stacks(count, masks, _Free())]
+                free = [stack for stack, _ in self.stacks(count, masks, Free())]
                 if free:
                     return self._told(status, *self._best(free), None, len(free) - 1, masks)
         self.tried, longest = 0, _Longest(loose)
@@ -309,7 +310,11 @@ class _Search:
             for stack, mask in self.stacks(count, loose, longest):
                 best = stack
                 longest.most = loose.longest(mask)[0]
-        assert best is not None, "two layers hold any chain of plates; more bodies need no more than there are plates"
+        if best is None:
+            raise FieldError(
+                "/layers_most",
+                f"plates on common pins{', with heads,' * self.asked.heads} need more than {self.asked.most} layers",
+            )
         _, first, last = loose.longest(loose.of(best.pairs))
         free_part = None if first is None or last is None else Interval(first, last)
         return self._told("blocked", best, None, free_part, 0, loose)
@@ -501,10 +506,11 @@ class _Bound:
         raise NotImplementedError
 
 
-class _Free(_Bound):
+class Free(_Bound):
     """Those that collide nowhere."""
 
     def lets_pass(self, mask: int) -> bool:
+        """Nothing may be added to a collision."""
         return mask == 0
 
 
@@ -515,4 +521,5 @@ class _Longest(_Bound):
         self.masks, self.most = masks, -1.0
 
     def lets_pass(self, mask: int) -> bool:
+        """More collisions leave shorter parts."""
         return self.masks.longest(mask)[0] > self.most
