@@ -120,7 +120,8 @@ class Limits:
         float | None, Form("length", "sliders", "Longest travel that is used of any rail, slot or cylinder.")
     ] = None
     rail_box: Annotated[
-        Box | None, Form("box", "sliders", "A box for both ends of the used travel of every rail: xmin, ymin, xmax, ymax.")
+        Box | None,
+        Form("box", "sliders", "A box for both ends of the used travel of every rail: xmin, ymin, xmax, ymax."),
     ] = None
     cylinder_dead_length: Annotated[
         float | None, Form("length", "sliders", "Shortest length of a driving cylinder, pin to pin.", least=True)
@@ -130,7 +131,9 @@ class Limits:
     ] = None
     arm_min: Annotated[
         float | None,
-        Form("length", "sliders", "Least moment arm of a slot that is not driven, over the used interval.", least=True),
+        Form(
+            "length", "sliders", "Least moment arm of a slot that is not driven, over the used interval.", least=True
+        ),
     ] = None
 
     def __post_init__(self) -> None:

@@ -5,7 +5,7 @@ Positions are over the length scale from their mean, P, with R = e^{i gamma}. A 
 the ground stays on. In the inverse motion, (P, R) -> (-conj(R) P, conj(R)), body and ground are exchanged: there a slot is a
 rail, and the pin is the point that runs on it. So one set of formulas serves all three, see `Guides`.
 
-Rails need no search. With the normal n of the line, its distance h from the origin and k = conj(m) n, the distance of a pose is ::
+Rails need no search. With the normal n of the line, its distance h from the origin and k = conj(m) n, a pose's distance is ::
 
     n . (Re P, Im P) + [Re R, Im R, -1] . (Re k, Im k, h)
 

@@ -15,8 +15,8 @@ import numpy as np
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.fourbar.limits import REACH, Limits
 from synthesis.free.poses import Poses
-from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
-from synthesis.guided.pairs import OWN, Corrected, Guide
+from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
+from synthesis.guided.pairs import OWN, Corrected, Curve
 from synthesis.guided.solution import GuidedSolution
 from synthesis.mechanism import Box
 from synthesis.target import TURN, Samples
@@ -125,7 +125,9 @@ class Bounds:
         if limits.arm_min is not None:
             arm, change = slopes.arm(sine, change)
             has = second.guide.inverse & ~found.hinge
-            yield _where(has, Bound("arm_min", signs.branch * arm - limits.arm_min / scale, signs.branch[:, None] * change))
+            yield _where(
+                has, Bound("arm_min", signs.branch * arm - limits.arm_min / scale, signs.branch[:, None] * change)
+            )
         for k, at in enumerate(found.at):
             if limits.stroke_max is None and limits.link_max is None:
                 break
@@ -137,8 +139,7 @@ class Bounds:
                 room = Bound("stroke_max", limits.stroke_max / scale - (ends[1] - ends[0]), rates[0] - rates[1])
                 yield _where(at.guide.straight, room)
             if limits.link_max is not None:  # how far out the slot is used
-                place, change = at.place, slopes.framed(k)
-                yield _where(at.guide.inverse, _within("link_max", place, change, limits.link_max / scale))
+                yield _where(at.guide.inverse, _within("link_max", at.place, slopes.framed(k), limits.link_max / scale))
         if limits.cylinder_dead_length is not None or limits.cylinder_extended_max is not None:
             length, change = slopes.extension()
             has = first.guide.inverse & ~found.hinge
@@ -177,14 +178,13 @@ class Bounds:
                 one, other = lengths[a], lengths[b]
                 has = one[2] & other[2]
                 for x, y in ((one, other), (other, one)):
-                    size = np.maximum(np.maximum(x[0], y[0]), 1e-12)
-                    yield _where(has, Bound("link_ratio_max", (ratio * x[0] - y[0]) / size, (ratio * x[1] - y[1]) / size[:, None]))
+                    yield _where(has, Bound("link_ratio_max", x[0] - y[0] / ratio, x[1] - y[1] / ratio))
         for k, guide in enumerate(found.guides):
-            change = slopes.point(k)
+            moved = slopes.point(k)
             if (most := limits.link_max) is not None:
-                yield _where(~guide.inverse, _within("link_max", guide.point, change, most / scale))
+                yield _where(~guide.inverse, _within("link_max", guide.point, moved, most / scale))
             if k == 0 and (most := limits.coupler_radius_max) is not None:
-                yield _where(~guide.inverse, _within("coupler_radius_max", guide.point, change, most / scale))
+                yield _where(~guide.inverse, _within("coupler_radius_max", guide.point, moved, most / scale))
 
     # -- places -----------------------------------------------------------------------------------------------------
 
@@ -318,9 +318,11 @@ class _Slopes:
         below = np.where(np.abs(below) > 1e-12, below, 1e-12)
         value = (np.conj(other.inward) * gap).real / below
         out = np.zeros((len(value), self.size, 1))
-        out[:, 2] = ((np.conj(other.inward) * (-1j * guide.offset * guide.inward)).real + value * (np.conj(other.inward) * guide.inward).real) / below
-        out[:, 3] = -(np.conj(other.inward) * guide.inward).real / below
-        out[:, 7] = ((np.conj(1j * other.inward) * (gap - value * along)).real + (np.conj(other.inward) * (1j * other.offset * other.inward)).real) / below
+        across = np.conj(other.inward)
+        swung = -guide.offset * (across * along).real + value * (across * guide.inward).real
+        out[:, 2] = swung / below
+        out[:, 3] = -(across * guide.inward).real / below
+        out[:, 7] = (np.conj(1j * other.inward) * (gap - value * along)).real / below
         out[:, 8] = 1.0 / below
         return value, out
 
@@ -342,7 +344,7 @@ def _distance(gap: Complexes, change: Complexes) -> tuple[Floats, Floats]:
     return size, (along[:, None] * change).real
 
 
-def _centre_change(guide: Guide) -> Complexes:
+def _centre_change(guide: Curve) -> Complexes:
     """Derivatives of a circle's centre by its unknowns, (n, 5, 1)."""
     bent = np.where(guide.straight, 1.0, guide.curvature)
     out = np.zeros((len(bent), OWN, 1), dtype=complex)
@@ -396,7 +398,7 @@ def _pin(guide: Guide) -> complex:
 
 
 def broken_limits(solution: GuidedSolution, samples: Samples, limits: Limits) -> dict[str, float]:
-    """By how much a linkage breaks limits over what it uses of its drive, by name, as a part of the motion's extent or in radians."""
+    """By how much a linkage breaks limits over what it uses, by name: as a part of the motion's extent, or in radians."""
     extent, middle = samples.extent, samples.middle
     linkage = solution.linkage
     missing: dict[str, float] = {}
@@ -448,15 +450,15 @@ def broken_limits(solution: GuidedSolution, samples: Samples, limits: Limits) ->
     _lengths(solution, limits, extent, least)
     if limits.envelope is not None:
         q = linkage.start + linkage.over(solution.interval)
-        for place in _traced(linkage, q):
+        for way in _traced(linkage, q):
             box = limits.envelope
-            least("envelope", float(np.max([_outside(one, box) for one in place])) / extent)
+            least("envelope", float(np.max([_outside(one, box) for one in way])) / extent)
     return missing
 
 
 def _lengths(solution: GuidedSolution, limits: Limits, extent: float, least: Callable[[str, float], None]) -> None:
     lengths = lengths_of(solution)
-    for name, length in lengths.items():
+    for length in lengths.values():
         least("link_max", (length - (limits.link_max or np.inf)) / extent)
         least("link_min", ((limits.link_min or 0.0) - length) / extent)
     for name, given in zip(("crank", "coupler", "rocker", "ground"), limits.links):

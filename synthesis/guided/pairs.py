@@ -66,7 +66,7 @@ class Pairs(NamedTuple):
         )
 
     @property
-    def count(self) -> int:
+    def number(self) -> int:
         """How many."""
         return self.hinge.size
 
@@ -94,14 +94,15 @@ class Samples(NamedTuple):
             for mean, part in ((poses.rotation_mean, poses.rotation), (poses.position_mean, poses.position))
         ]
         missing = [root == 0 for root in roots]
-        turn, place = (
+        variances = [
             np.where(gone, _UNKNOWN, 1 / np.where(gone, 1.0, root) ** 2) for gone, root in zip(missing, roots)
-        )
+        ]
         position = (poses.position - poses.middle) / poses.length_scale
-        return cls(np.asarray(rotation, dtype=float), position, turn, place, *missing, np.zeros(poses.samples) if drive is None else drive)
+        given = np.zeros(poses.samples) if drive is None else drive
+        return cls(np.asarray(rotation, dtype=float), position, variances[0], variances[1], missing[0], missing[1], given)
 
     @property
-    def count(self) -> int:
+    def number(self) -> int:
         """How many."""
         return self.angle.size
 
@@ -141,7 +142,7 @@ class Chart:
         return Pairs(guides[0], guides[1], self.pairs.hinge)
 
 
-class Guide:
+class Curve:
     """One guide of each candidate: numbers (n, 1) that do not depend on the pose."""
 
     def __init__(self, unknowns: Floats, labels: Floats) -> None:
@@ -164,7 +165,7 @@ class Guide:
 class At:
     """A guide of each candidate at poses, (n, N); derivatives by the pose are complex numbers q: Re(conj(q) dP)."""
 
-    def __init__(self, guide: Guide, angle: Floats, position: Complexes) -> None:
+    def __init__(self, guide: Curve, angle: Floats, position: Complexes) -> None:
         self.guide = guide
         turned = np.exp(1j * angle)
         inverse, point = guide.inverse, guide.point
@@ -261,7 +262,7 @@ class Corrected:
 
     def __init__(self, samples: Samples, unknowns: Floats, labels: Floats, sweeps: int = _SWEEPS) -> None:
         self.samples, count = samples, len(unknowns)
-        self.guides = Guide(unknowns[:, :OWN], labels[:, 1:6]), Guide(unknowns[:, OWN:], labels[:, 6:11])
+        self.guides = Curve(unknowns[:, :OWN], labels[:, 1:6]), Curve(unknowns[:, OWN:], labels[:, 6:11])
         self.hinge = labels[:, :1] > 0
         given_angle, given = np.tile(samples.angle, (count, 1)), np.tile(samples.position, (count, 1))
         angle, position = given_angle, given
@@ -401,12 +402,10 @@ class Driven(Corrected):
     An eleventh unknown is the drive at the first sample. ``rows`` are the weighted differences to the given poses.
     """
 
-    def __init__(
-        self, samples: Samples, unknowns: Floats, labels: Floats, sign: Floats, sweeps: int = 8
-    ) -> None:
+    def __init__(self, samples: Samples, unknowns: Floats, labels: Floats, sign: Floats, sweeps: int = 8) -> None:
         """``sign`` (n, 1): along which of its coordinate's ways a candidate counts the drive."""
         self.samples, count = samples, len(unknowns)
-        self.guides = Guide(unknowns[:, :OWN], labels[:, 1:6]), Guide(unknowns[:, OWN : 2 * OWN], labels[:, 6:11])
+        self.guides = Curve(unknowns[:, :OWN], labels[:, 1:6]), Curve(unknowns[:, OWN : 2 * OWN], labels[:, 6:11])
         self.hinge = labels[:, :1] > 0
         wanted = unknowns[:, 2 * OWN :] + sign * samples.drive
         angle, position = np.tile(samples.angle, (count, 1)), np.tile(samples.position, (count, 1))
@@ -438,7 +437,11 @@ class Driven(Corrected):
 
     def _gaps(self, wanted: Floats) -> list[Floats]:
         off = self.drive() - wanted
-        return [self.at[0].distance, self.at[1].distance, np.where(self._turns, off - TURN * np.round(off / TURN), off)]
+        return [
+            self.at[0].distance,
+            self.at[1].distance,
+            np.where(self._turns, off - TURN * np.round(off / TURN), off),
+        ]
 
     def _factor(self) -> None:
         """The inverse of the three equations' derivatives by the pose, (n, N, 3, 3)."""

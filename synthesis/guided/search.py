@@ -49,6 +49,7 @@ _EXACT = 1e-6
 """Rms distance, over the length scale, of guides that may be a pair that fits exactly."""
 _DIRECTIONS = 24
 """Rails and slots of further directions: one that is worse alone may be better in a pair."""
+_ALL_WAYS: Floats = np.linspace(0.0, np.pi, _DIRECTIONS, endpoint=False)
 _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
 """Points that circles, rails and slots are begun with: distances from the middle of the motion, and so many around it."""
 _SEEDS, _HOPS = 12, 8
@@ -69,6 +70,7 @@ _TIGHTENED = 3
 """So often a descent is repeated for what falls short between the samples."""
 _LOOKED_AT_WHOLE = 3
 """Candidates of each drive whose motion is looked at between the samples."""
+_LARGEST = 1e100
 _TURNS = 1e-3
 """Sine of the angle between two rails, or two slots, below which a body never turns."""
 _EQUAL = 1e-8
@@ -166,8 +168,9 @@ def _exact_lines(motion: Motion) -> Lines:
     lines = Straight(motion)
     best, error = lines.stationary()
     if motion.position.size == 3 or error[1] < _EXACT:  # a pencil: one in every direction
-        return lines.along(np.arange(_DIRECTIONS) * (np.pi / _DIRECTIONS))
-    return Lines(*(column[error < _EXACT] for column in best))
+        return lines.along(_ALL_WAYS)
+    fits = error < _EXACT
+    return Lines(best.point[fits], best.foot[fits], best.normal[fits])
 
 
 def near_guides(body: Body, sorts: set[Any]) -> Sorts:
@@ -178,9 +181,9 @@ def near_guides(body: Body, sorts: set[Any]) -> Sorts:
         if sort not in sorts:
             continue
         lines = Straight(seen) if seen.position.size > 2 else None
-        found = [lines_of(seen, _points(1.0) + (0 if k == 0 else 0))]
+        found = [lines_of(seen, _points(1.0))]
         if lines is not None:
-            found += [lines.stationary()[0], lines.along(np.arange(_DIRECTIONS) * (np.pi / _DIRECTIONS))]
+            found += [lines.stationary()[0], lines.along(_ALL_WAYS)]
         straight[k] = found[0].as_guides(k == 1).joined(*(one.as_guides(k == 1) for one in found[1:]))
     if Circle not in sorts:
         return Sorts(_no_guides(), *straight)
@@ -199,8 +202,8 @@ def _points(scale: float) -> Any:
 
 
 def _no_guides() -> Guides:
-    nothing = np.zeros(0)
-    return Guides(nothing + 0j, nothing + 0j, nothing, nothing, nothing > 0)
+    nothing, nowhere = np.zeros(0), np.zeros(0, dtype=complex)
+    return Guides(nowhere, nowhere, nothing, nothing, nothing > 0)
 
 
 def pairs_of(sorts: Sorts, ways: Sequence[Drive]) -> tuple[Pairs, Ints]:
@@ -272,7 +275,11 @@ class Search:
         return pairs.first.straight & ~pairs.hinge
 
     def descended(
-        self, begin: Candidates, stages: Sequence[tuple[int, float, int]], samples: Samples, margin: Floats | None = None
+        self,
+        begin: Candidates,
+        stages: Sequence[tuple[int, float, int]],
+        samples: Samples,
+        margin: Floats | None = None,
     ) -> Candidates:
         """Candidates after descents in which broken limits weigh more from stage to stage; their J squared alone."""
         for steps, weight, sweeps in stages:
@@ -329,7 +336,7 @@ class Search:
         return np.where(cylinder, np.sign(extension(at)), np.where(slides, way * np.sign(at.samples.drive[-1]), 1.0))
 
     def _timing(self, at: Corrected, sign: Floats) -> tuple[Floats, Floats]:
-        """The drive at the first sample (n, 1) for which the given one comes nearest to their own, and how near, squared, (n,)."""
+        """The drive at the first sample (n, 1) for which the given one is nearest to their own, and how near, squared, (n,)."""
         off = at.drive() - sign * at.samples.drive
         if self.ways[0].driver.turns:
             first = np.angle(np.mean(np.exp(1j * off), axis=1))[:, None]
@@ -351,9 +358,7 @@ class Search:
             labels = np.concatenate([chart.labels, extra], axis=1)
 
             def priced(unknowns: Floats, own: Floats, weight: float = weight) -> Evaluation:
-                return self._bounded_at(
-                    Driven(self.samples, unknowns, own[:, :11], own[:, 14:15]), own, weight
-                )
+                return self._bounded_at(Driven(self.samples, unknowns, own[:, :11], own[:, 14:15]), own, weight)
 
             done = minimise(priced, x, labels, steps, 0.0, self.work, 1e-6, 1e-3)
             begin = begin._replace(pairs=chart.pairs_at(done.unknowns), cost=done.cost)
@@ -394,7 +399,7 @@ class Search:
         """Pairs of exact guides, refined together; several kinds at once."""
         sorts = exact_guides(self.body, self.sorts)
         pairs, drive = pairs_of(sorts, self.ways)
-        if not pairs.count:
+        if not pairs.number:
             return None
         if self.body.position.size <= FEW:
             pairs, drive = self._spread(pairs, drive)
@@ -402,7 +407,9 @@ class Search:
 
     def _refined(self, begin: Candidates) -> Candidates:
         chart = Chart(begin.pairs)
-        done = minimise(lambda x, own: evaluate(self.samples, x, own), chart.start, chart.labels, 12, 0.0, None, 0.1, 1e-8)
+        done = minimise(
+            lambda x, own: evaluate(self.samples, x, own), chart.start, chart.labels, 12, 0.0, None, 0.1, 1e-8
+        )
         found = self.measured(chart.pairs_at(done.unknowns), begin.drive, self.samples, 4)
         self.seeds += begin.cost.size
         return found
@@ -485,7 +492,6 @@ class Search:
         pairs = chart.pairs_at(chart.start + noise)
         self.seeds += count
         return self.measured(pairs, begin.drive, self.few, 2)
-
 
     # -- rounds -----------------------------------------------------------------------------------------------------
 
@@ -666,6 +672,8 @@ class Search:
             return None
         linkage = replace(linkage, branch=1 if sine[0] > 0 else -1, start=float(drive[0]))
         travel = drive - drive[0]
+        if not np.isfinite(linkage.body(drive).rotation).all():
+            return None
         found = assess(poses, linkage, poses.whole(travel) if way.driver.turns else travel)
         return found if np.isfinite(found.errors.objective) else None
 
@@ -732,8 +740,9 @@ def search_guided(
     driver: Driver | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
+    given: Floats | None = None,
 ) -> tuple[list[GuidedSolution], SearchReport]:
-    """The best linkages with sliders for poses whose drive is free.
+    """The best linkages with sliders for poses whose drive is free, or given.
 
     Parameters
     ----------
@@ -748,6 +757,9 @@ def search_guided(
         J below it is exact.
     work : Work, optional
         Once it has expired the best found so far is returned.
+    given : ndarray, shape (N,), optional
+        The drive at the samples, from the first one: radians, or the unit of length, as its ``driver`` has it. Without a driver
+        those of sliders and cylinders.
 
     Returns
     -------
@@ -757,7 +769,10 @@ def search_guided(
     report : SearchReport
     """
     work = work or Work()
-    search = Search(poses, limits, drives(kinds, driver), tolerance, work)
+    ways = drives(kinds, driver)
+    if given is not None and driver is None:
+        ways = [way for way in ways if not way.driver.turns]
+    search = Search(poses, limits, ways, tolerance, work, given)
     ended = search.run()
     solutions = search.solutions()
     reached = not search._left.size
@@ -798,20 +813,21 @@ def _errors(guides: Guides, motion: Motion) -> Floats:
 
 def _condensed(stack: Floats) -> Floats:
     """Rows (n, m, k) as m rows with the same products."""
+    proper = (np.abs(stack) < _LARGEST).all(axis=(1, 2))  # no number that is none among them
+    stack = np.where(proper[:, None, None], stack, 0.0)
     product = stack @ stack.transpose(0, 2, 1)
     size = np.einsum("nii->ni", product).max(axis=1)
     count = product.shape[1]
     product[:, np.arange(count), np.arange(count)] += (1e-13 * size + 1e-40)[:, None]
-    out: Floats = np.linalg.cholesky(product)
-    return out
+    return np.where(proper[:, None, None], np.linalg.cholesky(product), np.nan)
 
 
 def _some(samples: Samples, most: int, few: int) -> Samples:
     """All samples, or of many a few evenly chosen, whose cost stands for the others."""
-    if samples.count <= most:
+    if samples.number <= most:
         return samples
-    kept = np.unique(np.round(np.linspace(0, samples.count - 1, few)).astype(int))
-    share = kept.size / samples.count
+    kept = np.unique(np.round(np.linspace(0, samples.number - 1, few)).astype(int))
+    share = kept.size / samples.number
     some = Samples(*(column[kept] for column in samples))
     turn, place = some.rotation_variance, some.position_variance
     return some._replace(

@@ -15,7 +15,7 @@ _WIDTH = 1.2
 def random_motion(random: np.random.Generator, kind: str, samples: int) -> tuple[Floats, Complexes, Floats]:
     """Rotation, position and drive of a random linkage that turns its body by 0.2 rad and more.
 
-    The drive is the first guide's of the kind's name: crank, crank, slider, slider, cylinder (its length, from pin to meeting point).
+    The drive is the first guide's of the kind's name: crank, crank, slider, slider, cylinder (from pin to meeting point).
     """
     while True:
         drive, angle, place = _FORMULAS[kind](random, samples)
@@ -23,7 +23,11 @@ def random_motion(random: np.random.Generator, kind: str, samples: int) -> tuple
             continue
         # any point of the body, and the whole anywhere
         point = complex(*random.normal(size=2))
-        turn, size, shift = random.uniform(0, 2 * np.pi), 10 ** random.uniform(0, 2), complex(*random.normal(size=2)) * 50
+        turn, size, shift = (
+            random.uniform(0, 2 * np.pi),
+            10 ** random.uniform(0, 2),
+            complex(*random.normal(size=2)) * 50,
+        )
         place = place + point * np.exp(1j * angle)
         if np.abs(place - place.mean()).max() < 0.2:
             continue
