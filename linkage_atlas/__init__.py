@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from linkage_atlas.answers import Match, Matches, Result, Solution
+    from linkage_atlas.answers import GuidedSolution, Match, Matches, Result, Solution
     from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
@@ -38,7 +38,7 @@ _HOMES = {
     "linkage_atlas.linkages": ("FourBar", "Joints", "assembly"),
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.assemblies": ("Assembly",),
-    "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
+    "linkage_atlas.answers": ("Result", "Solution", "GuidedSolution", "Matches", "Match"),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
     "linkage_atlas.many_requests": ("study", "StudyLocked"),
     "linkage_atlas.commands": ("BATCH_COMMANDS", "add_batch_commands", "run_batch"),
@@ -60,6 +60,7 @@ __all__ = [
     "FunctionSolution",
     "GuidedJoints",
     "GuidedLinkage",
+    "GuidedSolution",
     "Joints",
     "Limits",
     "Live",

@@ -8,11 +8,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, overload
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, cast, overload
 
 import numpy as np
 
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
+from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, guides_of
+from linkage_atlas.guided_studies import GuidedAnalysis
+from linkage_atlas.guided_studies import analysed as guided_analysed
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
@@ -31,11 +34,15 @@ from synthesis.errors import FieldError
 from synthesis.fourbar import solution as search
 from synthesis.fourbar.determination import Sensitivity, determinations, determinations_within, sensitivities
 from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
 from synthesis.free.poses import Poses
 from synthesis.free.search import in_turn
+from synthesis.guided import solution as guided
+from synthesis.guided.linkage import of_four_bar
+from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.ranking import Errors, Status
 from synthesis.work import Work
 
@@ -147,6 +154,10 @@ class Solution(Record):
     """A row of the atlas as it is, or what a search found."""
     type: AtlasType | None
     """The row of the atlas that it is, if it is one."""
+    kind: Literal["four_bar"] = "four_bar"
+    driver: Literal["crank"] = "crank"
+    guides: list[CircleGuide] | None = None
+    """The same as two circles, that of the crank first, in the body's frame; null where nothing is mounted."""
     links: Links
     branch: Literal[-1, 1]
     start_angle: float
@@ -214,11 +225,70 @@ class Solution(Record):
 
     def errors_in_words(self) -> str:
         """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
-        largest = {"rotation": self.errors.rotation_max, "position": self.errors.position_max}
-        unit = {"rotation": " deg" if self.linkage.degrees else " rad", "position": ""}
-        return ", ".join(
-            f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None
-        )
+        return _in_words(self.errors, self.linkage.degrees)
+
+
+class GuidedOrigin(NamedTuple):
+    """What a solution with rails or slots is described from."""
+
+    found: guided.GuidedSolution
+    motion: Motion
+    """With the travel of the solution's own drive in the place of crank angles."""
+    limits: Limits
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuidedSolution(Record):
+    """A body on two guides that answers a request, rails and slots among them, and how well."""
+
+    rank: int
+    """From 1, by what was preferred."""
+    source: Literal["refined"] = "refined"
+    kind: Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+    driver: DriverName
+    """What moves the first guide."""
+    guides: list[AnyGuide]
+    """The driven one first; body points and directions are in the body's frame."""
+    branch: Literal[-1, 1]
+    """Sign of the sine of the transmission angle."""
+    start: float
+    """The drive's coordinate at the first sample: direction of crank or slot in the plane, place along rail or slot."""
+    crank_angle: Floats | None = None
+    """Of a crank or hinge at each sample from the first."""
+    travel: Floats | None = None
+    """Of a slider or cylinder at each sample from the first."""
+    errors: Errors
+    verdict: Verdict
+    excursion: float | None = None
+    """With free timing: the largest way of the body point between two neighbouring samples over their distance, which counts as
+    at least 5 % of the motion's extent."""
+    size: float | None = None
+    """Largest of radii, used slots, body points and the distances of fixed pivots, pins and used rails from the motion's middle,
+    over the motion's extent."""
+    transmission_angle_min: float
+    """Over the used interval, exactly."""
+    transmission_angle_min_turn: float | None
+    """Over the whole turn; null if the drive does not turn fully."""
+    arm_min: float
+    """Least moment arm of the second guide's push about the driven guide's pin, over the used interval."""
+    analysis: GuidedAnalysis | None = field(default=None, repr=False)
+    linkage: GuidedLinkage = field(metadata=KEPT)
+    """It moves, draws and saves itself."""
+    origin: GuidedOrigin = field(metadata=KEPT, repr=False)
+
+    def studied(self, work: Work | None = None, **studies: Any) -> GuidedSolution:
+        """The same solution with studies of it: ``analysis``, as of `Solution.studied`."""
+        for name in studies:
+            if name not in STUDIES:
+                raise FieldError.no_such("", name, STUDIES, "study")
+        return _guided_studied(self, read_studies(studies, self.origin.motion), work or Work())
+
+    def errors_in_words(self) -> str:
+        """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
+        return _in_words(self.errors, self.linkage.degrees)
+
+
+AnySolution = Solution | GuidedSolution
 
 
 @dataclass(frozen=True)
@@ -255,7 +325,7 @@ class Ranked(Sequence[One]):
     """What can be indexed, counted and iterated as the list of its answers, best first; false where there are none."""
 
     @property
-    def _answers(self) -> list[One]:
+    def _answers(self) -> Sequence[One]:
         raise NotImplementedError
 
     @overload
@@ -265,14 +335,15 @@ class Ranked(Sequence[One]):
     def __getitem__(self, place: slice) -> list[One]: ...
 
     def __getitem__(self, place: int | slice) -> One | list[One]:
-        return self._answers[place]
+        found = self._answers[place]
+        return list(cast("Sequence[One]", found)) if isinstance(place, slice) else cast("One", found)
 
     def __len__(self) -> int:
         return len(self._answers)
 
 
 @dataclass(frozen=True)
-class Result(Record, Ranked[Solution]):
+class Result(Record, Ranked[AnySolution]):
     """The answer to `linkage_atlas.synthesize`: solutions, best first, and a report.
 
     ``result[0]``, ``len(result)`` and ``for solution in result`` are those of ``solutions``; a result without any is false.
@@ -282,20 +353,20 @@ class Result(Record, Ranked[Solution]):
     """
 
     status: StatusName
-    solutions: list[Solution]
+    solutions: list[Solution | GuidedSolution]
     report: Report
 
     @property
-    def _answers(self) -> list[Solution]:
+    def _answers(self) -> list[AnySolution]:
         return self.solutions
 
     @property
-    def best(self) -> Solution:
+    def best(self) -> AnySolution:
         """The best solution; IndexError where there is none."""
         return self.solutions[0]
 
     @property
-    def linkage(self) -> FourBar:
+    def linkage(self) -> FourBar | GuidedLinkage:
         """The linkage of the best solution."""
         return self.best.linkage
 
@@ -367,6 +438,12 @@ class Matches(Record, Ranked[Match]):
             for m in self.matches
         ]
         return "\n".join([f"{len(self.matches)} matches", *rows])
+
+
+def _in_words(errors: Errors, degrees: bool) -> str:
+    largest = {"rotation": errors.rotation_max, "position": errors.position_max}
+    unit = {"rotation": " deg" if degrees else " rad", "position": ""}
+    return ", ".join(f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None)
 
 
 # -- from what a search found to what a user reads --------------------------------------------------------------------
@@ -464,6 +541,7 @@ def _described(
                 rank=0,
                 source="refined" if kind is None else "atlas",
                 type=kind,
+                guides=_circles(one.linkage),
                 **linkage.dimensions._asdict(),
                 crank_angle=in_turn(own.target.crank, samples.ordered) / radian
                 if isinstance(samples, Poses)
@@ -484,6 +562,81 @@ def _described(
             )
         )
     return solutions
+
+
+def _circles(linkage: Linkage) -> list[CircleGuide] | None:
+    if not linkage.mounted:
+        return None
+    return [one for one in guides_of(of_four_bar(linkage), 1.0, None) if isinstance(one, CircleGuide)]
+
+
+def finished_guided(
+    found: Sequence[guided.GuidedSolution], motion: Motion, limits: Limits, studies: Studies, work: Work
+) -> list[GuidedSolution]:
+    """Solutions with rails or slots in the user's unit, with what else was asked for, in the order they come in but for verdicts.
+
+    Once the work's time is up no further ones are finished; the first always is.
+    """
+    solutions: list[GuidedSolution] = []
+    for one in found:
+        if solutions and work.expired():
+            break
+        solutions.append(_guided_studied(_guided_described(one, motion, limits), studies, work))
+    solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
+    return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+
+
+def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits) -> GuidedSolution:
+    """A solution without studies."""
+    samples, radian, allowed = motion.samples, motion.radian, motion.tolerances
+    target = guided.as_target(samples, one.linkage, one.travel)
+    own = Motion.of(target, motion.degrees, allowed)
+    way: dict[str, bool] = {"timed": True}
+    strays = None
+    if isinstance(samples, Poses):
+        way = {"ordered": samples.ordered, "closed": samples.closed}
+        strays = guided.excursion(one, samples, samples.ordered)
+    passed = guided_verdict(one.linkage, one.linkage.start + target.crank, **way)
+    reasons, within = list(passed.reasons), None
+    if allowed is not None:
+        shares = allowed.shares(target, one.linkage)
+        within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
+        if not within:
+            reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
+    faults = guided.practical_faults(one, target, limits, strays)
+    linkage = GuidedLinkage.of(one.linkage, radian, target)
+    turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
+    kind: Any = one.linkage.kind.value
+    return GuidedSolution(
+        rank=0,
+        kind=kind,
+        driver=one.linkage.driver.value,
+        guides=linkage.guides,
+        branch=-1 if one.linkage.branch < 0 else 1,
+        start=linkage.start,
+        crank_angle=target.crank / radian if turns and motion.free else None,
+        travel=None if turns or not motion.free else target.crank,
+        errors=_in_unit(one.errors, radian),
+        verdict=verdict_of(passed, within, [*reasons, *faults], practical=not faults),
+        excursion=strays,
+        size=guided.size_of(one, target),
+        transmission_angle_min=one.transmission_angle_min / radian,
+        transmission_angle_min_turn=None if turn is None else turn / radian,
+        arm_min=one.linkage.arm_over(target.interval.after(one.linkage.start)),
+        linkage=linkage,
+        origin=GuidedOrigin(one, own, limits),
+    )
+
+
+def _guided_studied(solution: GuidedSolution, studies: Studies, work: Work) -> GuidedSolution:
+    """A solution with what else was asked of it."""
+    work.check()
+    one, own, _ = solution.origin
+    done: dict[str, Any] = {}
+    if studies.drive is not None:
+        target = own.target
+        done["analysis"] = guided_analysed(one.linkage, studies.drive, target.crank, own.radian, target.interval)
+    return replace(solution, **done) if done else solution
 
 
 def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -> Solution:

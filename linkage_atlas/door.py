@@ -317,7 +317,7 @@ def synthesize(
     if live is not None and course.left is not None:
         live.state = course.left.packed()
     status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
-    return Result(status, solutions, report)
+    return Result(status, list(solutions), report)
 
 
 # -- the search -------------------------------------------------------------------------------------------------------

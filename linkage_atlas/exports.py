@@ -60,7 +60,7 @@ def text_of(
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
     if not isinstance(linkage, Linkage):
-        return _guided_text(linkage, target, radian, kind, length_unit)
+        return _guided_text(linkage, target, radian, kind, length_unit, analysis)
     if kind == "csv":
         drive = None if analysis is None else read_drive(analysis, linkage.mounted)
         more = None if drive is None else analysed(linkage, drive, target.crank, radian).columns()
@@ -81,14 +81,25 @@ _FOUR_BARS_ONLY = {
 }
 
 
-def _guided_text(linkage: GuidedLinkage, target: Target, radian: float, kind: str, length_unit: str) -> str:
+def _guided_text(
+    linkage: GuidedLinkage,
+    target: Target,
+    radian: float,
+    kind: str,
+    length_unit: str,
+    analysis: Mapping[str, Any] | None,
+) -> str:
     """The same of a body on two guides, rails and slots among them."""
+    from linkage_atlas.guided_studies import analysed
+    from linkage_atlas.studies import read_drive
     from synthesis.guided import files
 
     if kind in _FOUR_BARS_ONLY:
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     if kind == "csv":
-        return files.to_csv(linkage, target, radian)
+        drive = None if analysis is None else read_drive(analysis, True)
+        more = None if drive is None else analysed(linkage, drive, target.crank, radian).columns()
+        return files.to_csv(linkage, target, radian, more)
     if kind == "svg":
         return files.to_svg(linkage, target)
     if kind not in ("dxf", "mjcf"):

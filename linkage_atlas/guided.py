@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.exports import kind_of, text_of
+from linkage_atlas.guided_studies import GuidedAnalysis, analysed
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import plain
+from linkage_atlas.studies import read_drive
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.guided import linkage as guided
@@ -250,12 +252,34 @@ class GuidedLinkage:
 
         Default: over the motion that it answers, or else over a whole turn.
         """
-        interval = self._default_motion().interval
+        if first is None or last is None:
+            interval = self._default_motion().interval
         ends = [
             interval.first if first is None else first * self._unit,
             interval.last if last is None else last * self._unit,
         ]
         return self._linkage.transmission_angle_over(Interval(*ends).after(self._linkage.start)) / self._radian
+
+    def analysis(
+        self, speed: float, load: Mapping[str, Any] | None = None, travel: ArrayLike | None = None
+    ) -> GuidedAnalysis:
+        """Velocities, accelerations and, with a load, the torque or force of the drive and the forces of the guides.
+
+        Parameters
+        ----------
+        speed : float
+            Of the drive, constant: in the unit of angle of a crank or hinge, or the unit of length, a second.
+        load : mapping, optional
+            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it.
+        travel : array_like, shape (n,), optional
+            Of the drive from its start on. Default: the samples of the motion that it answers (or a whole turn), with the
+            `curve` over their interval.
+        """
+        drive = read_drive({"crank_speed": speed, "load": load}, True)
+        if travel is not None:
+            return analysed(self._linkage, drive, np.atleast_1d(column("travel", travel)) * self._unit, self._radian)
+        target = self._default_motion()
+        return analysed(self._linkage, drive, target.crank, self._radian, target.interval)
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 

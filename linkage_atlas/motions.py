@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.tables import decoded, request_from_csv
-from synthesis.arrays import Floats
+from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.linkage import Linkage
 from synthesis.free.dyads import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
+from synthesis.guided.linkage import GuidedLinkage
 from synthesis.target import (
     HOW_TURNED,
     MAX_LENGTH,
@@ -69,21 +70,30 @@ class Tolerances:
             square += float(np.mean((self.position / samples.length_scale) ** 2))
         return float(np.sqrt(square))
 
-    def shares(self, target: Target, linkage: Linkage) -> Floats:
+    def shares(self, target: Target, linkage: Linkage | GuidedLinkage) -> Floats:
         """Each sample's largest error over what is allowed, (N,); a missing part counts as kept."""
-        joints = linkage.joints(target.crank)
+        rotation, points = _moved(linkage, target.crank)
         share = np.zeros(target.samples)
         if self.rotation is not None and target.rotation is not None:
-            off = target.rotation - joints.rotation
+            off = target.rotation - rotation
             if target.found:  # whole turns do not count
                 off -= TURN * np.round(off / TURN)
             gap = target.rotation_mean.given(np.abs(off))
             share = np.maximum(share, gap / self.rotation)
         if self.position is not None and target.position is not None:
-            assert joints.body_point is not None
-            gap = target.position_mean.given(np.abs(target.position - joints.body_point))
+            assert points is not None
+            gap = target.position_mean.given(np.abs(target.position - points))
             share = np.maximum(share, gap / self.position)
         return share
+
+
+def _moved(linkage: Linkage | GuidedLinkage, travel: Floats) -> tuple[Floats, Complexes | None]:
+    """Rotation and place of the body at travel (n,) of the drive from the first sample."""
+    if isinstance(linkage, GuidedLinkage):
+        found = linkage.body(linkage.start + travel)
+        return found.rotation, found.position
+    joints = linkage.joints(travel)
+    return joints.rotation, joints.body_point
 
 
 class Motion:

@@ -12,7 +12,7 @@ from pydantic import Field, Strict
 import linkage_atlas as la
 from app.fourbar import worked_example
 from app.fourbar.answers import analysis_of, answer_synthesize, is_long, motion_of
-from app.fourbar.models import FarLength, GivenSolution, SynthesizeRequest
+from app.fourbar.models import FarLength, GivenLinkage, SynthesizeRequest
 from app.query import FILES, Files, LengthUnit, RequestModel, Resources
 
 
@@ -27,7 +27,7 @@ class ExportRequest(RequestModel):
     """A motion, one of its solutions, and the kind of file that is wanted."""
 
     request: SynthesizeRequest = Field(description="The request of /v1/synthesize; angles are in its unit.")
-    solution: GivenSolution | None = Field(
+    solution: GivenLinkage | None = Field(
         None, description="One of the reply's solutions. Without it the request is solved."
     )
     rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(1, description="Which solution, if none is given.")
@@ -36,7 +36,7 @@ class ExportRequest(RequestModel):
     plates: PlatesRequest | None = Field(None, description="Sizes of the plates; each has a default.")
 
 
-def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
+def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution | la.GuidedSolution:
     """The solution of a rank of a request that is solved; FieldError where there are fewer."""
     found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if len(found) < rank:
@@ -57,7 +57,7 @@ def pointing(change: Callable[[str], str]) -> Iterator[None]:
 
 def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> str:
     best = ranked(request, 1, resources)
-    with pointing(lambda _: ""):
+    with pointing(lambda field: field if field == "/format" else ""):
         return best.linkage.render(kind, analysis=analysis_of(request))
 
 
@@ -80,21 +80,23 @@ def as_json(request: RequestModel, solution: Any) -> bytes:
     return json.dumps(content, indent=1, allow_nan=False).encode()
 
 
-_PREFIXES = {"crank_angle": "/solution", "analysis": "/request"}
+_PREFIXES = {"crank_angle": "/solution", "travel": "/solution", "analysis": "/request"}
 
 
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
-    request = body.request
+    request, given = body.request, body.solution
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
         motion = la.Motion(**motion_of(request))
-        found = None if body.solution else ranked(request, body.rank, resources)
+        found = None if given else ranked(request, body.rank, resources)
+    with pointing(lambda field: "/solution" + field):
+        linkage = found.linkage if found else given.linkage(request.degrees)
     if body.format == "json":
-        return as_json(request, found.to_dict() if found else body.solution.model_dump(mode="json"))
-    linkage = found.linkage if found else la.FourBar.from_dict(body.solution.model_dump(), request.degrees)
-    crank = found.crank_angle if found else body.solution.crank_angle
+        return as_json(request, found.to_dict() if found else given.model_dump(mode="json", exclude_none=True))
+    one = found or given
+    place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     with pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
         plates = None if body.plates is None else body.plates.model_dump(exclude_none=True)
-        text = linkage.render(body.format, motion, body.length_unit, crank, analysis_of(request), plates)
+        text = linkage.render(body.format, motion, body.length_unit, place, analysis_of(request), plates)
     return text.encode()
 
 

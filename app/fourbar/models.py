@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
+import linkage_atlas as la
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, RequestModel
 from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.limits import LIMITS
@@ -109,6 +110,7 @@ LimitsRequest = limits_request(
 
 FarLength = Annotated[Number, Field(ge=1e-100, le=1e100)]
 FarCoordinate = Annotated[Number, Field(ge=-1e100, le=1e100)]
+FarPoint = Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
 Angle = Annotated[Number, Field(ge=-1e9, le=1e9)]
 
 
@@ -145,6 +147,45 @@ class GivenSolution(_ReplyPart):
     body_offset: Angle | None = None
     mount: GivenMount | None = None
     crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
+
+
+class GivenGuide(_ReplyPart):
+    """A guide of a solution with rails or slots: what belongs to its sort is checked where it is used."""
+
+    guide: Literal["circle", "rail", "slot"]
+    body_point: FarPoint
+    pivot: FarPoint | None = None
+    radius: FarLength | None = None
+    point: FarPoint | None = None
+    direction: Angle | None = None
+    pin: FarPoint | None = None
+    body_direction: Angle | None = None
+
+
+class GivenLinkage(_ReplyPart):
+    """One of the `solutions` of a reply, as it came or changed: with `links` a four-bar, else with `guides` and `driver`."""
+
+    links: GivenLinks | None = None
+    branch: Literal[-1, 1] | None = None
+    start_angle: Angle | None = None
+    body_offset: Angle | None = None
+    mount: GivenMount | None = None
+    driver: Literal["crank", "slider", "cylinder", "hinge"] | None = None
+    guides: Annotated[list[GivenGuide], Field(min_length=2, max_length=2)] | None = None
+    start: FarCoordinate | None = None
+    crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
+    travel: Annotated[list[FarCoordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
+
+    def linkage(self, degrees: bool) -> la.FourBar | la.GuidedLinkage:
+        """The linkage; FieldError naming the field that is missing."""
+        if self.links is None and self.guides is None:
+            raise la.FieldError("/links", "needed, or two `guides` with their `driver`, `branch` and `start`")
+        if self.links is None:
+            return la.GuidedLinkage.from_dict(self.model_dump(exclude_none=True), degrees)
+        for name in ("branch", "start_angle"):
+            if getattr(self, name) is None:
+                raise la.FieldError(f"/{name}", "needed beside `links`")
+        return la.FourBar.from_dict(self.model_dump(), degrees)
 
 
 class GivenGenerator(_ReplyPart):

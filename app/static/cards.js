@@ -30,6 +30,12 @@ function facts(rows) {
   return list;
 }
 
+/** The sign of a verdict with its words. */
+export function sign(verdict) {
+  const found = mark(verdict);
+  return found ? signed("span", `verdict ${found.kind}`, found.sign, found.text) : signed("span", "verdict", "·", "errors computed here; the service has not judged it");
+}
+
 /** A list item with the card of a solution of a motion; `choose` is called when it is pressed. */
 export function card(solution, motion, size, choose) {
   const fit = fitOf(solution, motion), { sense, low, high } = fit.pass, button = document.createElement("button");
@@ -39,10 +45,8 @@ export function card(solution, motion, size, choose) {
   const figures = [["transmission", `${text(solution.transmission_angle_min, 3)}°`], ["longest link", `${text(longest(solution), 4)} ${motion.unit}`]];
   if (Number.isFinite(solution.size)) figures.push(["size", `${text(solution.size, 3)} × motion`]);
   button.append(element("span", "name", nameOf(solution)), facts([...worst, ...figures]));
-  const verdict = mark(solution.verdict);
-  if (verdict) button.append(signed("span", `verdict ${verdict.kind}`, verdict.sign, verdict.text));
-  else button.append(signed("span", "verdict", "·", "errors computed here; the service has not judged it"));
-  button.classList.toggle("broken", verdict?.kind === "bad");
+  button.append(sign(solution.verdict));
+  button.classList.toggle("broken", mark(solution.verdict)?.kind === "bad");
   button.addEventListener("click", choose);
   const item = document.createElement("li");
   item.append(button);

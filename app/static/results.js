@@ -1,11 +1,12 @@
 // The solutions of an answer: the list, the search's error over time, and the numbers and files of the selected one.
 
-import { card, sorted } from "./cards.js";
+import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { element, signed, text } from "./drawing.js";
 import { alike, errorText, fitOf, limitName, worstRows } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
+import { Layers } from "./layers.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $ } from "./shell.js";
@@ -58,7 +59,7 @@ function verdictBlock(verdict, motion) {
   block.append(element("h3", "", "Verdict"));
   const list = document.createElement("dl");
   for (const [name, good, words] of judged(verdict, motion)) {
-    const poor = name === "Practical limits" || name === "Tolerance" ? "poor" : "bad";
+    const poor = ["Practical limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";
     list.append(element("dt", "", name), signed("dd", good ? "good" : poor, good ? "✓" : poor === "bad" ? "✕" : "!", words));
   }
   block.append(list);
@@ -115,6 +116,7 @@ export class Results {
   /** `keep(kind)` makes what there is before a joint is moved a step of undo. */
   constructor(board, keep) {
     Object.assign(this, { keep, answer: null, solution: null, board, player: new Player(board), picked: false });
+    this.layers = new Layers(board, (degrees) => { this.player.stop(); this.player.goto(degrees); }, (solution) => this.#judgedAnew(solution));
     this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
@@ -134,6 +136,8 @@ export class Results {
     const solutions = answer?.reply.solutions ?? [];
     for (const id of CARDS) $(id).hidden = !solutions.length;
     if (!solutions.length) {
+      this.layers.show(null);
+      this.layers.select(null);
       this.solution = null;
       $("solutions").replaceChildren();
       this.board.showOthers([]);
@@ -146,6 +150,7 @@ export class Results {
     $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
+    this.layers.show(answer);
     this.#select(this.solution, stays ? "holds" : "all", false);
     // the linkage first: charts take as long to draw as all the rest
     clearTimeout(this.charts);
@@ -196,6 +201,7 @@ export class Results {
     Object.assign(this, { solution, picked: true });
     this.player.show(solution, motion, false, false);
     this.player.goto(travel);
+    this.layers.select(solution);
     clearTimeout(this.later);
     this.later = setTimeout(() => this.player.drawCurves(), REST_MS);
     this.#showNumbers();
@@ -221,6 +227,17 @@ export class Results {
     if (active) $("solutions").querySelector("[aria-pressed=true]")?.focus({ preventScroll: true });
   }
 
+  /** The verdict of a solution has its layers: its card and, where it is selected, its numbers say so. */
+  #judgedAnew(solution) {
+    const place = this.cards?.indexOf(solution) ?? -1;
+    const shown = $("solutions").children[place]?.querySelector(".verdict"), { className, childNodes } = sign(solution.verdict);
+    if (shown) {
+      shown.className = className;
+      shown.replaceChildren(...childNodes);
+    }
+    if (solution === this.solution) this.#showNumbers(true);
+  }
+
   #press() {
     [...$("solutions").children].forEach((item, k) => item.firstChild.setAttribute("aria-pressed", String(this.cards[k] === this.solution)));
   }
@@ -239,6 +256,7 @@ export class Results {
     }
     this.#showNumbers();
     this.#showOthers();
+    this.layers.select(solution);
   }
 
   /** Fits all solutions that are not much larger than the selected one, so that the scale can stay while one looks at them. */
@@ -258,7 +276,8 @@ export class Results {
     this.board.showOthers($("overlay").checked && reply ? reply.solutions.filter((one) => one !== this.solution).map((one) => trajectory(one, motion)) : []);
   }
 
-  #showNumbers() {
+  /** `again`: the same solution, so that what the last export said stays. */
+  #showNumbers(again = false) {
     const rows = worstRows(fitOf(this.solution, this.answer.motion), this.answer.motion, this.answer.size);
     $("joints-note").textContent = rows.length ? `Off by at most ${rows.map(([, error, pose]) => (pose === null ? error : `${error} (pose ${pose})`)).join(" and ")}.` : "";
     const table = document.createElement("table");
@@ -273,7 +292,7 @@ export class Results {
     if (crank_angle) parts.push(crankBlock(this.solution, motion));
     if (this.solution.determination?.ill_posed) parts.push(element("p", "note", "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths."));
     $("numbers").replaceChildren(...parts);
-    note("");
+    if (!again) note("");
   }
 
   #drawTrace() {

@@ -22,7 +22,10 @@ export function mark(verdict) {
   if (!verdict) return null;
   const { reasons = [] } = verdict, wrong = defects(verdict);
   if (wrong.length) return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
-  if (!reasons.length && practical(verdict) && verdict.within_tolerance !== false) return { kind: "good", sign: "✓", text: verdict.within_tolerance ? "within practical limits and tolerance" : "within practical limits" };
+  if (!reasons.length && practical(verdict) && verdict.within_tolerance !== false) {
+    const kept = verdict.assembly ? `buildable in ${verdict.assembly.count} layers` : "within practical limits";
+    return { kind: "good", sign: "✓", text: !verdict.within_tolerance ? kept : verdict.assembly ? `${kept}, within tolerance` : `${kept} and tolerance` };
+  }
   const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
   const first = reasons.length ? brief(reasons[0]) : practical(verdict) ? "outside the tolerance" : "outside practical limits";
   return { kind: practical(verdict) ? "poor" : "bad", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
@@ -38,6 +41,7 @@ export function judged(verdict, motion) {
     ["Circuit", verdict.circuit, verdict.circuit ? "all samples, and all between, lie on one circuit" : "samples lie on different circuits: it would have to be taken apart"],
   ];
   if (verdict.within_tolerance !== null) rows.push(["Tolerance", verdict.within_tolerance, verdict.within_tolerance ? "every sample keeps it" : "not every sample keeps it"]);
+  if (verdict.assembly) rows.push(["Layers", verdict.assembly.status === "free", verdict.assembly.status === "free" ? `nothing collides in ${verdict.assembly.count}` : "parts collide in all"]);
   rows.push(["Practical limits", practical(verdict), practical(verdict) ? "all are kept" : "one or more are broken"]);
   return rows;
 }

@@ -271,7 +271,12 @@ class Gaps:
         ends = np.tile([min(interval), max(interval)], len(pairs))
         own = np.repeat(np.array(pairs), 2)
         best = np.full(len(self._pairs), np.inf)
-        np.minimum.at(best, own, self.at(own, ends)[0])
+        at_ends = self.at(own, ends)[0]
+        np.minimum.at(best, own, at_ends)
+        found: dict[int, Least] = {}
+        for pair, gap, where in zip(own.tolist(), at_ends.tolist(), ends.tolist()):
+            if pair not in found or gap < found[pair].gap:
+                found[pair] = Least(gap, where)
         np.minimum.at(best, cells.pair, cells.gap)
         kept: list[_Cells] = []
         while cells.pair.size:
@@ -280,17 +285,18 @@ class Gaps:
             rough = (cells.gap - cells.bound < best[cells.pair] - NEAR * self.size) & (cells.half > 1e-12)
             rough &= (np.bincount(cells.pair[rough], minlength=best.size) < MOST_CELLS)[cells.pair]
             kept.append(cells.some(~rough))
-            pair, middle, half = cells.some(rough).halved()
-            if not pair.size:
+            halves = cells.some(rough).halved()
+            if not halves[0].size:
                 break
-            cells = _Cells(pair, middle, half, *self.at(pair, middle, half))
+            numbers, middle, half = halves
+            cells = _Cells(numbers, middle, half, *self.at(numbers, middle, half))
             np.minimum.at(best, cells.pair, cells.gap)
         rest = _Cells.joined(kept)
         rest = rest.some(rest.gap - rest.bound < best[rest.pair])
-        return self._lowest(rest)
+        return self._lowest(rest, found) if rest.pair.size else found
 
-    def _lowest(self, cells: _Cells) -> dict[int, Least]:
-        """The least gaps in runs of cells, by looking closer and closer at the lowest place of each."""
+    def _lowest(self, cells: _Cells, found: dict[int, Least]) -> dict[int, Least]:
+        """The least gaps in runs of cells, by looking closer and closer; ``found``: those at the ends."""
         order = np.lexsort([cells.middle, cells.pair])
         cells = cells.some(order)
         gapped = cells.middle[1:] - cells.half[1:] > (cells.middle[:-1] + cells.half[:-1]) + 1e-3 * cells.half[1:]
@@ -310,8 +316,7 @@ class Gaps:
             best, at = np.where(better, value, best), np.where(better, where, at)
             step = (high - low) / (PLACES - 1)
             low, high = np.maximum(begin, at - step), np.minimum(end, at + step)
-        found: dict[int, Least] = {}
         for own, value, where in zip(pair.tolist(), best.tolist(), at.tolist()):
-            if own not in found or value < found[own].gap:
+            if value < found[own].gap:
                 found[own] = Least(value, where)
         return found

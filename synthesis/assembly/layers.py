@@ -161,7 +161,7 @@ class Search:
         shapes, numbers = _numbered(parts, self.pairs)
         self.gaps = Gaps(machine.movement, shapes, numbers, machine.clearance, machine.size)
         self.proofs = self.gaps.prove(machine.used, work)
-        self._shapes, self._numbers = shapes, numbers
+        self.shapes, self.numbers = shapes, numbers
         self.number = {pair: k for k, pair in enumerate(self.pairs)}
         self.strict = _Masks(self.proofs, machine, touching=True)
         self.tried = 0
@@ -418,8 +418,8 @@ class Search:
             return []
         gaps = Gaps(
             self.machine.movement,
-            self._shapes,
-            [self._numbers[pair] for pair in stack.pairs],
+            self.shapes,
+            [self.numbers[pair] for pair in stack.pairs],
             self.machine.clearance,
             self.machine.size,
         )

@@ -665,6 +665,14 @@ class GuidedLinkage:
         first, last = float(interval.first), float(interval.last)
         return float(np.min(self.body([first, last, *self._worst_places(first, last)]).transmission_angle))
 
+    def arm_over(self, interval: Interval) -> float:
+        """The smallest moment arm over an interval of the coordinate, at steps of at most a degree; NaN where it opens."""
+        if not self.closes_over(interval):
+            return math.nan
+        first, last = float(interval.first), float(interval.last)
+        places = [*self.over(Interval(first, last)), *self._worst_places(first, last)]
+        return float(np.min(self.body(places).arm))
+
     def _worst_places(self, first: float, last: float) -> list[float]:
         """Where between two coordinates the transmission angle, or the arm, may be smallest."""
         places = [place for one in self.conditions for place in one.extremes]
