@@ -139,7 +139,9 @@ class Bounds:
                 room = Bound("stroke_max", limits.stroke_max / scale - (ends[1] - ends[0]), rates[0] - rates[1])
                 yield _where(at.guide.straight, room)
             if limits.link_max is not None:  # how far out the slot is used
-                yield _where(at.guide.inverse, _within("link_max", at.place, slopes.framed(k), limits.link_max / scale))
+                yield _where(
+                    at.guide.inverse, _within("link_max", at.place, slopes.framed(k), limits.link_max / scale)
+                )
         if limits.cylinder_dead_length is not None or limits.cylinder_extended_max is not None:
             length, change = slopes.extension()
             has = first.guide.inverse & ~found.hinge

@@ -99,7 +99,9 @@ class Samples(NamedTuple):
         ]
         position = (poses.position - poses.middle) / poses.length_scale
         given = np.zeros(poses.samples) if drive is None else drive
-        return cls(np.asarray(rotation, dtype=float), position, variances[0], variances[1], missing[0], missing[1], given)
+        return cls(
+            np.asarray(rotation, dtype=float), position, variances[0], variances[1], missing[0], missing[1], given
+        )
 
     @property
     def number(self) -> int:

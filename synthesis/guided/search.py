@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Floats, Ints
+from synthesis.arrays import Flags, Floats, Ints
 from synthesis.fourbar.kinematics import wrap
 from synthesis.fourbar.limits import Limits
 from synthesis.free.dyads import (
@@ -42,7 +42,7 @@ from synthesis.guided.pairs import OWN, Chart, Corrected, Driven, Pairs, Samples
 from synthesis.guided.solution import GuidedSolution, assess
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.rounds import GAIN
-from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, StoppedBy
+from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
 from synthesis.work import Work
 
 _EXACT = 1e-6
@@ -79,6 +79,17 @@ _SAFETY = 1e-7
 """By which limits are kept more than asked, so that rounding breaks none."""
 _IDLE = 2
 """Rounds that gain nothing end the search."""
+
+
+class SearchReport(NamedTuple):
+    """How a search went."""
+
+    stopped_by: StoppedBy
+    trace: list[tuple[float, float]]
+    """(seconds, least J) whenever it fell."""
+    seeds: int
+    notes: list[str]
+    """Where a guide is a rail or slot in place of a circle, and why."""
 
 
 class Drive(NamedTuple):
@@ -253,6 +264,7 @@ class Search:
         self.seeds = 0
         self.found: Candidates | None = None
         self.trace: list[tuple[float, float]] = []
+        self.notes: list[str] = []
 
     # -- candidates -------------------------------------------------------------------------------------------------
 
@@ -777,7 +789,7 @@ def search_guided(
     solutions = search.solutions()
     reached = not search._left.size
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    return solutions, SearchReport(stopped, search.trace, 0.0, search.seeds)
+    return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes)
 
 
 _CELL = 0.02
@@ -813,7 +825,7 @@ def _errors(guides: Guides, motion: Motion) -> Floats:
 
 def _condensed(stack: Floats) -> Floats:
     """Rows (n, m, k) as m rows with the same products."""
-    proper = (np.abs(stack) < _LARGEST).all(axis=(1, 2))  # no number that is none among them
+    proper: Flags = np.all(np.abs(stack) < _LARGEST, axis=(1, 2))  # no number that is none among them
     stack = np.where(proper[:, None, None], stack, 0.0)
     product = stack @ stack.transpose(0, 2, 1)
     size = np.einsum("nii->ni", product).max(axis=1)

@@ -1,4 +1,4 @@
-"""Pairs of guides as functions: derivatives against differences, nearest poses against their meaning, circles as large as can be."""
+"""Pairs of guides as functions: derivatives against differences, and circles as large as can be."""
 
 from __future__ import annotations
 

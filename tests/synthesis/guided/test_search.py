@@ -88,8 +88,8 @@ def test_casement_window_has_the_errors_of_the_design():
 def test_limits_of_rails_and_cylinders_are_kept():
     poses = gallery("casement")
     limits = Limits(
-        family="any", transmission_angle_min=np.deg2rad(30), rail_box=(0.0, -330.0, 420.0, 60.0), stroke_max=260.0,
-        cylinder_dead_length=150.0, cylinder_extended_max=420.0, arm_min=60.0, link_max=900.0,
+        family="any", transmission_angle_min=np.deg2rad(30), rail_box=(-100.0, -400.0, 450.0, 150.0), stroke_max=300.0,
+        cylinder_dead_length=150.0, cylinder_extended_max=420.0, arm_min=40.0, link_max=900.0,
     )  # fmt: skip
     found, _ = search_guided(poses, limits, [Kind.RAIL_SLOT, Kind.SWINGING_BLOCK])
     assert {one.linkage.driver for one in found} >= {Driver.SLIDER, Driver.CYLINDER}
@@ -99,8 +99,8 @@ def test_limits_of_rails_and_cylinders_are_kept():
             if hasattr(guide, "direction"):  # both ends of the used travel, by the linkage's own motion
                 at = one.linkage.along(place, np.linspace(*one.interval, 400))
                 ends = guide.point + at * np.exp(1j * guide.direction)
-                assert ends.real.min() > -1e-3 and ends.real.max() < 420.001
-                assert ends.imag.min() > -330.001 and ends.imag.max() < 60.001
+                assert ends.real.min() > -100.001 and ends.real.max() < 450.001
+                assert ends.imag.min() > -400.001 and ends.imag.max() < 150.001
         if one.linkage.driver is Driver.CYLINDER:
             length = one.linkage.start + one.travel
             assert length.min() > 150 - 1e-3 and length.max() < 420.001
