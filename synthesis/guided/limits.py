@@ -29,6 +29,10 @@ _ROUNDING = 1e-9
 """Part of the motion's extent, or angle, by which an answer may break a limit: what a search adds to be sure is more."""
 
 
+_FEW_PLACES, _MORE = 41, 0.3
+"""Places of the drive, and the part of the longest step between them, that used parts are estimated by from above."""
+
+
 class Bound(NamedTuple):
     """Functions of candidates (n, k) and their derivatives by the unknowns (n, 10, k)."""
 
@@ -363,12 +367,27 @@ Used = tuple[float, float] | None
 
 
 def used_of(solution: GuidedSolution) -> tuple[Used, Used]:
-    """What both guides use."""
+    """What both guides use, exactly."""
     first, second = (
         None if isinstance(guide, Circle) else solution.linkage.used(place, solution.interval)
         for place, guide in enumerate(solution.linkage.guides)
     )
     return first, second
+
+
+def _no_more_than(solution: GuidedSolution) -> tuple[Used, Used]:
+    """What both guides use, or a little more: from few places, and so in a hundredth of the time."""
+    travel = np.linspace(*solution.interval, _FEW_PLACES)
+    found: list[Used] = []
+    for place, guide in enumerate(solution.linkage.guides):
+        if isinstance(guide, Circle):
+            found.append(None)
+            continue
+        at = solution.linkage.along(place, travel)
+        low, high = float(np.min(at)), float(np.max(at))
+        spare = _MORE * float(np.max(np.abs(np.diff(at))))
+        found.append((low - spare, high + spare))
+    return found[0], found[1]
 
 
 def lengths_of(solution: GuidedSolution) -> dict[str, float]:
@@ -384,11 +403,11 @@ def lengths_of(solution: GuidedSolution) -> dict[str, float]:
     return found
 
 
-def slot_ends(solution: GuidedSolution) -> list[complex]:
+def _slot_ends(solution: GuidedSolution, ends: tuple[Used, Used]) -> list[complex]:
     """Both ends of the used part of each slot, in the body."""
     return [
         complex(guide.body_point + end * np.exp(1j * guide.body_direction))
-        for guide, used in zip(solution.linkage.guides, used_of(solution))
+        for guide, used in zip(solution.linkage.guides, ends)
         if isinstance(guide, Slot) and used is not None
         for end in used
     ]
@@ -401,6 +420,12 @@ def _pin(guide: Guide) -> complex:
 
 def broken_limits(solution: GuidedSolution, samples: Samples, limits: Limits) -> dict[str, float]:
     """By how much a linkage breaks limits over what it uses, by name: as a part of the motion's extent, or in radians."""
+    broken = _broken(solution, samples, limits, _no_more_than(solution))
+    return _broken(solution, samples, limits, used_of(solution)) if broken else {}
+
+
+def _broken(solution: GuidedSolution, samples: Samples, limits: Limits, ends: tuple[Used, Used]) -> dict[str, float]:
+    """The same where the used parts of rails and slots are known."""
     extent, middle = samples.extent, samples.middle
     linkage = solution.linkage
     missing: dict[str, float] = {}
@@ -428,7 +453,7 @@ def broken_limits(solution: GuidedSolution, samples: Samples, limits: Limits) ->
             least("pivot_reach", (abs(place - reach.middle) - far) / extent)
         for out in limits.keep_out:
             least("keep_out", -_outside(place, out) / extent)
-    for guide, used in zip(linkage.guides, used_of(solution)):
+    for guide, used in zip(linkage.guides, ends):
         if used is None:
             continue
         if limits.stroke_max is not None:
@@ -441,7 +466,7 @@ def broken_limits(solution: GuidedSolution, samples: Samples, limits: Limits) ->
                 if limits.pivot_reach is not None:
                     least("pivot_reach", abs(place - middle) / extent - REACH)
     if linkage.driver is Driver.CYLINDER:
-        used = used_of(solution)[0]
+        used = ends[0]
         assert used is not None
         low, high = sorted(np.abs(used)) if used[0] * used[1] > 0 else (0.0, max(np.abs(used)))
         least("cylinder_dead_length", ((limits.cylinder_dead_length or 0.0) - low) / extent)
@@ -449,7 +474,7 @@ def broken_limits(solution: GuidedSolution, samples: Samples, limits: Limits) ->
     if limits.arm_min is not None and isinstance(linkage.guides[1], Slot) and linkage.driver is not Driver.HINGE:
         q = linkage.start + linkage.over(solution.interval)
         least("arm_min", (limits.arm_min - float(np.nan_to_num(np.min(linkage.body(q).arm)))) / extent)
-    _lengths(solution, limits, extent, least)
+    _lengths(solution, limits, extent, ends, least)
     if limits.envelope is not None:
         q = linkage.start + linkage.over(solution.interval)
         for way in _traced(linkage, q):
@@ -458,7 +483,13 @@ def broken_limits(solution: GuidedSolution, samples: Samples, limits: Limits) ->
     return missing
 
 
-def _lengths(solution: GuidedSolution, limits: Limits, extent: float, least: Callable[[str, float], None]) -> None:
+def _lengths(
+    solution: GuidedSolution,
+    limits: Limits,
+    extent: float,
+    ends: tuple[Used, Used],
+    least: Callable[[str, float], None],
+) -> None:
     lengths = lengths_of(solution)
     for length in lengths.values():
         least("link_max", (length - (limits.link_max or np.inf)) / extent)
@@ -469,7 +500,7 @@ def _lengths(solution: GuidedSolution, limits: Limits, extent: float, least: Cal
     if limits.link_ratio_max is not None and len(lengths) > 1:
         least("link_ratio_max", max(lengths.values()) / min(lengths.values()) / limits.link_ratio_max - 1)
     body = [guide.body_point for guide in solution.linkage.guides if not isinstance(guide, Slot)]
-    for point in (*body, *slot_ends(solution)):
+    for point in (*body, *_slot_ends(solution, ends)):
         least("link_max", (abs(point) - (limits.link_max or np.inf)) / extent)
     first = solution.linkage.guides[0]
     if limits.coupler_radius_max is not None and not isinstance(first, Slot):

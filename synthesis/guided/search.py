@@ -60,12 +60,15 @@ _SAMPLES, _FEWER = 40, 20
 """Samples up to which descents look at all, and at how many of more."""
 _POOL = 6
 """Valleys that are kept of each kind and drive."""
-_APART = 0.02
+_ANSWERS = 6
+"""Answers that are kept of each."""
 _STAGES = ((8, 0.1, 2), (6, 1.0, 2), (8, 10.0, 2))
 _END = ((8, 1e2, 2), (8, 1e4, 3), (5, 1e6, 3))
 _GIVEN = ((12, 1.0, 3), (20, 100.0, 3))
 _LAST = ((15, 1e4, 3), (10, 1e6, 3))
 """Steps, the weight of broken limits, and Newton's steps of each pose."""
+_SWEEPS = 8
+"""Newton's steps of the poses of answers."""
 _TIGHTENED = 3
 """So often a descent is repeated for what falls short between the samples."""
 _LOOKED_AT_WHOLE = 3
@@ -400,10 +403,10 @@ class Search:
         """Candidates at the poses that close, and where the drive is given those that it leads to."""
         chart = Chart(found.pairs)
         if self.given is None:
-            return Corrected(samples, chart.start, chart.labels, 12)
+            return Corrected(samples, chart.start, chart.labels, _SWEEPS)
         sign = self._signs(Corrected(samples, chart.start, chart.labels, 6), found.way[:, None])
         x = np.concatenate([chart.start, found.first[:, None]], axis=1)
-        return Driven(samples, x, chart.labels, sign, 12)
+        return Driven(samples, x, chart.labels, sign, _SWEEPS)
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 
@@ -629,7 +632,7 @@ class Search:
                     lacking[place] = missing["transmission_angle_min"]
         if kept:
             more = new.take(np.array(kept))
-            self.found = self._pooled(more if self.found is None else self.found.joined(more), 20)
+            self.found = self._pooled(more if self.found is None else self.found.joined(more), _ANSWERS)
         return lacking
 
     def _pooled(self, found: Candidates, most: int = _POOL) -> Candidates:
