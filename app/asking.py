@@ -35,6 +35,7 @@ _FILE_HELP = (
 
 
 _LACKING: dict[str, Any] = {
+    "catalogue": None,
     "no_preset": False,
     "refine_from": None,
     "unwrap": False,
@@ -82,6 +83,13 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             help="search nowhere, but refine this linkage from just there: a solution as JSON, as --export FILE.json or --json "
             "writes it (of a reply its first)",
         ).complete = FILE  # type: ignore[attr-defined]
+    if query.command == "drive":
+        parser.add_argument(
+            "--catalogue",
+            type=Path,
+            metavar="FILE",
+            help="a CSV file of actuators (name, retracted, stroke, force, ..) for every actuator that is asked for",
+        ).complete = FILE
     if query.from_csv is not None:
         parser.add_argument(
             "--unwrap",
@@ -142,6 +150,13 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     if options.refine_from is not None:
         also = [*also, (["refine_from"], _solution_in(options.refine_from))]
     request, rank = read_request(query, _text(options, query), also, options.unwrap), options.rank
+    if options.catalogue is not None:
+        rows = decoded(options.catalogue.read_bytes())
+        cylinders = ("actuator", "cylinder")
+        given = [
+            one.model_copy(update={"catalogue": rows} if one.kind in cylinders else {}) for one in request.drives
+        ]
+        request = request.model_copy(update={"drives": given})
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
     resources = ServiceResources(settings_of(options), atlas_of)

@@ -214,6 +214,7 @@ def _serve(options: argparse.Namespace) -> int:
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
     "synthesize": (QUESTIONS["synthesize"], _add_questions),
     "function": (QUESTIONS["function"], _add_questions),
+    "drive": (QUESTIONS["drive"], _add_questions),
     **{scene: (f"the {scene} scene", _add_questions) for scene in SCENES},
     "match": (QUESTIONS["match"], _add_questions),
     "assembly": (QUESTIONS["assembly"], _add_questions),

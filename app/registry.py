@@ -77,14 +77,21 @@ def queries_named(word: str) -> tuple[Query, ...]:
     """The queries whose commands begin with a word: one, or all of a scene."""
     if word in SCENES:
         return queries_of(word)
-    if word in ("function", "assembly"):
-        return import_module(f"app.fourbar.{word}").QUERIES
+    if word in ("function", "assembly", "drive"):
+        module = {"drive": "drives"}.get(word, word)
+        return import_module(f"app.fourbar.{module}").QUERIES
     return tuple(query for query in _motion_queries() if query.command == word)
 
 
 def all_queries() -> tuple[Query, ...]:
     """Every query of the service."""
-    return (*_motion_queries(), *queries_named("function"), *queries_named("assembly"), *scene_queries())
+    return (
+        *_motion_queries(),
+        *queries_named("function"),
+        *queries_named("assembly"),
+        *queries_named("drive"),
+        *scene_queries(),
+    )
 
 
 class Example(NamedTuple):

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
     from linkage_atlas.door import Live, prepare, synthesize
+    from linkage_atlas.driving import Drives, drives
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
     from linkage_atlas.guided import GuidedJoints, GuidedLinkage
     from linkage_atlas.limits import Limits
@@ -32,6 +33,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "linkage_atlas.door": ("synthesize", "Live", "prepare"),
     "linkage_atlas.matching": ("match",),
+    "linkage_atlas.driving": ("drives", "Drives"),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
     "linkage_atlas.guided": ("GuidedLinkage", "GuidedJoints"),
@@ -54,6 +56,7 @@ __all__ = [
     "AtlasError",
     "AtlasFault",
     "Cancelled",
+    "Drives",
     "FieldError",
     "FourBar",
     "FunctionResult",
@@ -76,6 +79,7 @@ __all__ = [
     "add_batch_commands",
     "assembly",
     "build_atlas",
+    "drives",
     "function",
     "load_atlas",
     "match",

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, cast, overload
 import numpy as np
 
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
+from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
 from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, guides_of
 from linkage_atlas.guided_studies import GuidedAnalysis
 from linkage_atlas.guided_studies import analysed as guided_analysed
@@ -186,6 +187,13 @@ class Solution(Record):
     rounded: Rounded | None = None
     analysis: Analysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
+    drives: list[Drive] | None = field(default=None, repr=False)
+    """The best of each kind that was asked for."""
+    refused: list[Refusal] | None = field(default=None, repr=False)
+    """Why there is none of a kind on a link."""
+    springs: list[Spring] | None = field(default=None, repr=False)
+    drivable: bool | None = None
+    """With `drive`: whether there is one."""
     linkage: FourBar = field(metadata=KEPT)
     """It moves, draws and saves itself."""
     origin: Origin = field(metadata=KEPT, repr=False)
@@ -205,6 +213,8 @@ class Solution(Record):
             ``sensitivity``: the change of the motion per unit of each length.
         analysis : mapping
             ``analysis``: ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`.
+        load, drives, springs, drive
+            ``drives``, ``refused``, ``springs``, ``drivable``: as of `linkage_atlas.drives`, the best of each kind.
         tolerance_study : mapping
             ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`.
         assembly : mapping or True
@@ -272,12 +282,19 @@ class GuidedSolution(Record):
     arm_min: float
     """Least moment arm of the second guide's push about the driven guide's pin, over the used interval."""
     analysis: GuidedAnalysis | None = field(default=None, repr=False)
+    drives: list[Drive] | None = field(default=None, repr=False)
+    """The best of each kind that was asked for."""
+    refused: list[Refusal] | None = field(default=None, repr=False)
+    """Why there is none of a kind on a link."""
+    springs: list[Spring] | None = field(default=None, repr=False)
+    drivable: bool | None = None
+    """With `drive`: whether there is one."""
     linkage: GuidedLinkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
     origin: GuidedOrigin = field(metadata=KEPT, repr=False)
 
     def studied(self, work: Work | None = None, **studies: Any) -> GuidedSolution:
-        """The same solution with studies of it: ``analysis``, as of `Solution.studied`."""
+        """The same solution with studies of it: ``analysis``, ``assembly`` and what drives it, as of `Solution.studied`."""
         for name in studies:
             if name not in STUDIES:
                 raise FieldError.no_such("", name, STUDIES, "study")
@@ -487,6 +504,7 @@ def finished(
             not one.verdict.works,
             one.verdict.within_tolerance is False,
             one.verdict.assembly is not None and not one.verdict.assembly.free,
+            one.drivable is False,
             *_worth(one, motion, tolerance if by_error else 0.0),
         )
     )
@@ -582,7 +600,14 @@ def finished_guided(
         if solutions and work.expired():
             break
         solutions.append(_guided_studied(_guided_described(one, motion, limits), studies, work))
-    solutions.sort(key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False))
+    solutions.sort(
+        key=lambda one: (
+            not one.verdict.works,
+            one.verdict.within_tolerance is False,
+            one.verdict.assembly is not None and not one.verdict.assembly.free,
+            one.drivable is False,
+        )
+    )
     return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
 
 
@@ -636,6 +661,10 @@ def _guided_studied(solution: GuidedSolution, studies: Studies, work: Work) -> G
     if studies.drive is not None:
         target = own.target
         done["analysis"] = guided_analysed(one.linkage, studies.drive, target.crank, own.radian, target.interval)
+    if studies.assembly is not None:
+        done["verdict"] = _with_assembly(solution, studies.assembly, work)
+    if studies.drives is not None:
+        done |= driven_solution(one.linkage, own.target.crank, studies.drives, own.radian, work)
     return replace(solution, **done) if done else solution
 
 
@@ -656,6 +685,8 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
         done["rounded"] = _rounded(best_from_stock(target, one, studies.lengths_from, limits, tries, work), own)
     if studies.drive is not None:
         done["analysis"] = analysed(linkage, studies.drive, target.crank, radian, target.interval)
+    if studies.drives is not None:
+        done |= driven_solution(linkage, target.crank, studies.drives, radian, work)
     if studies.manufacture is not None:
         share = share_of(studies.manufacture, target.samples, solutions, work.budget)
         done["tolerance_study"] = studied(linkage, share, target.crank, target.interval, radian, work)
@@ -664,14 +695,15 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
     return replace(solution, **done) if done else solution
 
 
-def _with_assembly(solution: Solution, asked: AskedAssembly, work: Work) -> Verdict:
+def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> Verdict:
     """The verdict with the assembly; the parts of a linkage that does not carry its motion are not arranged."""
-    verdict, (one, own, _) = solution.verdict, solution.origin
+    verdict, (one, own, limits) = solution.verdict, solution.origin
     found: Assembly | None = None
     if not verdict.works:
-        why = ["layers were not looked for: the crank does not carry the linkage through the samples"]
+        why = ["layers were not looked for: the drive does not carry the linkage through the samples"]
     else:
         try:
+            asked = asked.within(limits.envelope, limits.keep_out)
             found = assembled(one.linkage, asked, own.target.interval, own.radian, work)
             why = [] if found.free else [f"layers: {found.reasons[0]}"]
         except FieldError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
@@ -11,17 +11,34 @@ import numpy as np
 from linkage_atlas.motions import number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
+from synthesis.assembly.guided import guided
 from synthesis.assembly.layers import BOARDS, BOTH, Arrangement, Asked, arrange
 from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.parts import Heights, parts_of
 from synthesis.assembly.shapes import crosses_itself, signed_area
+from synthesis.assembly.walls import ENVELOPE, outside
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import GuidedLinkage
+from synthesis.mechanism import Box
 from synthesis.target import Interval
 from synthesis.work import Work
 
-ASSEMBLY = ("width", "hole", "thickness", "washer", "clearance", "boards", "heads", "body", "mounts", "layers_most")
+ASSEMBLY = (
+    "width",
+    "hole",
+    "thickness",
+    "washer",
+    "clearance",
+    "boards",
+    "heads",
+    "body",
+    "mounts",
+    "layers_most",
+    "envelope",
+    "keep_out",
+)
 """What may be asked of an assembly, by the names of the HTTP contract."""
 MOST_CORNERS = 200
 """Corners of a body's outline at most."""
@@ -82,6 +99,14 @@ class ThroughShaft(NamedTuple):
     """What passes over it; null where nothing does."""
 
 
+class Slit(NamedTuple):
+    """A slit along which a pin slides: the ends that its middle reaches."""
+
+    first: tuple[float, float]
+    last: tuple[float, float]
+    pin: str
+
+
 class Hole(NamedTuple):
     """A hole and the pin or post that it is for."""
 
@@ -94,11 +119,11 @@ class AssemblyPart(Record):
     """A part: everything within a radius of a core, between two heights, in the frame of its link."""
 
     name: str
-    """crank, coupler, rocker, body, bar; pin_D, post_P, head_D_below, board_below."""
+    """crank, coupler, rocker, rail, body, bar; pin_D, post_P, head_D_below, board_below."""
     kind: Part
     link: str
     """Whose frame it is: from the link's first joint, x to its second (crank A to D, coupler D to C, rocker B to C); the ground's
-    from A in the axes of the request."""
+    from A in the axes of the request. A body on guides: from D, or the point of its slot, in its own axes."""
     core: list[tuple[float, float]]
     """A point, the ends of a line, or the corners of a polygon, counter-clockwise."""
     radius: float
@@ -107,6 +132,8 @@ class AssemblyPart(Record):
     """The lowest and the highest that it fills."""
     z: tuple[float, float]
     """Its lower and upper face; layer 1 begins at 0."""
+    slits: list[Slit]
+    """Of rails, and of a body with a slot; as wide as a hole."""
 
 
 class PartSizes(NamedTuple):
@@ -140,7 +167,7 @@ class Assembly(Record):
     """Of all parts that share a layer; null where none do, or where blocked."""
     stops: Stops
     collisions: list[Collision]
-    """Of the layers told; empty where they are free."""
+    """Of the layers told; empty where they are free. Also of plates with "envelope" and "keep_out 1", which no layers free."""
     touches: list[Collision]
     """Where parts may just reach one another."""
     longest_free: tuple[float, float] | None
@@ -177,6 +204,15 @@ class AskedAssembly(NamedTuple):
     washer: float | None
     body: tuple[complex, ...]
     arranged: Asked
+    envelope: Box | None = None
+    keep_out: tuple[Box, ...] = ()
+
+    def within(self, envelope: Box | None, keep_out: Sequence[Box]) -> AskedAssembly:
+        """With the boxes of a request's limits, where it has none of its own."""
+        return self._replace(
+            envelope=self.envelope if envelope is None or self.envelope is not None else envelope,
+            keep_out=self.keep_out or tuple(keep_out),
+        )
 
 
 def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> AskedAssembly | None:
@@ -209,7 +245,19 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
         lengths["washer"],
         () if values["body"] is None else _outline(f"{where}body", values["body"]),
         Asked(boards, bool(values["heads"]), int(most), _mounts(f"{where}mounts", values["mounts"], boards)),
+        None if values["envelope"] is None else _box(f"{where}envelope", values["envelope"]),
+        tuple(_box(f"{where}keep_out/{k}", box) for k, box in enumerate(values["keep_out"] or ())),
     )
+
+
+def _box(name: str, given: Any) -> Box:
+    try:
+        found = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (4,) or not np.isfinite(found).all() or not (found[0] < found[2] and found[1] < found[3]):
+        raise FieldError(f"/{name}", "wanted [xmin, ymin, xmax, ymax] with xmin < xmax and ymin < ymax")
+    return (*found.tolist(),)
 
 
 def _length(name: str, value: Any, kind: str) -> float | None:
@@ -255,35 +303,64 @@ def _outline(name: str, given: Any) -> tuple[complex, ...]:
     return tuple(corners if signed_area(corners) > 0 else corners[::-1])
 
 
-def machine_of(linkage: Linkage, asked: AskedAssembly, used: Interval, where: str = "assembly/") -> Machine:
-    """Plates and pins of a four-bar with the sizes that are asked for. FieldError where they leave no material."""
-    if asked.body and not linkage.mounted:
-        raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
-    machine = four_bar(linkage, used, asked.sizes, asked.body, asked.arranged.boards == "bar")
-    check_sizes(linkage.links, machine.hole, machine.width, f"/{where}".rstrip("/"))
+def machine_of(
+    linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str = "assembly/"
+) -> Machine:
+    """Plates and pins of a linkage with the sizes that are asked for. FieldError where they leave no material."""
+    bar = asked.arranged.boards == "bar"
+    if isinstance(linkage, GuidedLinkage):
+        machine = guided(linkage, used, asked.sizes, asked.body, bar)
+    else:
+        if asked.body and not linkage.mounted:
+            raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
+        machine = four_bar(linkage, used, asked.sizes, asked.body, bar)
+    check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
     return machine
 
 
+class Reading(NamedTuple):
+    """How places of the drive are told."""
+
+    radian: float
+    """Radians in the user's unit of angle; 1 for lengths."""
+    behind: str
+    """The unit in sentences; of a length none."""
+
+
 def assembled(
-    linkage: Linkage, asked: AskedAssembly, used: Interval, radian: float, work: Work, where: str = "assembly/"
+    linkage: Linkage | GuidedLinkage,
+    asked: AskedAssembly,
+    used: Interval,
+    radian: float,
+    work: Work,
+    where: str = "assembly/",
 ) -> Assembly:
-    """The assembly of a four-bar over an interval of crank angles in radians from the first sample, in the user's units."""
+    """The assembly of a linkage over an interval of its drive's travel from the first sample, in the user's units.
+
+    ``radian``: radians in the user's unit of angle; the travel of a drive that slides is a length.
+    """
     machine = machine_of(linkage, asked, used, where)
+    unit = Reading(radian, " rad" if radian == 1.0 else " degrees") if machine.turns else Reading(1.0, "")
     try:
         found = arrange(machine, asked.arranged, work)
     except FieldError as error:
         raise FieldError(f"/{where}{error.field.lstrip('/')}", error.message) from None
-    reasons = _reasons(machine, found, asked.arranged, radian)
+    reasons = _reasons(machine, found, asked.arranged, unit)
     if found.status == "blocked" and asked.arranged.boards in ("below", "above") and not asked.arranged.mounts:
         other = arrange(machine, asked.arranged._replace(boards="both"), work)
         if other.status == "free":
             held = ", ".join(f"{pin} {mount}" for pin, mount in other.stack.mounts.items())
             reasons.insert(1, f"with boards on both sides {other.stack.count} layers are free: {held}")
-    return described(machine, asked, found, reasons, radian)
+    beyond = outside(machine, asked.envelope, asked.keep_out, work)
+    if beyond:
+        # no layer helps
+        found = replace(found, status="blocked", collisions=(*beyond, *found.collisions))
+        reasons = [_beyond(one, machine, unit) for one in beyond] + reasons
+    return described(machine, asked, found, reasons, unit)
 
 
 def described(
-    machine: Machine, asked: AskedAssembly, found: Arrangement, reasons: list[str], radian: float
+    machine: Machine, asked: AskedAssembly, found: Arrangement, reasons: list[str], unit: Reading
 ) -> Assembly:
     """What was found as a user reads it."""
     stack, heights = found.stack, Heights.of(machine, asked.thickness, asked.washer)
@@ -295,17 +372,17 @@ def described(
         mounts=stack.mounts,
         least_gap=None
         if found.least is None
-        else LeastGap(found.least[1].gap, found.least[0], found.least[1].at / radian),
-        stops=Stops(_stop(found.low, radian), _stop(found.high, radian)),
-        collisions=[_collision(one, radian) for one in found.collisions],
-        touches=[_collision(one, radian) for one in found.touches],
-        longest_free=None if found.free is None else (found.free.first / radian, found.free.last / radian),
+        else LeastGap(found.least[1].gap, found.least[0], found.least[1].at / unit.radian),
+        stops=Stops(_stop(found.low, unit), _stop(found.high, unit)),
+        collisions=[_collision(one, unit) for one in found.collisions],
+        touches=[_collision(one, unit) for one in found.touches],
+        longest_free=None if found.free is None else (found.free.first / unit.radian, found.free.last / unit.radian),
         pins=[
             HeldPin(name, span, "two" if stack.mounts.get(name) == BOTH else "one")
             for name, span in stack.pins.items()
         ],
-        shaft={name: ThroughShaft(one.both_sides, _passing(name, one, radian)) for name, one in found.shaft.items()},
-        fewer={str(count): None if one is None else _collision(one, radian) for count, one in found.fewer.items()},
+        shaft={name: ThroughShaft(one.both_sides, _passing(name, one, unit)) for name, one in found.shaft.items()},
+        fewer={str(count): None if one is None else _collision(one, unit) for count, one in found.fewer.items()},
         others=found.others,
         tried=found.tried,
         sizes=PartSizes(machine.hole, machine.width, machine.clearance, heights.thickness, heights.washer),
@@ -319,6 +396,10 @@ def described(
                 [Hole((hole.at.real, hole.at.imag), hole.pin) for hole in one.holes],
                 one.layers,
                 one.z,
+                [
+                    Slit((slit.first.real, slit.first.imag), (slit.last.real, slit.last.imag), slit.pin)
+                    for slit in one.slits
+                ],
             )
             for one in parts_of(machine, stack, heights)
         ],
@@ -328,21 +409,22 @@ def described(
     )
 
 
-def _collision(one: layers.Collision, radian: float) -> Collision:
-    return {"pair": list(one.pair), "from": one.first / radian, "to": one.last / radian}
+def _collision(one: layers.Collision, unit: Reading) -> Collision:
+    return {"pair": list(one.pair), "from": one.first / unit.radian, "to": one.last / unit.radian}
 
 
-def _stop(one: layers.Stop | None, radian: float) -> Stop:
+def _stop(one: layers.Stop | None, unit: Reading) -> Stop:
     if one is None:
         return Stop(None, None, None)
-    return Stop(one.at / radian, "loop" if one.pair is None else "pair", one.pair)
+    return Stop(one.at / unit.radian, "loop" if one.pair is None else "pair", one.pair)
 
 
 # -- in words -----------------------------------------------------------------------------------------------------------
 
 
-def _angle(value: float, radian: float) -> str:
-    return f"{value / radian:.6g}" + (" rad" if radian == 1.0 else " degrees")
+def _angle(value: float, unit: Reading) -> str:
+    """A place of the drive with its unit."""
+    return f"{value / unit.radian:.6g}{unit.behind}"
 
 
 def _part(name: str, machine: Machine) -> str:
@@ -356,14 +438,20 @@ def _both(pair: Sequence[str], machine: Machine) -> str:
     return " and ".join(_part(name, machine) for name in pair)
 
 
-def _between(one: layers.Collision, radian: float) -> str:
-    return f"from {_angle(one.first, radian).split()[0]} to {_angle(one.last, radian)}"
+def _between(one: layers.Collision, unit: Reading) -> str:
+    return f"from {one.first / unit.radian:.6g} to {_angle(one.last, unit)}"
 
 
-def _passing(pin: str, shaft: layers.Shaft, radian: float) -> str | None:
+def _beyond(one: layers.Collision, machine: Machine, unit: Reading) -> str:
+    wall, plate = one.pair
+    what = "leaves the envelope" if wall == ENVELOPE else f"enters {wall.replace('_', '-')}"
+    return f"{_part(plate, machine)} {what} {_between(one, unit)}"
+
+
+def _passing(pin: str, shaft: layers.Shaft, unit: Reading) -> str | None:
     if shaft.both_sides:
         return None
-    ways = [f"the {_other(one.pair, pin)} passes over {pin} {_between(one, radian)}" for one in shaft.passes]
+    ways = [f"the {_other(one.pair, pin)} passes over {pin} {_between(one, unit)}" for one in shaft.passes]
     return "; ".join(ways)
 
 
@@ -371,7 +459,7 @@ def _other(pair: Sequence[str], pin: str) -> str:
     return next(name for name in pair if name != pin)
 
 
-def _reasons(machine: Machine, found: Arrangement, asked: Asked, radian: float) -> list[str]:
+def _reasons(machine: Machine, found: Arrangement, asked: Asked, unit: Reading) -> list[str]:
     stack = found.stack
     by_layer: dict[int, list[str]] = {}
     for plate, layer in stack.layers.items():
@@ -384,32 +472,34 @@ def _reasons(machine: Machine, found: Arrangement, asked: Asked, radian: float) 
         part = (
             "is free nowhere"
             if best is None
-            else f"is free from {_angle(best.first, radian).split()[0]} to {_angle(best.last, radian)}"
+            else f"is free from {best.first / unit.radian:.6g} to {_angle(best.last, unit)}"
         )
         reasons.append(f"the best ({said}) {part}")
         ends = [one for one in (found.low, found.high) if one is not None and one.pair is not None]
         for pair in dict.fromkeys(one.pair for one in ends if one.pair is not None):
-            at = " and ".join(_angle(one.at, radian) for one in ends if one.pair == pair)
+            at = " and ".join(_angle(one.at, unit) for one in ends if one.pair == pair)
             reasons.append(f"{_both(pair, machine)} collide at {at}")
         for one in found.collisions if best is None else ():
-            reasons.append(f"{_both(one.pair, machine)} collide {_between(one, radian)}")
+            reasons.append(f"{_both(one.pair, machine)} collide {_between(one, unit)}")
     else:
         reasons.append(said)
     for one in found.touches:
         reasons.append(
-            f"{_both(one.pair, machine)} may just reach the clearance {_between(one, radian)}: that is not decided"
+            f"{_both(one.pair, machine)} may just reach the clearance {_between(one, unit)}: that is not decided"
         )
     for count, stops in found.fewer.items():
         if stops is not None:
             layers_said = f"not in {count} layer{'s' if count != 1 else ''}"
-            reasons.append(f"{layers_said}: there {_both(stops.pair, machine)} collide {_between(stops, radian)}")
+            reasons.append(f"{layers_said}: there {_both(stops.pair, machine)} collide {_between(stops, unit)}")
     for name, shaft in found.shaft.items():
         if not shaft.both_sides:
-            reasons.append(f"{name} is held from one side: {_passing(name, shaft, radian)}")
+            reasons.append(f"{name} is held from one side: {_passing(name, shaft, unit)}")
     if found.status != "blocked":
         for which, stop in (("lower", found.low), ("upper", found.high)):
             if stop is not None:
                 cause = "the loop ends" if stop.pair is None else f"{_both(stop.pair, machine)} collide"
-                reasons.append(f"{which} end of the motion at {_angle(stop.at, radian)}: {cause}")
+                reasons.append(f"{which} end of the motion at {_angle(stop.at, unit)}: {cause}")
+    if not machine.stops:
+        reasons.append("slits are as long as the used motion: how far it would go with longer ones was not looked at")
     reasons.append(NOT_SAID)
     return reasons

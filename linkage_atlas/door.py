@@ -19,6 +19,7 @@ from linkage_atlas.answers import FINISHING, Continued, Report, Result, cognate_
 from linkage_atlas.assemblies import AskedAssembly, assembled, read_assembly
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
+from linkage_atlas.driving import check_asked
 from linkage_atlas.guided import DriverName
 from linkage_atlas.kinds import Asked as Kinds
 from linkage_atlas.kinds import Course as KindsCourse
@@ -162,6 +163,10 @@ class Asked(TypedDict, total=False):
     sensitivity: bool
     analysis: Mapping[str, Any] | None
     tolerance_study: Mapping[str, Any] | None
+    load: Mapping[str, Any] | None
+    drives: Sequence[Mapping[str, Any]] | None
+    springs: Sequence[Mapping[str, Any]] | None
+    drive: Mapping[str, Any] | None
     assembly: Mapping[str, Any] | bool | None
 
 
@@ -280,6 +285,8 @@ def synthesize(
         source = read_start(refine_from, wanted.degrees)
         _check_start(source, wanted)
         notes.append(LOCAL)
+    if studies.drives is not None:
+        check_asked(studies.drives, wanted.radian)
     if studies.drive is not None:
         check_rows(top, None if wanted.free else wanted.target.interval)
     prefers = _preference(prefer, wanted, isinstance(source, SeedTables))
@@ -297,7 +304,7 @@ def synthesize(
         if studies.assembly is None:
             studies = studies._replace(assembly=read_assembly(True))
         assert studies.assembly is not None
-        found = by_layers(found, wanted, studies.assembly, goal, top, searching)
+        found = by_layers(found, wanted, studies.assembly.within(kept.envelope, kept.keep_out), goal, top, searching)
     elif prefers != "error":
 
         def again(other: Motion, tighter: Limits, near: float) -> list[Solution]:

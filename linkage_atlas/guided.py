@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.exports import kind_of, text_of
 from linkage_atlas.guided_studies import GuidedAnalysis, analysed
 from linkage_atlas.motions import Motion, column, number, radians_in
@@ -20,6 +21,7 @@ from synthesis.guided import linkage as guided
 from synthesis.guided.linkage import DRIVERS, Circle, Driver, Guide, Rail, Slot
 from synthesis.guided.solution import as_target
 from synthesis.target import TURN, Interval, Target
+from synthesis.work import Work
 
 DriverName = Literal["crank", "slider", "cylinder", "hinge"]
 KindName = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
@@ -209,6 +211,11 @@ class GuidedLinkage:
         return guides_of(self._linkage, self._radian, used)
 
     @property
+    def way(self) -> Floats | None:
+        """Travel of the drive over the motion that it answers, radians or lengths, (n,); None where it answers none."""
+        return None if self._motion is None else self._motion.crank
+
+    @property
     def turns_fully(self) -> bool:
         """Whether the drive turns, and can turn fully."""
         return self._linkage.turns_fully
@@ -259,6 +266,32 @@ class GuidedLinkage:
             interval.last if last is None else last * self._unit,
         ]
         return self._linkage.transmission_angle_over(Interval(*ends).after(self._linkage.start)) / self._radian
+
+    def assembly(
+        self,
+        motion: Motion | None = None,
+        travel: ArrayLike | None = None,
+        *,
+        work: Work | None = None,
+        **asked: Any,
+    ) -> Assembly:
+        """Layers of its plates in which nothing collides over the used interval; as of `FourBar.assembly`.
+
+        Parameters
+        ----------
+        motion : Motion, optional
+            Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+        travel : array_like, shape (N,), optional
+            Of a motion whose timing is free: the drive's place at each sample, from the first on.
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        **asked
+            As of `FourBar.assembly`.
+        """
+        read = read_assembly(asked, "")
+        assert read is not None
+        target = self._default_motion() if motion is None else self.target_of(motion, travel)
+        return assembled(self._linkage, read, target.interval, self._radian, work or Work(), "")
 
     def analysis(
         self, speed: float, load: Mapping[str, Any] | None = None, travel: ArrayLike | None = None

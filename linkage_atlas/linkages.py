@@ -261,6 +261,11 @@ class FourBar:
         both = self._linkage, other._linkage
         return all(one.mounted for one in both) and are_cognates(*both)
 
+    @property
+    def way(self) -> Floats | None:
+        """Crank angles of the motion that it answers in radians, (n,); None where it answers none."""
+        return None if self._motion is None else self._motion.crank
+
     # -- how it moves -------------------------------------------------------------------------------------------------
 
     def joints(self, crank: ArrayLike) -> Joints:
@@ -485,8 +490,8 @@ def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assemb
 
     Parameters
     ----------
-    linkage : FourBar, Solution or mapping
-        The linkage, or its plain values as `FourBar.to_dict` or a reply gives them, in the motion's unit of angle (degrees
+    linkage : FourBar, GuidedLinkage, Solution or mapping
+        The linkage, or its plain values as ``to_dict`` or a reply gives them, in the motion's unit of angle (degrees
         without a motion).
     motion : Motion, optional
         Over whose interval; default: the motion that the linkage answers, or else a whole turn.
@@ -502,17 +507,24 @@ def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assemb
     crank = asked.pop("crank_angle", None)
     if isinstance(linkage, Mapping):
         crank = linkage.get("crank_angle") if crank is None else crank
+        degrees = motion is None or motion.degrees
         try:
-            linkage = FourBar.from_dict(linkage, motion is None or motion.degrees)
+            if linkage.get("guides") is not None and linkage.get("links") is None:
+                from linkage_atlas.guided import GuidedLinkage
+
+                crank = linkage.get("travel") if crank is None else crank
+                return GuidedLinkage.from_dict(linkage, degrees).assembly(motion, crank, **asked)
+            linkage = FourBar.from_dict(linkage, degrees)
         except (KeyError, TypeError):
             raise FieldError(
                 "/linkage", "wanted links (crank, coupler, rocker, ground), branch, start_angle"
             ) from None
     elif not isinstance(linkage, FourBar):
         crank = getattr(linkage, "crank_angle", None) if crank is None else crank
-        linkage = getattr(linkage, "linkage", None)
-    if not isinstance(linkage, FourBar):
-        raise FieldError("/linkage", "wanted a FourBar, a solution, or its plain values")
+        crank = getattr(linkage, "travel", None) if crank is None else crank
+        linkage = linkage if hasattr(linkage, "assembly") else getattr(linkage, "linkage", None)
+    if not hasattr(linkage, "assembly"):
+        raise FieldError("/linkage", "wanted a linkage, a solution, or its plain values")
     return linkage.assembly(motion, crank, **asked)
 
 

@@ -321,7 +321,9 @@ def _made(spread: Spread, samples: int, unit: float) -> Made:
 
 # -- what is asked of each solution -----------------------------------------------------------------------------------
 
-STUDIES = ("round_to", "lengths_from", "sensitivity", "analysis", "tolerance_study", "assembly")
+DRIVE_STUDIES = ("load", "drives", "springs", "drive")
+"""Those of them that say what is to drive each solution."""
+STUDIES = ("round_to", "lengths_from", "sensitivity", "analysis", "tolerance_study", "assembly", *DRIVE_STUDIES)
 """What may be asked of each solution beyond the linkage itself, by the names of the HTTP contract."""
 
 
@@ -337,13 +339,15 @@ class Studies(NamedTuple):
     """Of an analysis."""
     manufacture: Manufacture | None = None
     """Of a tolerance study."""
+    drives: Mapping[str, Any] | None = None
+    """Of `DRIVE_STUDIES`, as it was given."""
     assembly: AskedAssembly | None = None
 
     @property
     def long(self) -> bool:
         """Whether each solution takes long enough to look at the time after it."""
-        rounded = self.round_to is not None or self.lengths_from is not None
-        return rounded or self.manufacture is not None or self.assembly is not None
+        long = (self.round_to, self.lengths_from, self.manufacture, self.drives, self.assembly)
+        return any(one is not None for one in long)
 
 
 def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
@@ -357,16 +361,26 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         bool(values["sensitivity"]),
         None if values["analysis"] is None else read_drive(values["analysis"], positions),
         None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
+        _drives(values),
         None if values["assembly"] is None else read_assembly(values["assembly"]),
     )
     if asked.assembly is not None and asked.assembly.body and not positions:
         raise FieldError("/assembly/body", "needs `position`: without it nothing says where the body is")
     if asked.round_to is not None and asked.lengths_from is not None:
         raise FieldError("/lengths_from", "give either this or `round_to`")
-    for name in ("round_to", "lengths_from", "tolerance_study"):
+    for name in ("round_to", "lengths_from", "tolerance_study", "drives", "springs", "drive"):
         if values[name] is not None and not positions:
             raise FieldError(f"/{name}", "needs `position`: without it no length is actual")
     return asked
+
+
+def _drives(values: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    given = {name: values[name] for name in DRIVE_STUDIES if values[name] is not None}
+    if not given.keys() - {"load"}:
+        if given:
+            raise FieldError("/load", "of `drives`, `springs` or `drive`; none of them is asked for")
+        return None
+    return given
 
 
 def _lengths(lengths: ArrayLike | None) -> tuple[float, ...] | None:

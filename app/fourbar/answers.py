@@ -9,6 +9,7 @@ import linkage_atlas as la
 from app.fourbar.durations import seconds_of
 from app.fourbar.models import MatchRequest, SynthesizeRequest
 from app.query import Resources
+from linkage_atlas.studies import DRIVE_STUDIES
 
 SHORT_MS = 200.0
 """What a request takes at most for which a process is kept: by its budget, or as it was measured for those of its kind."""
@@ -40,6 +41,8 @@ def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
         return len(request.rotation) > 256 or request.top > 100
     if request.live is not None:
         return False
+    if any(getattr(request, name) is not None for name in DRIVE_STUDIES):
+        return True
     studied = request.lengths_from is not None or request.tolerance_study is not None or request.round_to is not None
     wished = request.diverse or request.tolerances is not None or request.prefer not in (None, "error")
     windows = request.effort == "atlas" and request.position is not None
@@ -66,6 +69,7 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
         **{name: getattr(request, name) for name in ("round_to", "lengths_from", "sensitivity")},
         analysis=analysis_of(request),
         tolerance_study=None if request.tolerance_study is None else request.tolerance_study.model_dump(),
+        **drives_of(request),
         assembly=assembly_of(request),
         mechanisms=request.mechanisms,
         driver=request.driver,
@@ -78,6 +82,17 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
 def analysis_of(request: SynthesizeRequest) -> dict[str, Any] | None:
     """What a request says of an analysis."""
     return None if request.analysis is None else request.analysis.model_dump()
+
+
+def drives_of(request: Any) -> dict[str, Any]:
+    """What a request says of drives: arguments of `linkage_atlas.drives` and of `linkage_atlas.synthesize`."""
+
+    def plain(part: Any) -> Any:
+        if isinstance(part, list):
+            return [one.model_dump(exclude_none=True) for one in part]
+        return None if part is None else part.model_dump(exclude_none=True)
+
+    return {name: plain(getattr(request, name)) for name in DRIVE_STUDIES if name in type(request).model_fields}
 
 
 def assembly_of(request: SynthesizeRequest) -> dict[str, Any] | None:

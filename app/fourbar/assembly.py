@@ -11,7 +11,7 @@ from app.fourbar import QUESTIONS, worked_example
 from app.fourbar.answers import is_long as is_long_search
 from app.fourbar.answers import motion_of
 from app.fourbar.export import pointing, ranked
-from app.fourbar.models import AssemblyOptions, GivenSolution, Rank, SynthesizeRequest
+from app.fourbar.models import AssemblyOptions, GivenLinkage, Rank, SynthesizeRequest
 from app.query import Query, Resources
 from app.tables import DEGREES, Units, left_table, number
 from linkage_atlas.assemblies import ASSEMBLY
@@ -21,7 +21,7 @@ from linkage_atlas.tables import request_from_csv
 class AssemblyRequest(AssemblyOptions):
     """Layers for the plates of a linkage over the interval that it is used for."""
 
-    linkage: GivenSolution | None = Field(
+    linkage: GivenLinkage | None = Field(
         None, description="One of the solutions of a reply. Without it the request is solved."
     )
     request: SynthesizeRequest | None = Field(
@@ -32,7 +32,12 @@ class AssemblyRequest(AssemblyOptions):
     rank: Rank = Field(1, description="Which solution, if no linkage is given.")
 
 
-_PLACES = {"solution": "/linkage", "crank_angle": "/linkage/crank_angle", "motion": "/request"}
+_PLACES = {
+    "solution": "/linkage",
+    "crank_angle": "/linkage/crank_angle",
+    "travel": "/linkage/travel",
+    "motion": "/request",
+}
 """Where this route has what the front door names otherwise."""
 
 
@@ -49,6 +54,8 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
         raise la.FieldError("/linkage", "needed, or a `request` to be solved")
     motion = None
     if question is not None:
+        for name in ("envelope", "keep_out"):
+            asked[name] = asked[name] or getattr(question.limits, name)
         with pointing(lambda field: "/request" + field):
             motion = la.Motion(**motion_of(question))
     work = resources.work()
@@ -57,8 +64,11 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
         with pointing(lambda field: field if field == "/rank" else "/request" + field):
             found = ranked(question, request.rank, resources)
         return la.assembly(found, work=work, **asked)
+    with pointing(lambda field: "/linkage" + field):
+        linkage = given.linkage(motion is None or motion.degrees)
     with pointing(_placed):
-        return la.assembly(given.model_dump(), motion, work=work, **asked)
+        place = given.travel if given.crank_angle is None else given.crank_angle
+        return linkage.assembly(motion, place, work=work, **asked)
 
 
 def _is_long(request: AssemblyRequest) -> bool:
@@ -121,6 +131,17 @@ QUERIES = (
                     "start_angle": 0,
                 },
                 "boards": "both",
+            },
+            "slider_crank": {
+                "linkage": {
+                    "guides": [
+                        {"guide": "circle", "pivot": [0, 0], "radius": 20, "body_point": [0, 0]},
+                        {"guide": "rail", "point": [0, 6], "direction": 0, "body_point": [50, 0]},
+                    ],
+                    "driver": "crank",
+                    "branch": 1,
+                    "start": 0,
+                },
             },
         },
         from_csv=_from_table,

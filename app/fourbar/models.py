@@ -10,6 +10,8 @@ from pydantic import BeforeValidator, ConfigDict, Field, create_model
 import linkage_atlas as la
 from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, RequestModel
 from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
+from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
+from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
 from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_SAMPLES, SAMPLES
@@ -238,6 +240,136 @@ class ToleranceStudyRequest(RequestModel):
     )
 
 
+# -- what drives it ----------------------------------------------------------------------------------------------------
+
+Above = Annotated[Number, Field(gt=0, le=MAX_LENGTH)]
+Words = Annotated[str, Field(max_length=100_000)]
+LinkName = Annotated[str, Field(max_length=40)]
+LinkNames = Annotated[list[LinkName], Field(min_length=1, max_length=4)]
+PlacePair = Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
+
+
+class MassRequest(RequestModel):
+    """A mass on a link."""
+
+    link: LinkName | None = Field(None, description="`body` (default), `crank`, `coupler`, `rocker`.")
+    mass: Annotated[Number, Field(ge=0, le=LARGEST)]
+    at: PlacePair | None = Field(
+        None,
+        description="In the link's frame, of the body from its point on. Default: the link's middle, the body's point.",
+    )
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = Field(None, description="About that place.")
+
+
+class DriveLoadRequest(RequestModel):
+    """What acts on the body and on the links, in directions that do not turn with them."""
+
+    force: Pair | None = Field(None, description="[fx, fy] at the body point.")
+    torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
+    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = None
+    gravity: Pair | None = Field(None, description="Acceleration [gx, gy] of the masses; default [0, -9.81].")
+    speed: Bounded | None = Field(
+        None, description="Of the crank, constant: then the masses resist their acceleration too."
+    )
+
+
+class CatalogueRow(RequestModel):
+    """A row of a catalogue of actuators (retracted, stroke, ..) or of springs."""
+
+    name: Annotated[str, Field(max_length=200)] | None = None
+    retracted: Above | None = None
+    stroke: Above | None = None
+    force: Above | None = Field(None, description="That an actuator pushes with at most, or an extended gas spring.")
+    pull: Above | None = Field(None, description="That an actuator pulls with at most; default: as it pushes.")
+    bore: Above | None = Field(
+        None, description="Of a cylinder: its force by the pressure, where `force` is not given."
+    )
+    rod: Above | None = Field(None, description="Diameter of its rod: for the pull of a cylinder, and for buckling.")
+    price: Annotated[Number, Field(ge=0, le=MAX_LENGTH)] | None = None
+    stiffness: Above | None = None
+    free_length: Above | None = None
+    preload: Bounded | None = None
+    shortest: Above | None = None
+    longest: Above | None = None
+    extended: Above | None = None
+    progression: Above | None = Field(None, description="Of a gas spring: force pushed in over force extended.")
+
+
+Catalogue = Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_ROWS)]
+
+
+class DriveRequest(RequestModel):
+    """A kind of drive that is wanted, and within what; which fields belong to which kind says docs/drives.md."""
+
+    kind: Literal["rotary", "actuator", "cylinder", "dyad", "toggle"]
+    links: LinkNames | None = Field(None, description="On which links; default: on each that can have it.")
+    on: LinkName | None = Field(
+        None, description="The link that carries the other end of an actuator; default `ground`."
+    )
+    retracted: Above | None = Field(None, description="Retracted length; null: as it is best.")
+    stroke: Above | None = Field(None, description="Null: as it is best.")
+    dead_length: Size | None = Field(
+        None, description="Retracted length less stroke, at least, where either is free."
+    )
+    catalogue: Catalogue | None = Field(
+        None, description=f"One of {', '.join(ACTUATORS)}; rows; or a CSV text with a head of the rows' names."
+    )
+    pressure: Above | None = Field(None, description="Bar, for rows with a bore; default 6.")
+    rod: Above | None = Field(None, description="Diameter of the rod, for buckling.")
+    extends: Flag | None = Field(None, description="Whether it extends from the first position to the last.")
+    ground_box: Box | None = Field(None, description="Of the ground point.")
+    reach_max: Above | None = Field(
+        None, description="Largest distance of the pin from the origin of its link's frame."
+    )
+    arm_min: Size | None = Field(None, description="Least moment arm, a radian of the crank.")
+    time_ratio: Above | None = Field(
+        None, description="Of a motor: the slower way over the other; null: as it is best."
+    )
+    motor_box: Box | None = None
+    pin_radius: Above | None = Field(None, description="Of the rod's pin, from the link's pivot.")
+    transmission_angle_min: Annotated[Number, Field(ge=0, le=90)] | None = None
+    at: Literal["first", "last"] | None = Field(None, description="The end that a knee locks; default `last`.")
+    over_centre: Annotated[Number, Field(ge=0, le=90)] | None = Field(
+        None, description="Angle by which a knee goes beyond its line; default 5 degrees."
+    )
+    knee: Annotated[Number, Field(ge=0.1, le=0.9)] | None = Field(
+        None, description="Length of the handle over both links; default 0.5."
+    )
+
+
+class SpringRequest(RequestModel):
+    """Springs that are to carry the load."""
+
+    kind: Literal["tension", "gas"]
+    between: Annotated[list[LinkName], Field(min_length=2, max_length=2)] | None = Field(
+        None,
+        description="Two links, one of which may be `ground`. Default: two springs, on the two links with fixed pivots.",
+    )
+    catalogue: Catalogue | None = Field(
+        None,
+        description="`tension_springs`, `gas_springs`, rows or a CSV text; null: ideal springs, of gas those bundled.",
+    )
+    stiffness: Above | None = Field(None, description="Of ideal springs.")
+    ground_box: Box | None = Field(None, description="Of its end on the ground.")
+    reach_max: Above | None = None
+    clear: Above | None = Field(None, description="Least distance of its ends from pivots.")
+
+
+Drives = Annotated[list[DriveRequest], Field(max_length=MOST_DRIVES)]
+Springs = Annotated[list[SpringRequest], Field(max_length=MOST_SPRINGS)]
+
+
+class RockerRequest(RequestModel):
+    """A link on a hinge, in place of a linkage: a flap, a wiper, a boom."""
+
+    pivot: PlacePair = Field(default_factory=lambda: [0.0, 0.0])
+    start: Angle = Field(0.0, description="Its direction at the first position.")
+    swing: Angle = Field(description="To the last one; < 0: clockwise.")
+    length: Above = Field(description="To the body point.")
+
+
+# -- how it is built --------------------------------------------------------------------------------------------------
+
 Rank = Annotated[Count, Field(ge=1, le=100)]
 
 
@@ -272,6 +404,13 @@ class AssemblyOptions(RequestModel):
         None, description="How fixed pins must be held, where that matters."
     )
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
+    envelope: Box | None = Field(
+        None,
+        description="A box that all plates must stay in: xmin, ymin, xmax, ymax. Default: that of the request's limits.",
+    )
+    keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = Field(
+        None, description="Boxes that no plate may enter. Default: those of the request's limits."
+    )
 
 
 def _with_defaults(given: Any) -> Any:
@@ -387,6 +526,12 @@ class SynthesizeRequest(CrankMotion):
     )
     tolerance_study: ToleranceStudyRequest | None = Field(
         None, description="Also report what tolerances of manufacture do to the body's motion."
+    )
+    load: DriveLoadRequest | None = Field(None, description="Of `drives`, `springs` and `drive`.")
+    drives: Drives | None = Field(None, description="Also report the best drive of each of these kinds.")
+    springs: Springs | None = Field(None, description="Also report springs that carry the load.")
+    drive: DriveRequest | None = Field(
+        None, description="Solutions without such a drive come after those with one, which is reported."
     )
     assembly: Annotated[AssemblyOptions | None, BeforeValidator(_with_defaults)] = Field(
         None,

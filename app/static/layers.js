@@ -92,6 +92,12 @@ export class Layers {
 
   async #ask(solution, answer, signal) {
     if (!solution.verdict || solution.verdict.assembly || this.wrong.has(solution)) return;
+    if (!solution.links) {
+      this.wrong.set(solution, "for rails and slots layers are not drawn here: ask /v1/assembly, or the command line");
+      this.told(solution);
+      if (solution === this.solution) this.#describe();
+      return;
+    }
     try {
       const assembly = await (await ask("/v1/assembly", { linkage: solution, request: answer.request, ...this.#options(solution, answer.motion) }, signal)).json();
       const { verdict } = solution, free = assembly.status === "free";

@@ -306,8 +306,8 @@ function bindButtons() {
     } catch { say("The browser does not allow copying; select the text instead.", true); }
   });
   $("link").addEventListener("click", async () => {
-    const current = answer && !editor.board.stale, { links, branch, start_angle, body_offset, mount, crank_angle, family } = results.solution;
-    const chosen = current ? { links, branch, start_angle, body_offset, mount, crank_angle, family } : null;
+    const current = answer && !editor.board.stale, { links, branch, start_angle, body_offset, mount, crank_angle, family, kind, driver, guides, start: begin, travel } = results.solution;
+    const place = links ? { links, start_angle, body_offset, mount, family } : { kind, driver, guides, start: begin, travel }, chosen = current ? { ...place, branch, crank_angle } : null;
     await copy(await sources.linkTo(current ? answer.request : toRequest(editor.motion), editor.motion, chosen), "The link is copied; it holds the whole request and the chosen linkage.");
   });
   addEventListener("beforeprint", () => fillSheet(answer, results.solution));

@@ -3,7 +3,8 @@
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { element, signed, text } from "./drawing.js";
-import { alike, errorText, fitOf, limitName, worstRows } from "./fit.js";
+import { driveName, drivePlaces, driveTurns } from "./drive.js";
+import { alike, errorText, fitOf, guideRows, limitName, worstRows } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
 import { Layers } from "./layers.js";
@@ -25,9 +26,11 @@ const NEAR = 2.5; // other solutions are fitted into the view where they lie wit
 function numberRows(solution, { motion, size }, digits) {
   const { links, mount, rounded } = solution, { unit } = motion, { places, turns, worst } = fitOf(solution, motion);
   const number = (value) => text(value, digits), length = (value) => `${number(value)} ${unit}`;
-  const rows = LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), length(links[name])]);
-  rows.push(["Branch", solution.branch > 0 ? "+1" : "−1"], ["Start angle", `${number(solution.start_angle)}°`]);
-  if (solution.body_offset !== null) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
+  const rows = links ? LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), length(links[name])]) : guideRows(solution, number, length);
+  rows.push(["Branch", solution.branch > 0 ? "+1" : "−1"]);
+  if (links) rows.push(["Start angle", `${number(solution.start_angle)}°`]);
+  else rows.push(["Drive at the first sample", driveTurns(solution) ? `${number(solution.start)}°` : length(solution.start)]);
+  if (Number.isFinite(solution.body_offset)) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
   if (mount) {
     rows.push(["Pivot A", `${mount.pivot_a.map(number).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(number).join(", ")} ${unit}`], ["Ground angle", `${number(mount.ground_angle)}°`]);
     rows.push(["Coupler point", `${length(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`]);
@@ -40,6 +43,7 @@ function numberRows(solution, { motion, size }, digits) {
   if (Number.isFinite(solution.size)) rows.push(["Size", `${number(solution.size)} × motion`]);
   if (Number.isFinite(solution.excursion)) rows.push(["Way between samples", `${text(solution.excursion, 3)} × distance`]);
   rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
+  if (Number.isFinite(solution.arm_min)) rows.push(["Moment arm, least", length(solution.arm_min)]);
   if (Number.isFinite(solution.transmission_angle_min_turn)) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
   const held = solution.determination?.at_limits ?? [];
   if (held.length) rows.push(["Held by", held.map(limitName).join(", ")]);
@@ -54,11 +58,12 @@ function numberRows(solution, { motion, size }, digits) {
 }
 
 /** What was judged of a solution, and all reasons. */
-function verdictBlock(verdict, motion) {
+function verdictBlock(solution, motion) {
+  const { verdict } = solution;
   const block = element("div", "judged");
   block.append(element("h3", "", "Verdict"));
   const list = document.createElement("dl");
-  for (const [name, good, words] of judged(verdict, motion)) {
+  for (const [name, good, words] of judged(verdict, motion, driveName(solution), driveTurns(solution))) {
     const poor = ["Practical limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";
     list.append(element("dt", "", name), signed("dd", good ? "good" : poor, good ? "✓" : poor === "bad" ? "✕" : "!", words));
   }
@@ -79,15 +84,19 @@ function crankBlock(solution, motion) {
   for (const k of order) {
     const row = table.insertRow();
     row.append(Object.assign(element("th", "", `Sample ${k + 1}`), { scope: "row" }));
-    row.insertCell().textContent = `${text(solution.crank_angle[k], 8)}°`;
+    row.insertCell().textContent = `${text(drivePlaces(solution)[k], 8)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`;
   }
-  block.append(element("summary", "", "Crank angles at the samples"), table);
+  block.append(element("summary", "", driveTurns(solution) ? "Crank angles at the samples" : `Travel of the ${solution.driver} at the samples`), table);
   return block;
 }
 
 /** What can be done with a linkage that was changed by hand. */
-function handBlock() {
+function handBlock({ links }) {
   const block = element("div", "judged");
+  if (!links) {
+    block.append(element("p", "note", "Changed by hand: its errors are computed in this page, and nothing is judged."));
+    return block;
+  }
   const choices = [["refine-here", "Refine from there", "refinehere"], ["search-near", "Search near here", "searchnear"]], group = element("div", "group wrap");
   for (const [id, words, event] of choices) {
     const button = Object.assign(element("button", "", words), { type: "button", id });
@@ -189,7 +198,7 @@ export class Results {
    */
   drag(name, place, kind = `joint ${name}`) {
     const { motion, reply } = this.answer ?? {};
-    if (!this.solution?.mount || !this.board.joints) return "there is no linkage in the plane.";
+    if (!(this.solution?.mount || this.solution?.guides) || !this.board.joints) return "there is no linkage in the plane.";
     this.player.stop();
     const joints = { ...this.board.joints, [name]: place }, made = fromJoints(joints, this.player.travel, this.solution);
     if (!made) return "two joints would coincide there.";
@@ -212,8 +221,8 @@ export class Results {
 
   /** The numbers to be copied, with all digits. */
   #rows() {
-    const { verdict, crank_angle } = this.solution, rows = numberRows(this.solution, this.answer, 17);
-    if (crank_angle) rows.push(["Crank angles", crank_angle.map((angle) => `${text(angle, 17)}°`).join(", ")]);
+    const { verdict } = this.solution, rows = numberRows(this.solution, this.answer, 17), places = drivePlaces(this.solution), turns = driveTurns(this.solution);
+    if (places) rows.push([turns ? "Crank angles" : "Travel", places.map((place) => `${text(place, 17)}${turns ? "°" : ""}`).join(", ")]);
     if (verdict) rows.push(["Verdict", mark(verdict).text], ...reasons(verdict).map((one) => ["Reason", one]));
     return rows;
   }
@@ -286,12 +295,14 @@ export class Results {
       row.append(Object.assign(element("th", "", name), { scope: "row" }));
       row.insertCell().textContent = value;
     }
-    const { verdict, crank_angle, source } = this.solution, { motion } = this.answer, parts = [table];
-    if (verdict) parts.unshift(verdictBlock(verdict, motion));
-    else if (source === "hand") parts.unshift(handBlock());
-    if (crank_angle) parts.push(crankBlock(this.solution, motion));
+    const { verdict, source } = this.solution, { motion } = this.answer, parts = [table];
+    if (verdict) parts.unshift(verdictBlock(this.solution, motion));
+    else if (source === "hand") parts.unshift(handBlock(this.solution));
+    if (drivePlaces(this.solution)) parts.push(crankBlock(this.solution, motion));
     if (this.solution.determination?.ill_posed) parts.push(element("p", "note", "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths."));
     $("numbers").replaceChildren(...parts);
+    // links are cut as plates, and pylinkage knows, four-bars only
+    for (const format of ["plates", "pylinkage"]) document.querySelector(`[data-format=${format}]`).disabled = !this.solution.links;
     if (!again) note("");
   }
 

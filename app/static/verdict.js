@@ -32,9 +32,9 @@ export function mark(verdict) {
 }
 
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
-export function judged(verdict, motion) {
+export function judged(verdict, motion, drive = "crank", turns = true) {
   const free = motion.timing === "free";
-  const passes = !free ? "the crank passes the samples at the angles given" : motion.anyOrder ? "a crank that turns one way passes all samples" : "a crank that turns one way passes the samples in the order given";
+  const passes = !free ? `the ${drive} passes the samples at the ${turns ? "angles" : "places"} given` : motion.anyOrder ? `a ${drive} that ${turns ? "turns" : "moves"} one way passes all samples` : `a ${drive} that ${turns ? "turns" : "moves"} one way passes the samples in the order given`;
   const rows = [
     ["Order", verdict.order, verdict.order ? passes : passes.replace("passes", "does not pass")],
     ["Branch", verdict.branch, verdict.branch ? "all samples lie on one branch" : "samples lie on different branches: a dead position comes between"],

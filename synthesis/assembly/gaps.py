@@ -167,6 +167,7 @@ class Gaps:
     def prove(self, interval: Interval, work: Work) -> list[Proof]:
         """Where each pair collides within an interval of crank angles, its ends to rounding."""
         first, last = min(interval), max(interval)
+        self._extent = max(abs(first), abs(last), last - first)
         edges = np.linspace(first, last, CELLS + 1)
         moving = np.flatnonzero(~self._still)
         pair = np.repeat(moving, CELLS)
@@ -194,7 +195,7 @@ class Gaps:
         gap, bound = cells.gap, cells.bound
         free, hits = gap > bound, gap < -bound
         open_ = ~(free | hits)
-        small = (bound < FINE * self.size) | (cells.half < 4e-16 * np.maximum(1.0, np.abs(cells.middle)))
+        small = (bound < FINE * self.size) | (cells.half < 4e-16 * self._extent)
         many = np.bincount(cells.pair[open_], minlength=len(self._pairs)) > MOST_CELLS
         small |= many[cells.pair]
         touches = np.abs(gap) <= ROUNDING * self.size
@@ -240,7 +241,7 @@ class Gaps:
         weights = np.ones((2, pair.size))
         for step in range(_ROOTS):
             wide = np.abs(outer - inner)
-            if np.all(wide <= 4e-16 * np.maximum(1.0, np.abs(inner))):
+            if np.all(wide <= 4e-16 * self._extent):
                 break
             # regula falsi, the end that stays halved (Illinois); each third step halves the bracket
             share = np.where(
@@ -254,7 +255,9 @@ class Gaps:
             weights = np.where(hits, [np.ones(pair.size), weights[1] / 2], [weights[0] / 2, np.ones(pair.size)])
             inner, low = np.where(hits, middle, inner), np.where(hits, gap, low)
             outer, high = np.where(hits, outer, middle), np.where(hits, high, gap)
-            if np.all(np.minimum(np.abs(low), np.abs(high)) <= 2e-15 * self.size) and np.all(wide < 1e-12):
+            if np.all(np.minimum(np.abs(low), np.abs(high)) <= 2e-15 * self.size) and np.all(
+                wide < 1e-12 * self._extent
+            ):
                 break
         return np.where(np.abs(low) <= np.abs(high), inner, outer)
 
@@ -282,7 +285,9 @@ class Gaps:
         while cells.pair.size:
             low = cells.gap - cells.bound
             cells = cells.some(low < best[cells.pair])
-            rough = (cells.gap - cells.bound < best[cells.pair] - NEAR * self.size) & (cells.half > 1e-12)
+            rough = (cells.gap - cells.bound < best[cells.pair] - NEAR * self.size) & (
+                cells.half > 1e-12 * self._extent
+            )
             rough &= (np.bincount(cells.pair[rough], minlength=best.size) < MOST_CELLS)[cells.pair]
             kept.append(cells.some(~rough))
             halves = cells.some(rough).halved()

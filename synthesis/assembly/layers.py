@@ -6,7 +6,7 @@ Layers are numbered from 1; board 0 lies below them, board N + 1 above. What is 
 2. plates in one layer keep clear of one another;
 3. a pin fills the layers from its lowest to its highest plate, a fixed one on to its board; plates there that it does not join
    keep clear of it;
-4. so do two pins in a layer where neither has a plate of its own;
+4. so do two pins in a layer where neither has a plate of its own, or where one slides in a slit of the plate of both;
 5. a head fills one layer more at each free end of a pin, and lies in no board: only with heads may a layer be empty.
 """
 
@@ -147,6 +147,14 @@ class Search:
         self.plates = [one.name for one in machine.plates]
         self.pins = [one.name for one in machine.pins]
         self.joined = {pin.name: frozenset(pin.joins) for pin in machine.pins}
+        # a pin that slides in a plate may meet the others of that plate
+        self.sliding = {
+            (plate.name, frozenset((slit.pin, pin.name)))
+            for plate in machine.plates
+            for slit in plate.slits
+            for pin in machine.pins
+            if plate.name in pin.joins and pin.name != slit.pin
+        }
         parts = [_Part(one.name, (Carried(one.body, one.shape),)) for one in machine.plates]
         parts += [
             _Part(one.name, tuple(Carried(at.body, disc(at.at, one.radius)) for at in one.places))
@@ -282,6 +290,12 @@ class Search:
             plates = [name for name, own in layers.items() if own == layer]
             through = [name for name, (low, high) in pins.items() if low <= layer <= high and 1 <= layer <= count]
             bare = [name for name in through if all(layers[one] != layer for one in self.joined[name])]
+            found |= {
+                (a, b)
+                for k, a in enumerate(through)
+                for b in through[k + 1 :]
+                if any((plate, frozenset((a, b))) in self.sliding for plate in plates)
+            }
             tops = [head.pin for head in heads if head.layer == layer]
             found |= {(a, b) for k, a in enumerate(plates) for b in plates[k + 1 :]}
             found |= {(plate, pin) for plate in plates for pin in through if plate not in self.joined[pin]}
@@ -392,7 +406,7 @@ class Search:
 
     def _stops(self, stack: Stack, free: Interval | None) -> tuple[Stop | None, Stop | None]:
         """Where the stack collides next, or the loop ends, below and above an interval over which it is free."""
-        if free is None:
+        if free is None or not self.machine.stops:
             return None, None
         loop, turn = self.machine.loop, TURN
         if loop is None:
