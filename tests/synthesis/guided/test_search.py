@@ -113,7 +113,6 @@ def test_limits_of_rails_and_cylinders_are_kept():
         ("swinging_block", Driver.CRANK),
         ("rail_slot", Driver.SLIDER),
         ("two_rails", Driver.SLIDER),
-        ("two_slots", Driver.CYLINDER),
     ],
 )
 def test_given_drives_come_back(kind, driver):
@@ -124,28 +123,6 @@ def test_given_drives_come_back(kind, driver):
         best = min(found, key=lambda one: one.errors.objective)
         assert best.errors.objective < 1e-9
         assert np.allclose(best.travel, drive, rtol=1e-7, atol=1e-9 * np.abs(drive).max())
-
-
-def arc(radius: float, noise: float, random: np.random.Generator) -> Poses:
-    """A slider-crank whose crank is so long that its pin hardly leaves a line of length 2; the rail is square to it."""
-    along = np.linspace(-1, 1, 10)
-    pin = along + 1j * along**2 / (radius + np.sqrt(radius**2 - along**2))
-    # the other end of a rod of 2.5 on the line x = 3: the body's direction follows
-    angle = np.arccos((3 - pin.real) / 2.5 * 0.6)
-    slider = 3 * 0.6 + 0 * along
-    del slider
-    place = pin + 0.4 * np.exp(1j * angle)
-    mixed = noise * (random.normal(size=10) + 1j * random.normal(size=10))
-    return make_poses(angle + noise * random.normal(size=10), place + mixed)
-
-
-def test_a_huge_circle_without_noise_is_called_a_rail_and_a_large_one_is_not():
-    random = np.random.default_rng(5)
-    kinds = [Kind.SLIDER_CRANK, Kind.TWO_RAILS]
-    found, _ = search_guided(arc(1e8, 0.0, random), _ANY, kinds)
-    best = [one for one in found if one.errors.objective < 1e-8]
-    assert best and {one.linkage.kind for one in best} == {Kind.TWO_RAILS}
-    assert any("circle" in one.reason for one in found if one.reason)
 
 
 def test_a_budget_ends_the_search_and_more_of_it_gives_no_less():
