@@ -8,13 +8,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
 import linkage_atlas as la
-from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, RequestModel
+from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
 from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
-from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_SAMPLES, SAMPLES
+from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
 
@@ -33,6 +33,8 @@ Mechanism = Literal[
     "four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots", "watt_1", "stephenson_1"
 ]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
+MatchedKind = Literal["four_bar", "slider_crank"]
+"""Kinds that there are atlases of."""
 
 
 class CrankMotion(RequestModel):
@@ -59,6 +61,10 @@ class MatchRequest(CrankMotion):
     rotation: Curve = Field(description="Rotation of the body at the samples, continuous: no jumps by whole turns.")
     curve: Literal["coupler", "rocker"] = Field(
         "coupler", description="Which link turns so: the coupler, or the rocker, from the line of the pivots."
+    )
+    mechanisms: Annotated[list[MatchedKind], Field(min_length=1, max_length=2)] | Literal["all"] = Field(
+        ["four_bar"],
+        description="Whose rows: the coupler of a four-bar, the rod of a slider-crank; the best of all kinds.",
     )
     top: Top = Field(10, description="How many rows to return.")
     features: Flag = Field(
@@ -210,11 +216,30 @@ Bounded = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
 Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 
 
+class LinkMassRequest(RequestModel):
+    """A mass on a link."""
+
+    link: Literal["crank", "coupler", "rocker", "body"]
+    mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="In kg.")
+    at: Pair | None = Field(
+        None,
+        description="[x, y] of its centre in the link's frame: origin in its first joint (crank: pivot A, coupler: crank pin, "
+        "rocker: pivot B), x axis to the second; of the body: its point and its rotation.",
+    )
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] = Field(
+        0.0, description="About its centre, kg times length squared."
+    )
+
+
 class LoadRequest(RequestModel):
     """What acts on the body, in directions that do not turn with it."""
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
+    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
+        None, description="Of the links; with them forces are in newtons."
+    )
+    gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
 
 
 class AnalysisRequest(RequestModel):
@@ -224,6 +249,7 @@ class AnalysisRequest(RequestModel):
         description="Constant, in the unit of angle a second, counter-clockwise: negative for a clockwise motion."
     )
     load: LoadRequest | None = Field(None, description="With it: crank torque and pin forces.")
+    length_unit: LengthUnit = Field("mm", description="The unit of lengths, which tells the forces of inertia.")
 
 
 class ToleranceStudyRequest(RequestModel):
