@@ -66,7 +66,7 @@ class AtlasType(Record):
     number: int
     """Number of the dimension type, from 1."""
     lengths: list[int]
-    """L1 crank, L2 coupler, L3 rocker, L4 ground."""
+    """L1 crank, L2 coupler, L3 rocker, L4 ground; of a slider-crank r crank, l rod, e offset of the rail from the pivot."""
 
 
 TypeOf = Callable[[int], AtlasType]
@@ -405,20 +405,28 @@ class Features(Record):
     """(mean of first half - mean of second half) / 2 of each block, coarse to fine."""
 
 
+_SHOWN_KINDS = {"four_bar": "", "slider_crank": "slider-crank "}
+"""How a match names its kind to a reader."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Match(Record):
     """A row of the atlas and the start at which it turns like the request."""
 
     rank: int
+    kind: str
+    """What it is: four_bar or slider_crank."""
     type: AtlasType
     start_angle: float
+    """Crank angle at the first sample, from the ground line; of a slider-crank from the direction of the rail."""
     branch: Literal[-1, 1]
+    """Of a slider-crank: -1 is the mirror image, its offset negated."""
     offset: float
-    """Added to the angle of the coupler, or rocker (in -180..180 degrees at the first sample, continuous)."""
+    """Added to the angle of the coupler, rocker or rod (in -180..180 degrees at the first sample, continuous)."""
     similarity: float
     """Rms rotation error of this row at this start: a distance."""
     features: Features | None = None
-    linkage: FourBar = field(metadata=KEPT)
+    linkage: FourBar | GuidedLinkage = field(metadata=KEPT)
     """With the type's lengths, this start and offset."""
 
 
@@ -450,8 +458,8 @@ class Matches(Record, Ranked[Match]):
 
     def __repr__(self) -> str:
         rows = [
-            f"  {m.rank}  type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, branch {m.branch:+d}, "
-            f"rms error {m.similarity:.3g}"
+            f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, "
+            f"branch {m.branch:+d}, rms error {m.similarity:.3g}"
             for m in self.matches
         ]
         return "\n".join([f"{len(self.matches)} matches", *rows])
@@ -466,7 +474,7 @@ def _in_words(errors: Errors, degrees: bool) -> str:
 # -- from what a search found to what a user reads --------------------------------------------------------------------
 
 
-def status_of(solutions: Sequence[Solution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
+def status_of(solutions: Sequence[AnySolution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
     """What was found: reached where the best solution keeps the tolerances, or without any, where its objective is small."""
     if not solutions:
         return (Status.UNKNOWN if cut_short else Status.INFEASIBLE).value
