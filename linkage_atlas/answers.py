@@ -66,7 +66,7 @@ class AtlasType(Record):
     number: int
     """Number of the dimension type, from 1."""
     lengths: list[int]
-    """L1 crank, L2 coupler, L3 rocker, L4 ground."""
+    """L1 crank, L2 coupler, L3 rocker, L4 ground; of a slider-crank r crank, l rod, e offset of the rail from the pivot."""
 
 
 TypeOf = Callable[[int], AtlasType]
@@ -297,7 +297,7 @@ class GuidedSolution(Record):
     origin: GuidedOrigin = field(metadata=KEPT, repr=False)
 
     def studied(self, work: Work | None = None, **studies: Any) -> GuidedSolution:
-        """The same solution with studies of it: ``analysis`` and what drives it, as of `Solution.studied`."""
+        """The same solution with studies of it: ``analysis``, ``assembly`` and what drives it, as of `Solution.studied`."""
         for name in studies:
             if name not in STUDIES:
                 raise FieldError.no_such("", name, STUDIES, "study")
@@ -408,20 +408,28 @@ class Features(Record):
     """(mean of first half - mean of second half) / 2 of each block, coarse to fine."""
 
 
+_SHOWN_KINDS = {"four_bar": "", "slider_crank": "slider-crank "}
+"""How a match names its kind to a reader."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Match(Record):
     """A row of the atlas and the start at which it turns like the request."""
 
     rank: int
+    kind: str
+    """What it is: four_bar or slider_crank."""
     type: AtlasType
     start_angle: float
+    """Crank angle at the first sample, from the ground line; of a slider-crank from the direction of the rail."""
     branch: Literal[-1, 1]
+    """Of a slider-crank: -1 is the mirror image, its offset negated."""
     offset: float
-    """Added to the angle of the coupler, or rocker (in -180..180 degrees at the first sample, continuous)."""
+    """Added to the angle of the coupler, rocker or rod (in -180..180 degrees at the first sample, continuous)."""
     similarity: float
     """Rms rotation error of this row at this start: a distance."""
     features: Features | None = None
-    linkage: FourBar = field(metadata=KEPT)
+    linkage: FourBar | GuidedLinkage = field(metadata=KEPT)
     """With the type's lengths, this start and offset."""
 
 
@@ -453,8 +461,8 @@ class Matches(Record, Ranked[Match]):
 
     def __repr__(self) -> str:
         rows = [
-            f"  {m.rank}  type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, branch {m.branch:+d}, "
-            f"rms error {m.similarity:.3g}"
+            f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, "
+            f"branch {m.branch:+d}, rms error {m.similarity:.3g}"
             for m in self.matches
         ]
         return "\n".join([f"{len(self.matches)} matches", *rows])
@@ -604,7 +612,12 @@ def finished_guided(
             break
         solutions.append(_guided_studied(_guided_described(one, motion, limits), studies, len(found), work))
     solutions.sort(
-        key=lambda one: (not one.verdict.works, one.verdict.within_tolerance is False, one.drivable is False)
+        key=lambda one: (
+            not one.verdict.works,
+            one.verdict.within_tolerance is False,
+            one.verdict.assembly is not None and not one.verdict.assembly.free,
+            one.drivable is False,
+        )
     )
     return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
 
@@ -700,12 +713,13 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
 
 def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> Verdict:
     """The verdict with the assembly; the parts of a linkage that does not carry its motion are not arranged."""
-    verdict, (one, own, _) = solution.verdict, solution.origin
+    verdict, (one, own, limits) = solution.verdict, solution.origin
     found: Assembly | None = None
     if not verdict.works:
-        why = ["layers were not looked for: the crank does not carry the linkage through the samples"]
+        why = ["layers were not looked for: the drive does not carry the linkage through the samples"]
     else:
         try:
+            asked = asked.within(limits.envelope, limits.keep_out)
             found = assembled(one.linkage, asked, own.target.interval, own.radian, work)
             why = [] if found.free else [f"layers: {found.reasons[0]}"]
         except FieldError as error:

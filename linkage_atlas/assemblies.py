@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
@@ -16,14 +16,29 @@ from synthesis.assembly.layers import BOARDS, BOTH, Arrangement, Asked, arrange
 from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.parts import Heights, parts_of
 from synthesis.assembly.shapes import crosses_itself, signed_area
+from synthesis.assembly.walls import ENVELOPE, outside
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import GuidedLinkage
+from synthesis.mechanism import Box
 from synthesis.target import Interval
 from synthesis.work import Work
 
-ASSEMBLY = ("width", "hole", "thickness", "washer", "clearance", "boards", "heads", "body", "mounts", "layers_most")
+ASSEMBLY = (
+    "width",
+    "hole",
+    "thickness",
+    "washer",
+    "clearance",
+    "boards",
+    "heads",
+    "body",
+    "mounts",
+    "layers_most",
+    "envelope",
+    "keep_out",
+)
 """What may be asked of an assembly, by the names of the HTTP contract."""
 MOST_CORNERS = 200
 """Corners of a body's outline at most."""
@@ -152,7 +167,7 @@ class Assembly(Record):
     """Of all parts that share a layer; null where none do, or where blocked."""
     stops: Stops
     collisions: list[Collision]
-    """Of the layers told; empty where they are free."""
+    """Of the layers told; empty where they are free. Also of plates with "envelope" and "keep_out 1", which no layers free."""
     touches: list[Collision]
     """Where parts may just reach one another."""
     longest_free: tuple[float, float] | None
@@ -189,6 +204,15 @@ class AskedAssembly(NamedTuple):
     washer: float | None
     body: tuple[complex, ...]
     arranged: Asked
+    envelope: Box | None = None
+    keep_out: tuple[Box, ...] = ()
+
+    def within(self, envelope: Box | None, keep_out: Sequence[Box]) -> AskedAssembly:
+        """With the boxes of a request's limits, where it has none of its own."""
+        return self._replace(
+            envelope=self.envelope if envelope is None or self.envelope is not None else envelope,
+            keep_out=self.keep_out or tuple(keep_out),
+        )
 
 
 def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> AskedAssembly | None:
@@ -221,7 +245,19 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
         lengths["washer"],
         () if values["body"] is None else _outline(f"{where}body", values["body"]),
         Asked(boards, bool(values["heads"]), int(most), _mounts(f"{where}mounts", values["mounts"], boards)),
+        None if values["envelope"] is None else _box(f"{where}envelope", values["envelope"]),
+        tuple(_box(f"{where}keep_out/{k}", box) for k, box in enumerate(values["keep_out"] or ())),
     )
+
+
+def _box(name: str, given: Any) -> Box:
+    try:
+        found = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (4,) or not np.isfinite(found).all() or not (found[0] < found[2] and found[1] < found[3]):
+        raise FieldError(f"/{name}", "wanted [xmin, ymin, xmax, ymax] with xmin < xmax and ymin < ymax")
+    return (*found.tolist(),)
 
 
 def _length(name: str, value: Any, kind: str) -> float | None:
@@ -315,6 +351,11 @@ def assembled(
         if other.status == "free":
             held = ", ".join(f"{pin} {mount}" for pin, mount in other.stack.mounts.items())
             reasons.insert(1, f"with boards on both sides {other.stack.count} layers are free: {held}")
+    beyond = outside(machine, asked.envelope, asked.keep_out, work)
+    if beyond:
+        # no layer helps
+        found = replace(found, status="blocked", collisions=(*beyond, *found.collisions))
+        reasons = [_beyond(one, machine, unit) for one in beyond] + reasons
     return described(machine, asked, found, reasons, unit)
 
 
@@ -399,6 +440,12 @@ def _both(pair: Sequence[str], machine: Machine) -> str:
 
 def _between(one: layers.Collision, unit: Reading) -> str:
     return f"from {one.first / unit.radian:.6g} to {_angle(one.last, unit)}"
+
+
+def _beyond(one: layers.Collision, machine: Machine, unit: Reading) -> str:
+    wall, plate = one.pair
+    what = "leaves the envelope" if wall == ENVELOPE else f"enters {wall.replace('_', '-')}"
+    return f"{_part(plate, machine)} {what} {_between(one, unit)}"
 
 
 def _passing(pin: str, shaft: layers.Shaft, unit: Reading) -> str | None:

@@ -276,7 +276,7 @@ def synthesize(
         if studies.assembly is None:
             studies = studies._replace(assembly=read_assembly(True))
         assert studies.assembly is not None
-        found = by_layers(found, wanted, studies.assembly, goal, top, searching)
+        found = by_layers(found, wanted, studies.assembly.within(kept.envelope, kept.keep_out), goal, top, searching)
     elif prefers != "error":
 
         def again(other: Motion, tighter: Limits, near: float) -> list[Solution]:

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
-from linkage_atlas.exports import MILLIMETRES
 from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
-from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number, radians_in
+from linkage_atlas.motions import MILLIMETRES, Motion, check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.records import KEPT, Record, Values, Vectors
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import (

@@ -1,8 +1,8 @@
-"""A linkage as the text of a file: the formats there are."""
+"""A linkage as a file: the formats there are."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from synthesis.errors import FieldError
@@ -11,9 +11,6 @@ if TYPE_CHECKING:
     from synthesis.fourbar.linkage import Linkage
     from synthesis.guided.linkage import GuidedLinkage
     from synthesis.target import Target
-
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-"""Units of length that DXF and MJCF files are written from."""
 
 
 class Format(NamedTuple):
@@ -24,14 +21,22 @@ class Format(NamedTuple):
 
 
 FORMATS = {
+    "parts": Format("text/csv; charset=utf-8", ("parts.csv",)),
     "csv": Format("text/csv; charset=utf-8", ("csv",)),
     "svg": Format("image/svg+xml", ("svg",)),
     "plates": Format("image/vnd.dxf", ("plates.dxf",)),
     "dxf": Format("image/vnd.dxf", ("dxf",)),
     "mjcf": Format("application/xml", ("mjcf", "xml")),
     "pylinkage": Format("application/json", ("pylinkage.json",)),
+    "step": Format("model/step", ("step",)),
+    "3mf": Format("model/3mf", ("3mf",)),
+    "stl": Format("application/zip", ("stl.zip",)),
+    "urdf": Format("application/xml", ("urdf",)),
+    "sdf": Format("application/xml", ("sdf",)),
 }
 """Kinds of files; of two whose ending fits the first."""
+OF_PARTS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
+"""Kinds that are written from solid parts."""
 
 
 def kind_of(name: str) -> str:
@@ -43,36 +48,47 @@ def kind_of(name: str) -> str:
     raise FieldError("/path", f"the file must end in one of {endings}, found {name!r}")
 
 
-def text_of(
-    linkage: Linkage | GuidedLinkage,
+def content_of(
+    linkage: Linkage,
     target: Target,
     radian: float,
     kind: str,
     length_unit: str,
     analysis: Mapping[str, Any] | None,
     plates: Mapping[str, Any] | None,
-) -> str:
-    """The text of a file; see `FourBar.render` for what the arguments mean."""
+    parts: Callable[[bool], Any],
+) -> bytes:
+    """The content of a file; see `FourBar.file` for what the arguments mean.
+
+    ``parts``: makes the `SolidParts`, with an error where they collide, or (True) nevertheless.
+    """
+    from linkage_atlas.motions import MILLIMETRES
     from linkage_atlas.studies import analysed, read_drive
     from synthesis.fourbar import files
-    from synthesis.fourbar.linkage import Linkage
+    from synthesis.fourbar.analysis import LinkMass
 
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
-    if not isinstance(linkage, Linkage):
-        return _guided_text(linkage, target, radian, kind, length_unit, analysis)
     if kind == "csv":
         drive = None if analysis is None else read_drive(analysis, linkage.mounted)
         more = None if drive is None else analysed(linkage, drive, target.crank, radian).columns()
-        return files.to_csv(linkage, target, radian, more)
+        return files.to_csv(linkage, target, radian, more).encode()
     if kind in ("svg", "pylinkage"):
-        return (files.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target)
+        return (files.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target).encode()
     if length_unit not in MILLIMETRES:
         raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
     unit_mm = MILLIMETRES[length_unit]
+    if kind in OF_PARTS:
+        return parts(False).file(kind)
     if kind == "plates":
-        return files.to_plates(linkage, unit_mm, **_sizes(plates or {}))
-    return (files.to_dxf if kind == "dxf" else files.to_mjcf)(linkage, target, unit_mm)
+        return files.to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
+    if kind == "dxf":
+        return files.to_dxf(linkage, target, unit_mm).encode()
+    try:
+        masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
+    except FieldError:
+        masses = None  # no plates of these sizes: the file says that its links are rods
+    return files.to_mjcf(linkage, target, unit_mm, masses).encode()
 
 
 _FOUR_BARS_ONLY = {
@@ -81,7 +97,7 @@ _FOUR_BARS_ONLY = {
 }
 
 
-def _guided_text(
+def guided_text(
     linkage: GuidedLinkage,
     target: Target,
     radian: float,
@@ -89,11 +105,14 @@ def _guided_text(
     length_unit: str,
     analysis: Mapping[str, Any] | None,
 ) -> str:
-    """The same of a body on two guides, rails and slots among them."""
+    """The text of a file of a body on two guides, rails and slots among them."""
     from linkage_atlas.guided_studies import analysed
+    from linkage_atlas.motions import MILLIMETRES
     from linkage_atlas.studies import read_drive
     from synthesis.guided import files
 
+    if kind not in FORMATS:
+        raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
     if kind in _FOUR_BARS_ONLY:
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     if kind == "csv":

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.exports import kind_of, text_of
+from linkage_atlas.exports import guided_text, kind_of
 from linkage_atlas.guided_studies import GuidedAnalysis, analysed, studied
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import plain
@@ -381,7 +381,20 @@ class GuidedLinkage:
             Refused: links are cut as plates for four-bars only.
         """
         target = self._default_motion() if motion is None else self.target_of(motion, travel)
-        return text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates)
+        return guided_text(self._linkage, target, self._radian, kind, length_unit, analysis)
+
+    def file(
+        self,
+        kind: str,
+        motion: Motion | None = None,
+        length_unit: str = "mm",
+        travel: ArrayLike | None = None,
+        analysis: Mapping[str, Any] | None = None,
+        plates: Mapping[str, float] | None = None,
+        **_: Any,
+    ) -> bytes:
+        """The same as the content of a file; parts are arranged and made for four-bars only."""
+        return self.render(kind, motion, length_unit, travel, analysis, plates).encode()
 
     def target_of(self, motion: Motion, travel: ArrayLike | None) -> Target:
         """A motion with the travel of the drive at its samples."""

@@ -11,6 +11,7 @@ import numpy as np
 from linkage_atlas.records import Record, Values, Vectors, plain
 from linkage_atlas.studies import BAND_STEPS, Drive, Manufacture, ToleranceStudy, described_study
 from synthesis.arrays import Floats
+from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import CURVE_LEAST, CURVE_STEP
 from synthesis.guided.analysis import Load, forces
 from synthesis.guided.linkage import GuidedLinkage
@@ -77,6 +78,10 @@ def analysed(
     linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None
 ) -> GuidedAnalysis:
     """An analysis at travel (n,) of the drive from the first sample, and over an interval."""
+    if drive.masses:
+        raise FieldError(
+            "/analysis/load/masses", "masses of links count in four-bars only, not on rails and in slots"
+        )
     curve = None if over is None else GuidedRates(**_rates(linkage, drive, curve_over(linkage, over), radian))
     return GuidedAnalysis(**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
 

@@ -33,6 +33,7 @@ from synthesis.target import (
 __all__ = [
     "MAX_LENGTH",
     "MAX_SAMPLES",
+    "MILLIMETRES",
     "MIN_LENGTH",
     "MIN_POSES",
     "MIN_SAMPLES",
@@ -44,6 +45,8 @@ __all__ = [
     "radians_in",
 ]
 
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+"""Units of length of files that know one, and of inertia."""
 MOST_STOCK = 1000
 """Lengths of a stock at most."""
 OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"

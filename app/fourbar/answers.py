@@ -19,12 +19,15 @@ def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
     """The best rows by rotation alone; no pose is computed."""
     if request.curve == "rocker":
         resources.need("rockers")
+    if "slider_crank" in request.mechanisms or request.mechanisms == "all":
+        resources.need("slider_cranks")
     return la.match(
         request.rotation,
         request.crank_span,
         atlas=resources.atlas,
         crank_angle=request.crank_angle,
         curve=request.curve,
+        mechanisms=request.mechanisms,
         degrees=request.degrees,
         top=request.top,
         features=request.features,

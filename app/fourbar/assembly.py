@@ -54,6 +54,8 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
         raise la.FieldError("/linkage", "needed, or a `request` to be solved")
     motion = None
     if question is not None:
+        for name in ("envelope", "keep_out"):
+            asked[name] = asked[name] or getattr(question.limits, name)
         with pointing(lambda field: "/request" + field):
             motion = la.Motion(**motion_of(question))
     work = resources.work()

@@ -8,13 +8,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
 import linkage_atlas as la
-from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, RequestModel
+from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
 from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
-from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_SAMPLES, SAMPLES
+from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
 
@@ -29,6 +29,8 @@ SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_leng
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
+MatchedKind = Literal["four_bar", "slider_crank"]
+"""Kinds that there are atlases of."""
 
 
 class CrankMotion(RequestModel):
@@ -55,6 +57,10 @@ class MatchRequest(CrankMotion):
     rotation: Curve = Field(description="Rotation of the body at the samples, continuous: no jumps by whole turns.")
     curve: Literal["coupler", "rocker"] = Field(
         "coupler", description="Which link turns so: the coupler, or the rocker, from the line of the pivots."
+    )
+    mechanisms: Annotated[list[MatchedKind], Field(min_length=1, max_length=2)] | Literal["all"] = Field(
+        ["four_bar"],
+        description="Whose rows: the coupler of a four-bar, the rod of a slider-crank; the best of all kinds.",
     )
     top: Top = Field(10, description="How many rows to return.")
     features: Flag = Field(
@@ -206,11 +212,30 @@ Bounded = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
 Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 
 
+class LinkMassRequest(RequestModel):
+    """A mass on a link."""
+
+    link: Literal["crank", "coupler", "rocker", "body"]
+    mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="In kg.")
+    at: Pair | None = Field(
+        None,
+        description="[x, y] of its centre in the link's frame: origin in its first joint (crank: pivot A, coupler: crank pin, "
+        "rocker: pivot B), x axis to the second; of the body: its point and its rotation.",
+    )
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] = Field(
+        0.0, description="About its centre, kg times length squared."
+    )
+
+
 class LoadRequest(RequestModel):
     """What acts on the body, in directions that do not turn with it."""
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
+    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
+        None, description="Of the links; with them forces are in newtons."
+    )
+    gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
 
 
 class AnalysisRequest(RequestModel):
@@ -220,6 +245,7 @@ class AnalysisRequest(RequestModel):
         description="Constant, in the unit of angle a second, counter-clockwise: negative for a clockwise motion."
     )
     load: LoadRequest | None = Field(None, description="With it: crank torque and pin forces.")
+    length_unit: LengthUnit = Field("mm", description="The unit of lengths, which tells the forces of inertia.")
 
 
 class ToleranceStudyRequest(RequestModel):
@@ -400,6 +426,13 @@ class AssemblyOptions(RequestModel):
         None, description="How fixed pins must be held, where that matters."
     )
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
+    envelope: Box | None = Field(
+        None,
+        description="A box that all plates must stay in: xmin, ymin, xmax, ymax. Default: that of the request's limits.",
+    )
+    keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = Field(
+        None, description="Boxes that no plate may enter. Default: those of the request's limits."
+    )
 
 
 def _with_defaults(given: Any) -> Any:

@@ -143,3 +143,41 @@ def test_the_body_turns_with_the_requested_rotation() -> None:
 def test_the_work_is_asked_whether_it_is_still_wanted() -> None:
     with pytest.raises(la.Cancelled):
         la.FourBar(*CRANK_ROCKER).assembly(work=la.Work(None, lambda: True))
+
+
+def test_the_request_s_envelope_holds_for_plates_and_the_body() -> None:
+    example = worked_example()
+    free = la.synthesize(motion(), top=1, assembly=True).best
+    joints = free.linkage.joints(np.linspace(0, example["crank_span"], 200))
+    every = np.concatenate(
+        [joints.crank_pin, joints.coupler_pin, joints.body_point, [joints.pivot_a, joints.pivot_b]]
+    )
+    low, high = every.min(axis=0), every.max(axis=0)
+    lines = [*(low - 1), *(high + 1)]
+    # the lines stay within, the plates of half the width around them do not
+    tight = la.assembly(free, envelope=lines)
+    assert tight.status == "blocked"
+    assert "leaves the envelope" in tight.reasons[0]
+    assert tight.collisions[0]["pair"][0] == "envelope"
+    wide = [*(low - 20), *(high + 20)]
+    assert la.assembly(free, envelope=wide).free
+    assert not la.assembly(free, envelope=wide, body=[[0, 0], [300, 0], [300, 20], [0, 20]]).free
+    found = la.synthesize(motion(), {"envelope": lines}, top=1, assembly=True).best
+    assert found.verdict.assembly.status == "blocked"
+    assert not found.verdict.buildable
+
+
+def test_sliders_have_layers_too() -> None:
+    crank = {"guide": "circle", "pivot": [0, 0], "radius": 1, "body_point": [0, 0]}
+    rail = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]}
+    pump = la.GuidedLinkage([crank, rail], "crank")
+    found = pump.assembly()
+    assert found.free
+    assert set(found.layers) == {"crank", "coupler", "rail"}
+    (slit,) = next(part for part in found.parts if part.name == "rail").slits
+    assert slit.last[0] - slit.first[0] == pytest.approx(np.sqrt(9 - 0.09) - np.sqrt(1 - 0.09))
+    assert la.assembly(pump.to_dict()).layers == found.layers
+    pushed = la.GuidedLinkage([rail, {**crank, "body_point": [0, 0]}], "slider", start=2.0)
+    asked = la.Motion([0, 1, 2], [[0, 0], [0.1, 0], [0.2, 0]], timing="free")
+    told = pushed.assembly(asked, travel=[0, 0.3, 0.6])
+    assert all("degrees" not in reason for reason in told.reasons)

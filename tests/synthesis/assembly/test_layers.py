@@ -11,6 +11,7 @@ import pytest
 from synthesis.assembly.layers import BOARDS, Asked, Free, Search, arrange
 from synthesis.assembly.machine import Sizes, four_bar
 from synthesis.assembly.parts import Heights, parts_of
+from synthesis.assembly.walls import outside
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval
@@ -199,3 +200,30 @@ def test_a_body_lies_in_a_layer_of_its_own_on_a_post() -> None:
     away = machine_of(TABLE["E1"], body=tuple(z + 40 for z in square))
     shorter, longer = (len(one.plate("coupler").shape.core) for one in (machine, away))
     assert longer > shorter
+
+
+def test_plates_in_an_envelope_and_out_of_boxes() -> None:
+    """Against the corners of every plate at many places: an envelope just as large as they reach, or a little smaller."""
+    machine = machine_of(TABLE["E4"])
+    travel = np.linspace(*machine.used, 3601)
+    bodies = machine.movement.bodies(travel)
+    reach = []
+    for plate in machine.plates:
+        at = bodies.origin[plate.body][:, None] + bodies.direction[plate.body][:, None] * np.array(plate.shape.core)
+        radius = plate.shape.radius
+        reach.append((at.real.min() - radius, at.imag.min() - radius, at.real.max() + radius, at.imag.max() + radius))
+    low, high = np.min(reach, axis=0)[:2], np.max(reach, axis=0)[2:]
+    envelope = (low[0] - 1e-3, low[1] - 1e-3, high[0] + 1e-3, high[1] + 1e-3)
+    assert outside(machine, envelope, (), Work()) == []
+    for side in range(4):
+        smaller = list(envelope)
+        smaller[side] += 0.01 if side < 2 else -0.01
+        found = outside(machine, tuple(smaller), (), Work())
+        assert found
+        assert all(one.pair[0] == "envelope" for one in found)
+        plate = next(one for one in machine.plates if one.name == found[0].pair[1])
+        assert reach[machine.plates.index(plate)][side] == pytest.approx(envelope[side], abs=2e-3)
+    beside = (high[0] + 1e-3, low[1], high[0] + 5, high[1])
+    assert outside(machine, None, (beside,), Work()) == []
+    (found, *_) = outside(machine, None, (beside, (-1.0, -1.0, 1.0, 1.0)), Work())
+    assert found.pair[0] == "keep_out 2"
