@@ -37,7 +37,7 @@ def _solution(drive) -> tuple[object, GuidedSolution]:
 def test_rounded_lengths_lie_on_the_grid(drive) -> None:
     poses, solution = _solution(drive)
     found = rounded(poses, solution, on_grid(0.25), None, lambda one: True, 8, Work(None))
-    if solution.linkage.kind is Kind.TWO_SLOTS:
+    if solution.linkage.kind in (Kind.TWO_SLOTS, Kind.RAIL_SLOT):
         assert lengths_of(solution.linkage) == {} and found.solution is not None
         return
     assert found.solution is not None and found.tried >= 2
@@ -70,8 +70,7 @@ def test_with_given_timing_and_stock() -> None:
     count = len(stock) ** len(lengths_of(linkage))
     found = rounded(target, solution, from_stock(stock), count, lambda one: True, 8, Work(None))
     assert isinstance(found.solution.linkage, GuidedLinkage) and found.exhaustive is False
-    assert set(lengths_of(found.solution.linkage).values()) <= {pytest.approx(one) for one in stock} or all(
-        min(abs(length - one) for one in stock) < 1e-9 for length in lengths_of(found.solution.linkage).values()
-    )
+    for length in lengths_of(found.solution.linkage).values():
+        assert min(abs(length - one) for one in stock) < 1e-9
     none = rounded(target, solution, from_stock(stock), count, lambda one: False, 8, Work(None))
     assert none.solution is None and none.tried > 0
