@@ -477,7 +477,7 @@ def _in_words(errors: Errors, degrees: bool) -> str:
 # -- from what a search found to what a user reads --------------------------------------------------------------------
 
 
-def status_of(solutions: Sequence[Solution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
+def status_of(solutions: Sequence[AnySolution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
     """What was found: reached where the best solution keeps the tolerances, or without any, where its objective is small."""
     if not solutions:
         return (Status.UNKNOWN if cut_short else Status.INFEASIBLE).value

@@ -363,6 +363,7 @@ class GuidedLinkage:
         travel: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
+        drive: Mapping[str, Any] | None = None,
     ) -> str:
         """The linkage as the text of a file.
 
@@ -379,9 +380,12 @@ class GuidedLinkage:
             Further columns of a CSV file, as of `analysis`.
         plates : mapping, optional
             Refused: links are cut as plates for four-bars only.
+        drive : mapping, optional
+            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
+            of an MJCF model.
         """
         target = self._default_motion() if motion is None else self.target_of(motion, travel)
-        return guided_text(self._linkage, target, self._radian, kind, length_unit, analysis)
+        return guided_text(self._linkage, target, self._radian, kind, length_unit, analysis, drive)
 
     def file(
         self,
@@ -391,10 +395,11 @@ class GuidedLinkage:
         travel: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
+        drive: Mapping[str, Any] | None = None,
         **_: Any,
     ) -> bytes:
         """The same as the content of a file; parts are arranged and made for four-bars only."""
-        return self.render(kind, motion, length_unit, travel, analysis, plates).encode()
+        return self.render(kind, motion, length_unit, travel, analysis, plates, drive).encode()
 
     def target_of(self, motion: Motion, travel: ArrayLike | None) -> Target:
         """A motion with the travel of the drive at its samples."""

@@ -28,6 +28,10 @@ SampledCurve = Annotated[list[Number | None], Field(min_length=MIN_POSES, max_le
 SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+Travel = Annotated[list[Coordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+Mechanism = Literal[
+    "four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots", "watt_1", "stephenson_1"
+]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
 MatchedKind = Literal["four_bar", "slider_crank"]
 """Kinds that there are atlases of."""
@@ -390,6 +394,34 @@ class RockerRequest(RequestModel):
     length: Above = Field(description="To the body point.")
 
 
+class GivenSizes(_ReplyPart):
+    crank: Above | None = None
+    coupler: Above | None = None
+    handle: Above | None = None
+    strut: Above | None = None
+
+
+class GivenDriveCurve(_ReplyPart):
+    knee: Annotated[list[PlacePair | None], Field(max_length=2000)] | None = None
+
+
+class GivenDrive(_ReplyPart):
+    """One of the `drives` of a reply, as it came or changed."""
+
+    kind: Literal["rotary", "actuator", "dyad", "toggle"]
+    link: LinkName
+    on: LinkName | None = None
+    ground_point: PlacePair | None = None
+    motor: PlacePair | None = None
+    pin_on_link: PlacePair | None = None
+    retracted: Above | None = None
+    stroke: Above | None = None
+    extends: Flag | None = None
+    six_bar: GivenSizes | None = None
+    lock: GivenSizes | None = None
+    curve: GivenDriveCurve | None = None
+
+
 # -- how it is built --------------------------------------------------------------------------------------------------
 
 Rank = Annotated[Count, Field(ge=1, le=100)]
@@ -482,6 +514,22 @@ class SynthesizeRequest(CrankMotion):
     closed: Flag = Field(False, description="With free timing: the way leads from the last sample on to the first.")
     crank_span_max: PositiveNumber | None = Field(
         None, description="With free timing: the crank turns by no more than this from the first sample to the last."
+    )
+    travel: Travel | None = Field(
+        None,
+        description="For linkages with sliders, in place of crank angles: travel of the slider, or extension of the cylinder, at "
+        "each sample; what counts is the increment from the first. Above 0 a cylinder grows longer.",
+    )
+    travel_span: Number | None = Field(
+        None, description="The same from the first sample to the last, evenly spaced; < 0: a cylinder retracts."
+    )
+    mechanisms: Literal["all"] | Annotated[list[Mechanism], Field(min_length=1, max_length=8)] | None = Field(
+        None,
+        description="Kinds of mechanism, default `four_bar` alone. Of several kinds those come back that no other one driven "
+        "alike beats in error, size and transmission angle at once. Six-bars (`watt_1`, `stephenson_1`) are refused.",
+    )
+    driver: Literal["crank", "slider", "cylinder", "hinge"] | None = Field(
+        None, description="Only linkages that are driven so."
     )
     weights: WeightsRequest | None = Field(None, description="What each sample counts; default: all alike.")
     tolerances: TolerancesRequest | None = Field(
