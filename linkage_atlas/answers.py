@@ -12,11 +12,12 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, cast, overload
 
 import numpy as np
 
-from linkage_atlas import guided_studies
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
 from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, guides_of
-from linkage_atlas.guided_studies import Change, GuidedAnalysis
+from linkage_atlas.guided_studies import Change, GuidedAnalysis, changes
+from linkage_atlas.guided_studies import analysed as guided_analysed
+from linkage_atlas.guided_studies import studied as guided_studied
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
@@ -671,12 +672,12 @@ def _guided_studied(solution: GuidedSolution, studies: Studies, solutions: int, 
     done: dict[str, Any] = {}
     target, radian, linkage = own.target, own.radian, one.linkage
     if studies.sensitivity:
-        done["sensitivity"] = guided_studies.changes(linkage, target, radian)
+        done["sensitivity"] = changes(linkage, target, radian)
     if studies.drive is not None:
-        done["analysis"] = guided_studies.analysed(linkage, studies.drive, target.crank, radian, target.interval)
+        done["analysis"] = guided_analysed(linkage, studies.drive, target.crank, radian, target.interval)
     if studies.manufacture is not None:
         share = share_of(studies.manufacture, target.samples, solutions, work.budget)
-        done["tolerance_study"] = guided_studies.studied(linkage, share, target.crank, target.interval, radian, work)
+        done["tolerance_study"] = guided_studied(linkage, share, target.crank, target.interval, radian, work)
     if studies.drives is not None:
         done |= driven_solution(linkage, target.crank, studies.drives, radian, work)
     if studies.assembly is not None:
