@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.exports import guided_text, kind_of
-from linkage_atlas.guided_studies import GuidedAnalysis, analysed
+from linkage_atlas.guided_studies import GuidedAnalysis, analysed, studied
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import plain
-from linkage_atlas.studies import read_drive
+from linkage_atlas.studies import ToleranceStudy, read_drive, read_manufacture
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.guided import linkage as guided
@@ -313,6 +313,24 @@ class GuidedLinkage:
             return analysed(self._linkage, drive, np.atleast_1d(column("travel", travel)) * self._unit, self._radian)
         target = self._default_motion()
         return analysed(self._linkage, drive, target.crank, self._radian, target.interval)
+
+    def tolerance_study(self, *, work: Work | None = None, **manufacture: Any) -> ToleranceStudy:
+        """What tolerances of manufacture do to the motion of the body, simulated and to first order.
+
+        Parameters
+        ----------
+        links, pivots : float
+            Radii and body points, and fixed pivots, pins and rails, lie evenly within this of their nominal values, either way.
+        clearance : float
+            Play at both ends of each guide.
+        samples, seed : int
+            How many linkages are made by chance (10,000), and which (0).
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        """
+        target = self._default_motion()
+        asked, work = read_manufacture(manufacture), work or Work()
+        return studied(self._linkage, asked, target.crank, target.interval, self._radian, work)
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
