@@ -29,7 +29,7 @@ BEGINNINGS = 3
 """Placements of each family from which a descent may begin."""
 DESCENTS = 6
 """Descents for one actuator."""
-_ROW_DESCENTS = 4
+_ROW_DESCENTS = 3
 """Descents for a row of a catalogue."""
 ROW_GRID = 30
 """Points of the grid of G, either way, for a catalogue: its rows take more from one another than from a finer grid."""
@@ -221,7 +221,7 @@ class Question:
     def descend(self, begin: Screened, sizes: Sizes, work: Work | None) -> Placement | Refused:
         """The best of the descents from placements of the grid."""
         found = [
-            one
+            (one, float(side))
             for ground, way, side in zip(begin.grounds, begin.ways, begin.sides)
             if work is None or not work.expired()
             for one in [self._descended(sizes, complex(ground), bool(way), float(side))]
@@ -229,7 +229,13 @@ class Question:
         ]
         if not found and begin.short is None:  # no descent ended within what is wanted: the grid's best is
             return self.placement(complex(begin.grounds[0]), complex(begin.pins[0]))
-        return min(found, key=lambda one: one.worst) if found else begin.short or Refused("arm", 0.0)
+        if not found:
+            return begin.short or Refused("arm", 0.0)
+        best, side = min(found, key=lambda one: one[0].worst)
+        # once more from there, with the curvature learnt anew: a descent can end a little early along a flat valley
+        low, high = sorted(best.length[[0, -1]].tolist())
+        again = self._descended(replace(sizes, begin=Actuator(low, high - low)), best.ground, best.extends, side)
+        return best if again is None or best.worst <= again.worst else again
 
     def screened(self, actuator: Actuator, most: int = DESCENTS) -> Screened:
         """The best placements of the grid, at most so many, with at most `BEGINNINGS` of each family."""
