@@ -160,6 +160,7 @@ assembly: $(READY)
 
 drives: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.drives
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.drive_machines
 studies: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.studies
 

@@ -30,6 +30,7 @@ _ZETAS = 2000
 """Values of zeta that are looked at before the best is closed in upon."""
 _ROD = 3.0
 """Rod over pin radius for equal times, where any rod will do: at most 1.7 degrees worse than an endless one."""
+_OTHER_RODS = [2.5, 2.0, 1.6, 1.3, 1.1, 0.9, 4.0, 6.0]
 LARGEST_RATIO = 5.0
 """Time ratio at most: the rod then stands at 60 degrees less than half the swing at best."""
 _GRID, _SPARSE = 22, 5
@@ -259,29 +260,36 @@ def about_pivot(
     if np.min(np.diff(turned) * np.sign(turned[-1] - turned[0])) <= 0:
         return "the link turns back within the way: no motor drives it through"
     ratio = 1.0 if time_ratio is None else max(time_ratio, 1 / time_ratio)
-    found = proportions(swing, ratio) if rod is None else proportions(swing, ratio, rod / radius)
-    if found is None:
+    # for equal times any rod will do: others than the usual one where the motor's box asks for them
+    rods = [_ROD if rod is None else rod / radius]
+    if rod is None and ratio == 1.0 and box is not None:
+        rods += _OTHER_RODS
+    known = [one for one in (proportions(swing, ratio, length) for length in rods) if one is not None]
+    if not known:
         return f"no crank-rocker swings by {np.rad2deg(swing):.6g} degrees with a time ratio of {ratio:.6g}"
     rising = float(np.sign(turned[-1] - turned[0]))
     around = np.linspace(0.0, TURN, 360, endpoint=False)
+    turns = sorted(around.tolist(), key=lambda angle: min(angle, TURN - angle))
     radii = (
-        np.array([radius]) if radius_given else radius * np.array([1, 0.8, 1.25, 0.6, 1.6, 0.4, 2.2, 0.25, 3, 0.15])
+        [radius] if radius_given else [radius * part for part in (1, 0.8, 1.25, 0.6, 1.6, 0.4, 2.2, 0.25, 3, 0.15)]
     )
-    turns = sorted(around, key=lambda angle: min(angle, TURN - angle))
     bisector = link.direction[0] * np.exp(0.5j * rising * swing)
-    for size in radii:
-        for angle in turns:
-            answers = []
-            for extends in (True, False):
-                # extending counter-clockwise as it stands; the mirror image for either the other way or the other sense
-                place = found.motor if (rising > 0) == extends else found.motor.conjugate()
-                pin = complex(size * np.exp(1j * angle))
-                motor = complex(link.pivot + bisector * pin * place)
-                if box is None or _inside(motor, box):
-                    answers.append(driven(link, torque, motor, pin, size * found.crank, size * found.rod, extends))
-            good = [one for one in answers if one is not None]
-            if good:
-                return min(good, key=lambda one: float(np.abs(one.motor_torque).max()))
+    for found in known:
+        for size in radii:
+            for angle in turns:
+                answers = []
+                for extends in (True, False):
+                    # extending counter-clockwise as it stands; the mirror image for either the other way or the other sense
+                    place = found.motor if (rising > 0) == extends else found.motor.conjugate()
+                    pin = complex(size * np.exp(1j * angle))
+                    motor = complex(link.pivot + bisector * pin * place)
+                    if box is None or _inside(motor, box):
+                        answers.append(
+                            driven(link, torque, motor, pin, size * found.crank, size * found.rod, extends)
+                        )
+                good = [one for one in answers if one is not None]
+                if good:
+                    return min(good, key=lambda one: float(np.abs(one.motor_torque).max()))
     return "no place of the pin puts the motor into motor_box"
 
 
