@@ -109,7 +109,7 @@ MACHINES: dict[str, dict[str, Any]] = {
     "desk lamp": {
         "of": lambda: {
             "linkage": la.FourBar(
-                380, 60, 380, 60, ground_angle=90, start_angle=-70, coupler_point=(150, -60), body_offset=0
+                380, 60, 380, 60, -1, ground_angle=90, start_angle=-70, coupler_point=(150, -60), body_offset=0
             ),
             "crank_angle": [0, 50],
         },
@@ -248,7 +248,9 @@ def _lines(machine: Mapping[str, Any], found: la.Drives, k: int) -> list[Any]:
     links, body = found.machine.links, found.machine.body
     point = [] if body is None else [body.origin[k]]
     if "rocker" in links and len(links) == 1:
-        return [np.array([links["rocker"].origin[k], *point])]
+        pins = [one.curve.pin[k] for one in found.drives] + [one.curve.ends[k][1] for one in found.springs]
+        arms = [np.array([links["rocker"].origin[k], complex(*pin)]) for pin in pins]
+        return [np.array([links["rocker"].origin[k], *point]), *arms]
     if "slider" in links:
         top = links["coupler"].place(2000j)[k]
         pin = links["crank"].place(520.0)[k]
