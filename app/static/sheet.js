@@ -1,7 +1,8 @@
-// The sheet that is printed: the linkage at its first pose with all wanted poses, its dimensions, its errors pose by pose, on one page.
+// The sheet that is printed: first pose, wanted poses, dimensions and errors on one page; layers and the list of parts on a second one.
 
 import { LinkageShape, View, element, make, pathData, text } from "./drawing.js";
 import { driveName } from "./drive.js";
+import { drawStack } from "./layers.js";
 import { fitOf, guideRows, limitName } from "./fit.js";
 import { nameOf } from "./cards.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
@@ -63,8 +64,19 @@ function table(head, rows) {
 
 const number = (value, digits = 6) => (value === null || value === undefined ? "" : text(value, digits));
 
-/** Fills the sheet with a solution of an answer; without one the page prints as it is. */
-export function fillSheet(answer, solution) {
+const PARTS = { name: "part", material: "material", length: "length", thickness: "thickness", diameter: "diameter", holes: "holes", tolerance: "tolerance", mass: "mass, g" };
+
+/** The stack from the side, and the list of its parts in millimetres. */
+function partsOf(assembly, parts) {
+  const section = element("section", "parts"), stack = make("svg", { class: "pile" });
+  drawStack(stack, assembly);
+  const columns = Object.keys(PARTS).filter((name) => parts.some((part) => part[name]));
+  section.append(element("h3", "", "Layers from the side; parts in mm"), stack, table(columns.map((name) => PARTS[name]), parts.map((part) => columns.map((name) => (part[name] && !Number.isNaN(Number(part[name])) ? number(Number(part[name]), 5) : part[name])))));
+  return section;
+}
+
+/** Fills the sheet with a solution of an answer and the list of its parts, if there is one; without a solution the page prints as it is. */
+export function fillSheet(answer, solution, parts = null) {
   const sheet = $("sheet");
   sheet.replaceChildren();
   document.body.classList.toggle("has-sheet", Boolean(solution));
@@ -87,4 +99,5 @@ export function fillSheet(answer, solution) {
   const columns = element("div", motion.poses.length > 30 ? "sheet-columns long" : "sheet-columns");
   columns.append(table(["Dimension", ""], rows), table(["pose", fit.pass.turns ? "crank°" : `${solution.driver}, ${unit}`, "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses));
   sheet.append(head, drawing(fit, motion), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from pose 1`), transmission(fit));
+  if (parts && solution.verdict?.assembly) sheet.append(partsOf(solution.verdict.assembly, parts));
 }
