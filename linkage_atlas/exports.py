@@ -57,10 +57,12 @@ def content_of(
     analysis: Mapping[str, Any] | None,
     plates: Mapping[str, Any] | None,
     parts: Callable[[bool], Any],
+    arranged: bool,
 ) -> bytes:
     """The content of a file; see `FourBar.file` for what the arguments mean.
 
     ``parts``: makes the `SolidParts`, with an error where they collide, or (True) nevertheless.
+    ``arranged``: plates are those of an assembly, not the links alone.
     """
     from linkage_atlas.motions import MILLIMETRES
     from linkage_atlas.studies import analysed, read_drive
@@ -81,7 +83,11 @@ def content_of(
     if kind in OF_PARTS:
         return parts(False).file(kind)
     if kind == "plates":
-        return files.to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
+        if arranged and plates:
+            raise FieldError("/plates", "with `assembly` or `solids` sizes stand there: `hole` and `width`")
+        from synthesis.solids.plates import to_plates
+
+        return parts(False).file(kind) if arranged else to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
         return files.to_dxf(linkage, target, unit_mm).encode()
     try:

@@ -525,10 +525,10 @@ class FourBar:
         analysis : mapping, optional
             ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
         plates : mapping, optional
-            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of plates.
+            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of the links alone.
         assembly, solids : mapping, optional
-            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, and the masses
-            in an MJCF file.
+            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, the masses in an
+            MJCF file, and a DXF of all flat parts in place of the links alone.
         work : Work, optional
             Asked whether the answer is still wanted.
         """
@@ -540,7 +540,9 @@ class FourBar:
                 read = read._replace(nevertheless=True)
             return self._solids(target, assembly or {}, read, length_unit, work or Work())
 
-        return content_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates, parts)
+        return content_of(
+            self._linkage, target, self._radian, kind, length_unit, analysis, plates, parts, bool(assembly or solids)
+        )
 
     def render(
         self,

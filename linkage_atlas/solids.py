@@ -128,13 +128,17 @@ class SolidParts(Record):
     asked: AskedSolids = field(metadata=KEPT, repr=False)
 
     def file(self, kind: str) -> bytes:
-        """A file: step, 3mf, stl (a zip file), urdf, sdf or parts (CSV).
+        """A file: step, 3mf, stl (a zip file), urdf, sdf, parts (CSV) or plates (DXF of all that is flat).
 
         3MF lies on the printer's bed unless the layout says "assembled"; STEP stands assembled unless it says "bed".
         """
-        if kind not in PART_KINDS:
-            raise FieldError("/kind", f"wanted one of {', '.join(PART_KINDS)}, found {kind!r}")
+        if kind not in (*PART_KINDS, "plates"):
+            raise FieldError("/kind", f"wanted one of {', '.join(PART_KINDS)}, plates, found {kind!r}")
         solids, parts = self.solids, self.solids.parts
+        if kind == "plates":
+            from synthesis.solids.plates import parts_to_plates
+
+            return parts_to_plates(solids).encode()
         if kind == "parts":
             return csv_text(parts_list(solids, self.asked.fit)).encode()
         if kind in ("urdf", "sdf"):
