@@ -36,6 +36,7 @@ def _motion_queries() -> tuple[Query, ...]:
             {
                 "worked_example": {**rotation_only, "top": 5},
                 "rocker": {**rotation_only, "curve": "rocker", "top": 5},
+                "slider_crank": {**rotation_only, "mechanisms": ["four_bar", "slider_crank"], "top": 5},
             },
             from_csv=match_from_csv,
             is_long=is_long,

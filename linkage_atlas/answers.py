@@ -15,8 +15,9 @@ import numpy as np
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
 from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, guides_of
-from linkage_atlas.guided_studies import GuidedAnalysis
+from linkage_atlas.guided_studies import Change, GuidedAnalysis, changes
 from linkage_atlas.guided_studies import analysed as guided_analysed
+from linkage_atlas.guided_studies import studied as guided_studied
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
@@ -66,7 +67,7 @@ class AtlasType(Record):
     number: int
     """Number of the dimension type, from 1."""
     lengths: list[int]
-    """L1 crank, L2 coupler, L3 rocker, L4 ground."""
+    """L1 crank, L2 coupler, L3 rocker, L4 ground; of a slider-crank r crank, l rod, e offset of the rail from the pivot."""
 
 
 TypeOf = Callable[[int], AtlasType]
@@ -281,7 +282,10 @@ class GuidedSolution(Record):
     """Over the whole turn; null if the drive does not turn fully."""
     arm_min: float
     """Least moment arm of the second guide's push about the driven guide's pin, over the used interval."""
+    sensitivity: list[Change] | None = None
+    """Rms changes of the motion per unit of each dimension, all else held."""
     analysis: GuidedAnalysis | None = field(default=None, repr=False)
+    tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
     drives: list[Drive] | None = field(default=None, repr=False)
     """The best of each kind that was asked for."""
     refused: list[Refusal] | None = field(default=None, repr=False)
@@ -298,7 +302,7 @@ class GuidedSolution(Record):
         for name in studies:
             if name not in STUDIES:
                 raise FieldError.no_such("", name, STUDIES, "study")
-        return _guided_studied(self, read_studies(studies, self.origin.motion), work or Work())
+        return _guided_studied(self, read_studies(studies, self.origin.motion), 1, work or Work())
 
     def errors_in_words(self) -> str:
         """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
@@ -405,20 +409,28 @@ class Features(Record):
     """(mean of first half - mean of second half) / 2 of each block, coarse to fine."""
 
 
+_SHOWN_KINDS = {"four_bar": "", "slider_crank": "slider-crank "}
+"""How a match names its kind to a reader."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Match(Record):
     """A row of the atlas and the start at which it turns like the request."""
 
     rank: int
+    kind: str
+    """What it is: four_bar or slider_crank."""
     type: AtlasType
     start_angle: float
+    """Crank angle at the first sample, from the ground line; of a slider-crank from the direction of the rail."""
     branch: Literal[-1, 1]
+    """Of a slider-crank: -1 is the mirror image, its offset negated."""
     offset: float
-    """Added to the angle of the coupler, or rocker (in -180..180 degrees at the first sample, continuous)."""
+    """Added to the angle of the coupler, rocker or rod (in -180..180 degrees at the first sample, continuous)."""
     similarity: float
     """Rms rotation error of this row at this start: a distance."""
     features: Features | None = None
-    linkage: FourBar = field(metadata=KEPT)
+    linkage: FourBar | GuidedLinkage = field(metadata=KEPT)
     """With the type's lengths, this start and offset."""
 
 
@@ -450,8 +462,8 @@ class Matches(Record, Ranked[Match]):
 
     def __repr__(self) -> str:
         rows = [
-            f"  {m.rank}  type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, branch {m.branch:+d}, "
-            f"rms error {m.similarity:.3g}"
+            f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, "
+            f"branch {m.branch:+d}, rms error {m.similarity:.3g}"
             for m in self.matches
         ]
         return "\n".join([f"{len(self.matches)} matches", *rows])
@@ -466,7 +478,7 @@ def _in_words(errors: Errors, degrees: bool) -> str:
 # -- from what a search found to what a user reads --------------------------------------------------------------------
 
 
-def status_of(solutions: Sequence[Solution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
+def status_of(solutions: Sequence[AnySolution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
     """What was found: reached where the best solution keeps the tolerances, or without any, where its objective is small."""
     if not solutions:
         return (Status.UNKNOWN if cut_short else Status.INFEASIBLE).value
@@ -599,7 +611,7 @@ def finished_guided(
     for one in found:
         if solutions and work.expired():
             break
-        solutions.append(_guided_studied(_guided_described(one, motion, limits), studies, work))
+        solutions.append(_guided_studied(_guided_described(one, motion, limits), studies, len(found), work))
     solutions.sort(
         key=lambda one: (
             not one.verdict.works,
@@ -653,18 +665,23 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
     )
 
 
-def _guided_studied(solution: GuidedSolution, studies: Studies, work: Work) -> GuidedSolution:
-    """A solution with what else was asked of it."""
+def _guided_studied(solution: GuidedSolution, studies: Studies, solutions: int, work: Work) -> GuidedSolution:
+    """One of several solutions with what else was asked of it."""
     work.check()
     one, own, _ = solution.origin
     done: dict[str, Any] = {}
+    target, radian, linkage = own.target, own.radian, one.linkage
+    if studies.sensitivity:
+        done["sensitivity"] = changes(linkage, target, radian)
     if studies.drive is not None:
-        target = own.target
-        done["analysis"] = guided_analysed(one.linkage, studies.drive, target.crank, own.radian, target.interval)
+        done["analysis"] = guided_analysed(linkage, studies.drive, target.crank, radian, target.interval)
+    if studies.manufacture is not None:
+        share = share_of(studies.manufacture, target.samples, solutions, work.budget)
+        done["tolerance_study"] = guided_studied(linkage, share, target.crank, target.interval, radian, work)
+    if studies.drives is not None:
+        done |= driven_solution(linkage, target.crank, studies.drives, radian, work)
     if studies.assembly is not None:
         done["verdict"] = _with_assembly(solution, studies.assembly, work)
-    if studies.drives is not None:
-        done |= driven_solution(one.linkage, own.target.crank, studies.drives, own.radian, work)
     return replace(solution, **done) if done else solution
 
 

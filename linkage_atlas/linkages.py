@@ -509,6 +509,7 @@ class FourBar:
         assembly: Mapping[str, Any] | None = None,
         solids: Mapping[str, Any] | None = None,
         work: Work | None = None,
+        drive: Mapping[str, Any] | None = None,
     ) -> bytes:
         """The linkage as the content of a file.
 
@@ -527,10 +528,13 @@ class FourBar:
         plates : mapping, optional
             ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of the links alone.
         assembly, solids : mapping, optional
-            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, the masses in an
-            MJCF file, and a DXF of all flat parts in place of the links alone.
+            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, the masses in
+            an MJCF file, and a DXF of all flat parts in place of the links alone.
         work : Work, optional
             Asked whether the answer is still wanted.
+        drive : mapping, optional
+            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
+            of an MJCF model.
         """
         target = self._motion_over(motion, crank_angle)
 
@@ -541,7 +545,16 @@ class FourBar:
             return self._solids(target, assembly or {}, read, length_unit, work or Work())
 
         return content_of(
-            self._linkage, target, self._radian, kind, length_unit, analysis, plates, parts, bool(assembly or solids)
+            self._linkage,
+            target,
+            self._radian,
+            kind,
+            length_unit,
+            analysis,
+            plates,
+            parts,
+            drive,
+            arranged=bool(assembly or solids),
         )
 
     def render(
@@ -552,11 +565,12 @@ class FourBar:
         crank_angle: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
+        drive: Mapping[str, Any] | None = None,
     ) -> str:
         """The linkage as the text of a file; arguments as of `file`. FieldError for 3MF and STL, which are no text."""
         if kind in ("3mf", "stl"):
             raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
-        return self.file(kind, motion, length_unit, crank_angle, analysis, plates).decode()
+        return self.file(kind, motion, length_unit, crank_angle, analysis, plates, drive=drive).decode()
 
     def save(self, path: str | Path, length_unit: str = "mm", **asked: Any) -> None:
         """Write a file; its ending says which.

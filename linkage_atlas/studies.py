@@ -16,7 +16,7 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass, Load, Own, curve_over, forces, rates
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.tolerance_study import SOURCES, Spread, Tolerances, simulate
+from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval
 from synthesis.work import Work
 
@@ -288,9 +288,11 @@ class Largest(TypedDict):
 class Band(NamedTuple):
     """Quantiles at crank angles from the first to the last sample."""
 
-    crank_angle: Floats
+    crank_angle: Floats | None
     position: Quantiles | None
     rotation: Quantiles
+    travel: Floats | None = None
+    """In place of crank angles where the drive is a slider or cylinder."""
 
 
 @dataclass(frozen=True)
@@ -362,25 +364,39 @@ def studied(
     band = np.linspace(*over, BAND_STEPS + 1)
     every = np.concatenate([travel, band])
     found = simulate(linkage, every, travel.size, *manufacture, work)
+    return described_study(found, SOURCES, manufacture, travel.size, band / radian, radian)
+
+
+def described_study(
+    found: Study,
+    sources: Sequence[str],
+    manufacture: Manufacture,
+    samples: int,
+    band: Floats,
+    radian: float,
+    turns: bool = True,
+) -> ToleranceStudy:
+    """A study as a user reads it; its first places are the ``samples``, the others those of ``band``, angles or lengths."""
     both = {"position": found.position, "rotation": found.rotation}
-    parts = {name: np.zeros(len(SOURCES)) if one is None else one.contributions for name, one in both.items()}
+    parts = {name: np.zeros(len(sources)) if one is None else one.contributions for name, one in both.items()}
     contributions = [
         Contribution(source, None if found.position is None else p, r)
-        for source, p, r in zip(SOURCES, parts["position"].tolist(), parts["rotation"].tolist())
+        for source, p, r in zip(sources, parts["position"].tolist(), parts["rotation"].tolist())
     ]
-    most = {name: SOURCES[int(np.argmax(part))] if part.max() > 0 else None for name, part in parts.items()}
+    most = {name: sources[int(np.argmax(part))] if part.max() > 0 else None for name, part in parts.items()}
     return ToleranceStudy(
         found.count,
         manufacture.seed,
         found.open_share,
-        None if found.position is None else _made(found.position, travel.size, 1.0),
-        _made(found.rotation, travel.size, radian),
+        None if found.position is None else _made(found.position, samples, 1.0),
+        _made(found.rotation, samples, radian),
         Largest(position=most["position"], rotation=most["rotation"]),
         sorted(contributions, key=lambda one: -max(one.position or 0.0, one.rotation)),
         Band(
-            band / radian,
-            None if found.position is None else Quantiles(*found.position.simulated[travel.size :].T),
-            Quantiles(*(found.rotation.simulated[travel.size :] / radian).T),
+            band if turns else None,
+            None if found.position is None else Quantiles(*found.position.simulated[samples:].T),
+            Quantiles(*(found.rotation.simulated[samples:] / radian).T),
+            None if turns else band,
         ),
     )
 

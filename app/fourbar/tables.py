@@ -22,9 +22,11 @@ _LINKAGE = (
 
 def matches_table(reply: Matches, units: Units = DEGREES) -> str:
     """Ranked rows of the matches; errors in the request's unit of angle."""
+    kinds = [] if all(match.kind == "four_bar" for match in reply.matches) else [("kind", "", "kind")]
     text = columns(
         reply.matches,
         ("rank", "d", "rank"),
+        *kinds,
         ("type", "d", "type.number"),
         ("lengths", "", lambda match: " ".join(map(str, match.type.lengths))),
         ("start", ".6g", "start_angle"),

@@ -16,7 +16,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass, curve_over
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Joints, Linkage
-from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
+from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text
 from synthesis.target import Interval, Target
 
 FARTHEST = 1e9
@@ -152,11 +152,12 @@ def _check_size(linkage: Linkage, unit_mm: float) -> None:
         raise FieldError("/length_unit", f"wanted a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
 
 
-def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0) -> str:
+def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | None = None) -> str:
     """The linkage for CAD, in millimetres, at the first sample.
 
     Layers: GROUND (ground line, pivots), LINKS (crank, coupler, rocker, pins), BODY (triangle of coupler and body point,
-    and a cross with a direction at each requested pose), PATH (the body point's way over the used interval).
+    and a cross with a direction at each requested pose), PATH (the body point's way over the used interval). See
+    `More` for further parts.
 
     Law: the ends of the four links meet to 1e-6 mm; the drawing passes ezdxf's audit.
     """
@@ -186,6 +187,9 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0) -> str:
         space.add_point(xy(place), dxfattribs={"layer": "BODY"})
         arm = place + 0.08 * size / unit_mm * np.exp(1j * turn)
         space.add_line(xy(place), xy(arm), dxfattribs={"layer": "BODY"})
+    if more is not None:
+        document.layers.add(more.layer, color=more.colour)
+        more.draw(space, xy, size)
     return dxf_text(document)
 
 

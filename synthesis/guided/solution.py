@@ -91,6 +91,11 @@ class GuidedSolution:
         """Numbers of which two linkages that look alike in a picture differ by less than one."""
         return self.identity / 0.02
 
+    def mirrored(self) -> GuidedSolution:
+        """The linkage in a mirror, for the mirrored request; its errors are the same."""
+        travel = -self.travel if self.linkage.driver.turns else self.travel
+        return replace(self, linkage=self.linkage.mirrored(), travel=travel)
+
 
 def _from_body(guide: Guide) -> complex:
     """The body point of a guide, in the body's frame."""

@@ -8,6 +8,7 @@ import json
 import zipfile
 from importlib.resources import files
 
+import ezdxf
 import numpy as np
 import pytest
 
@@ -154,6 +155,26 @@ def test_a_list_of_parts_has_a_row_a_part(linkage) -> None:
     assert [row["name"] for row in rows] == [one.name for one in parts.parts]
     assert all(float(row["mass"]) == pytest.approx(1000 * one.mass) for row, one in zip(rows, parts.parts))
     assert {row["material"] for row in rows} == {"aluminium", "steel"}
+
+
+def test_plates_of_an_assembly_are_its_parts_flat(linkage) -> None:
+    parts = linkage.solids(boards="both", fit="print", heads=True)
+    text = linkage.file("plates", assembly={"boards": "both", "heads": True}, solids={"fit": "print"}).decode()
+    assert text == parts.file("plates").decode()
+    document = ezdxf.read(io.StringIO(text))
+    assert not document.audit().errors
+    space = document.modelspace()
+    for one in parts.solids.parts:
+        outlines = space.query(f'LWPOLYLINE[layer=="{one.name.upper()}"]')
+        assert len(outlines) == (one.kind not in ("pin", "post")), one.name
+        if outlines:
+            radii = sorted(circle.dxf.radius for circle in space.query(f'CIRCLE[layer=="{one.name.upper()}"]'))
+            assert radii == pytest.approx(sorted(hole.radius for hole in one.prism.holes))
+            bulges = [point[4] for point in outlines[0].get_points()]
+            assert bulges == pytest.approx(one.prism.outline[:, 2].tolist())
+    assert linkage.file("plates") != text.encode()
+    with pytest.raises(la.FieldError, match="sizes stand there"):
+        linkage.file("plates", plates={"hole": 5}, assembly=BOTH)
 
 
 # -- the command and HTTP -----------------------------------------------------------------------------------------------
