@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
 import linkage_atlas as la
 from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
-from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
+from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.limits import LIMITS
@@ -427,6 +427,21 @@ class GivenDrive(_ReplyPart):
 Rank = Annotated[Count, Field(ge=1, le=100)]
 
 
+class GivenSixBar(_ReplyPart):
+    crank: FarLength
+    coupler: FarLength
+
+
+class GivenMotor(_ReplyPart):
+    """A drive of kind `dyad` of a reply of /v1/drives, as it came."""
+
+    kind: Literal["dyad"]
+    link: Literal["crank", "rocker"]
+    motor: FarPoint
+    pin_on_link: FarPoint
+    six_bar: GivenSixBar
+
+
 class AssemblyOptions(RequestModel):
     """How plates and pins are made and held; lengths in the unit of the linkage."""
 
@@ -454,8 +469,12 @@ class AssemblyOptions(RequestModel):
         description="Outline of the body, a plate that the coupler carries: corners [x, y] in the body's frame, from the "
         "requested position and turned with the requested rotation (without one: as at the first sample).",
     )
-    mounts: dict[Literal["A", "B"], Literal["below", "above", "below+above"]] | None = Field(
+    mounts: dict[Literal[FIXED_PINS], Literal["below", "above", "below+above"]] | None = Field(
         None, description="How fixed pins must be held, where that matters."
+    )
+    drive: GivenMotor | None = Field(
+        None,
+        description="A motor with a rod, as /v1/drives has found it: two more plates, and everything over a turn of the motor.",
     )
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
     envelope: Box | None = Field(

@@ -181,3 +181,13 @@ def test_sliders_have_layers_too() -> None:
     asked = la.Motion([0, 1, 2], [[0, 0], [0.1, 0], [0.2, 0]], timing="free")
     told = pushed.assembly(asked, travel=[0, 0.3, 0.6])
     assert all("degrees" not in reason for reason in told.reasons)
+
+
+def test_a_motor_and_its_rod_are_two_more_plates() -> None:
+    linkage, asked = la.FourBar(*CRANK_ROCKER, start_angle=40), la.Motion([0, 1, 2], crank_span=60)
+    drive = next(one for one in la.drives(linkage, [{"kind": "dyad", "links": ["crank"]}], motion=asked).drives)
+    found = linkage.assembly(asked, drive=drive)
+    assert set(found.layers) == {"crank", "coupler", "rocker", "motor_crank", "rod"}
+    assert {pin.name for pin in found.pins} == {"A", "B", "C", "D", "K", "M", "Q"}
+    assert any("those of the motor" in reason for reason in found.reasons)
+    assert linkage.assembly(asked, drive=drive.to_dict()).layers == found.layers
