@@ -311,10 +311,10 @@ function bindButtons() {
     await copy(await sources.linkTo(current ? answer.request : toRequest(editor.motion), editor.motion, chosen), "The link is copied; it holds the whole request and the chosen linkage.");
   });
   let parts = null; // of the linkage that is being printed
-  addEventListener("beforeprint", () => fillSheet(answer, results.solution, parts));
+  addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, parts));
   $("print").addEventListener("click", async () => {
     parts = await results.partsList().catch(() => null);
-    fillSheet(answer, results.solution, parts);
+    fillSheet(answer, results.solution, results.driving, parts);
     print();
     parts = null;
   });

@@ -3,6 +3,7 @@
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { element, signed, text } from "./drawing.js";
+import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
 import { alike, errorText, fitOf, guideRows, limitName, worstRows } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
@@ -127,6 +128,7 @@ export class Results {
   constructor(board, keep) {
     Object.assign(this, { keep, answer: null, solution: null, board, player: new Player(board), picked: false });
     this.layers = new Layers(board, (degrees) => { this.player.stop(); this.player.goto(degrees); }, (solution) => this.#judgedAnew(solution));
+    this.driving = new Driving(board, this.player);
     this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
@@ -146,8 +148,10 @@ export class Results {
     const solutions = answer?.reply.solutions ?? [];
     for (const id of CARDS) $(id).hidden = !solutions.length;
     if (!solutions.length) {
-      this.layers.show(null);
-      this.layers.select(null);
+      for (const one of [this.layers, this.driving]) {
+        one.show(null);
+        one.select(null);
+      }
       this.solution = null;
       $("solutions").replaceChildren();
       this.board.showOthers([]);
@@ -161,6 +165,7 @@ export class Results {
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
     this.layers.show(answer);
+    this.driving.show(answer);
     this.#select(this.solution, stays ? "holds" : "all", false);
     // the linkage first: charts take as long to draw as all the rest
     clearTimeout(this.charts);
@@ -212,6 +217,7 @@ export class Results {
     this.player.show(solution, motion, false, false);
     this.player.goto(travel);
     this.layers.select(solution);
+    this.driving.select(solution);
     clearTimeout(this.later);
     this.later = setTimeout(() => this.player.drawCurves(), REST_MS);
     this.#showNumbers();
@@ -267,6 +273,7 @@ export class Results {
     this.#showNumbers();
     this.#showOthers();
     this.layers.select(solution);
+    this.driving.select(solution);
   }
 
   /** Fits all solutions that are not much larger than the selected one, so that the scale can stay while one looks at them. */
@@ -328,7 +335,8 @@ export class Results {
     const plates = sizes.length && format === "plates" ? { plates: Object.fromEntries(sizes) } : {};
     const solids = { fit: $("parts-fit").value, ...(scale > 0 ? { scale } : {}), nevertheless: $("parts-nevertheless").checked };
     const parts = [...OF_PARTS, "mjcf"].includes(format) && solution.links ? { assembly: this.layers.options(solution, motion), solids } : {};
-    return ask("/v1/export", { request, solution, format, length_unit: motion.unit, ...plates, ...parts });
+    const drive = this.driving.shown && ["dxf", "csv", "mjcf"].includes(format) ? { drive: this.driving.shown } : {};
+    return ask("/v1/export", { request, solution, format, length_unit: motion.unit, ...plates, ...parts, ...drive });
   }
 
   /** The parts list of the selected linkage, a row a part by column; null where its layers are not free. */

@@ -14,15 +14,20 @@ const SIZE = [720, 400];
 const CHART = [720, 120];
 const MOST_GHOSTS = 24;
 
-function drawing(fit, motion) {
+function drawing(fit, motion, drive) {
   const svg = make("svg", { viewBox: `0 0 ${SIZE.join(" ")}`, class: "sheet-drawing" }), view = new View(...SIZE);
   const { linkage, at, pass: { sense, low, high } } = fit, used = linkage.over(sense * low * RAD, sense * high * RAD, 180).filter(Boolean);
   const wanted = wantsPlaces(motion) ? motion.poses.map(placeOf) : [];
   if (!used.length) return svg;
-  view.fit([used[0].a, used[0].b, ...used.flatMap((j) => [j.c, j.d, j.p]), ...wanted], 26);
+  const parts = drive?.lines() ?? [];
+  view.fit([used[0].a, used[0].b, ...used.flatMap((j) => [j.c, j.d, j.p]), ...wanted, ...parts.flat()], 26);
   at.forEach((j, k) => { if (j && k % Math.ceil(at.length / MOST_GHOSTS) === 0) make("path", { class: "ghost", d: `${pathData([j.d, j.c, j.p].filter(Boolean), view)}Z` }, svg); });
   make("path", { class: "curve", d: pathData(used.map((j) => j.p ?? j.c), view) }, svg);
   new LinkageShape(svg).show(at[0] ?? used[0], view);
+  for (const line of parts) {
+    make("path", { class: "drive-rod", d: pathData(line, view) }, svg);
+    for (const [cx, cy] of line.map((place) => view.at(place))) make("circle", { class: "drive-joint", cx, cy, r: 3.5 }, svg);
+  }
   wanted.forEach((place, k) => {
     if (!place) return;
     const [x, y] = view.at(place), turn = motion.poses[k].angle;
@@ -75,8 +80,8 @@ function partsOf(assembly, parts) {
   return section;
 }
 
-/** Fills the sheet with a solution of an answer and the list of its parts, if there is one; without a solution the page prints as it is. */
-export function fillSheet(answer, solution, parts = null) {
+/** Fills the sheet with a solution of an answer, its drive, {rows(), lines()}, and the list of its parts; without one the page prints as it is. */
+export function fillSheet(answer, solution, drive, parts = null) {
   const sheet = $("sheet");
   sheet.replaceChildren();
   document.body.classList.toggle("has-sheet", Boolean(solution));
@@ -98,6 +103,8 @@ export function fillSheet(answer, solution, parts = null) {
   ]);
   const columns = element("div", motion.poses.length > 30 ? "sheet-columns long" : "sheet-columns");
   columns.append(table(["Dimension", ""], rows), table(["pose", fit.pass.turns ? "crank°" : `${solution.driver}, ${unit}`, "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses));
-  sheet.append(head, drawing(fit, motion), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from pose 1`), transmission(fit));
+  const driven = drive?.rows() ?? [];
+  if (driven.length) columns.append(table(["Drive", ""], driven));
+  sheet.append(head, drawing(fit, motion, drive), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from pose 1`), transmission(fit));
   if (parts && solution.verdict?.assembly) sheet.append(partsOf(solution.verdict.assembly, parts));
 }
