@@ -138,7 +138,7 @@ class Drive(NamedTuple):
         return self.load._replace(own=Own(links, self.gravity, self.metre))
 
 
-LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body")
+LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block")
 MOST_LINK_MASSES = 64
 GRAVITY = -9.81j
 """Of masses unless a load says otherwise, m/s^2."""
