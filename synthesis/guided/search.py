@@ -50,6 +50,8 @@ _EXACT = 1e-6
 _DIRECTIONS = 24
 """Rails and slots of further directions: one that is worse alone may be better in a pair."""
 _ALL_WAYS: Floats = np.linspace(0.0, np.pi, _DIRECTIONS, endpoint=False)
+_FINE = 1440
+"""Directions among which those are looked for that a given drive goes."""
 _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
 """Points that circles, rails and slots are begun with: distances from the middle of the motion, and so many around it."""
 _SEEDS, _HOPS = 12, 8
@@ -152,15 +154,18 @@ class Sorts(NamedTuple):
         return {Circle: self.circle, Rail: self.rail, Slot: self.slot}[sort]
 
 
-def exact_guides(body: Body, sorts: set[Any]) -> Sorts:
-    """Guides that the poses keep to as well as any: up to four circles, and the best rails and slots."""
+def exact_guides(body: Body, sorts: set[Any], drive: Floats | None = None) -> Sorts:
+    """Guides that the poses keep to: up to four circles, the best rails and slots, and where any direction does, some of all.
+
+    ``drive`` (N,): the way along a rail or slot, where it is given.
+    """
     motion = Motion.of(body)
     none = _no_guides()
     few = body.position.size
     straight = [none, none]
     for k, (sort, seen) in enumerate(((Rail, motion), (Slot, motion.inverse))):
         if sort in sorts:
-            straight[k] = _exact_lines(seen).as_guides(k == 1)
+            straight[k] = _exact_lines(seen, drive).as_guides(k == 1)
     if Circle not in sorts:
         return Sorts(none, *straight)
     if few <= FEW:
@@ -176,15 +181,26 @@ def exact_guides(body: Body, sorts: set[Any]) -> Sorts:
     return Sorts(found[0].joined(*found[1:]), *straight)
 
 
-def _exact_lines(motion: Motion) -> Lines:
+def _exact_lines(motion: Motion, drive: Floats | None) -> Lines:
     if motion.position.size <= 2:  # any point has a line through two places
         return lines_of(motion, _points(1.0))
     lines = Straight(motion)
     best, error = lines.stationary()
     if motion.position.size == 3 or error[1] < _EXACT:  # a pencil: one in every direction
-        return lines.along(_ALL_WAYS)
+        return lines.along(_ALL_WAYS if drive is None else np.concatenate([_timely(lines, drive), _ALL_WAYS]))
     fits = error < _EXACT
     return Lines(best.point[fits], best.foot[fits], best.normal[fits])
+
+
+def _timely(lines: Straight, drive: Floats) -> Floats:
+    """Of the directions of a pencil those few along which the way is most like the given one (N,)."""
+    fine = lines.along(np.linspace(0.0, np.pi, _FINE, endpoint=False))
+    way = (np.conj(1j * np.exp(1j * fine.normal))[:, None] * lines.motion.places(fine.point)).real
+    off = np.stack([way - drive, way + drive])
+    miss = np.min(np.std(off, axis=2), axis=0)
+    lowest = (miss <= np.roll(miss, 1)) & (miss <= np.roll(miss, -1))
+    best = np.flatnonzero(lowest)
+    return fine.normal[best[np.argsort(miss[best], kind="stable")[:4]]]
 
 
 def near_guides(body: Body, sorts: set[Any]) -> Sorts:
@@ -338,7 +354,7 @@ class Search:
             )
             stack = np.concatenate(stacks, axis=2)
             cost = np.einsum("nk,nk->n", stack[:, -1], stack[:, -1])
-        bad = ~(np.isfinite(cost) & np.isfinite(stack).all(axis=(1, 2)) & found.closed)
+        bad = ~(np.isfinite(cost) & np.isfinite(stack).all(axis=(1, 2)))
         stack[bad] = 0.0
         return Evaluation(np.where(bad, np.inf, cost), stack)
 
@@ -410,9 +426,16 @@ class Search:
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 
+    @property
+    def _straight_drive(self) -> Floats | None:
+        """The given travel at the poses that have both parts."""
+        if self.given is None or self.ways[0].driver.turns:
+            return None
+        return self.given[self.poses.full]
+
     def exact(self) -> Candidates | None:
         """Pairs of exact guides, refined together; several kinds at once."""
-        sorts = exact_guides(self.body, self.sorts)
+        sorts = exact_guides(self.body, self.sorts, self._straight_drive)
         pairs, drive = pairs_of(sorts, self.ways)
         if not pairs.number:
             return None

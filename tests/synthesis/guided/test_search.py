@@ -113,6 +113,7 @@ def test_limits_of_rails_and_cylinders_are_kept():
         ("swinging_block", Driver.CRANK),
         ("rail_slot", Driver.SLIDER),
         ("two_rails", Driver.SLIDER),
+        ("two_slots", Driver.CYLINDER),
     ],
 )
 def test_given_drives_come_back(kind, driver):
