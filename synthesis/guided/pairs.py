@@ -53,6 +53,11 @@ class Pairs(NamedTuple):
     hinge: Flags
     """(n,): whether the first, a slot, is turned about its pin; otherwise its pin is pushed along it."""
 
+    @property
+    def guides(self) -> tuple[Guides, Guides]:
+        """Both."""
+        return self.first, self.second
+
     def take(self, places: Any) -> Pairs:
         """Some of them."""
         return Pairs(self.first.take(places), self.second.take(places), self.hinge[places])
