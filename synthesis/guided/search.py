@@ -732,10 +732,11 @@ class Search:
         new, worst = self.broken(new, self.samples)
         fine = np.flatnonzero((worst <= 0) & np.isfinite(new.cost))
         kept: list[int] = []
+        most = _LOOKED_AT_WHOLE * (4 if self.body.position.size <= FEW else 1)  # few samples leave much between them
         for number in range(len(self.ways)):
             own = fine[new.drive[fine] == number]
             own = own[np.argsort(new.cost[own], kind="stable")]
-            for place in self._apart(new.pairs, own, _LOOKED_AT_WHOLE):
+            for place in self._apart(new.pairs, own, most):
                 solution = self.solution(new.take([place]))
                 if solution is None:
                     continue
