@@ -78,7 +78,7 @@ def analysed(
     linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None
 ) -> GuidedAnalysis:
     """An analysis at travel (n,) of the drive from the first sample, and over an interval."""
-    if drive.masses:
+    if drive.masses or drive.parts:
         raise FieldError(
             "/analysis/load/masses", "masses of links count in four-bars only, not on rails and in slots"
         )
