@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
 import linkage_atlas as la
 from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
-from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
+from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.limits import LIMITS
@@ -236,8 +236,9 @@ class LoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
-    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
-        None, description="Of the links; with them forces are in newtons."
+    masses: Literal["parts"] | Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
+        None,
+        description="Of the links; with them forces are in newtons. `parts`: those of their plates and pins, made by default.",
     )
     gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
 
@@ -292,7 +293,9 @@ class DriveLoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
-    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = None
+    masses: Literal["parts"] | Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = Field(
+        None, description="`parts`, to /v1/drives: those of the linkage's plates and pins, made by default."
+    )
     gravity: Pair | None = Field(None, description="Acceleration [gx, gy] of the masses; default [0, -9.81].")
     speed: Bounded | None = Field(
         None, description="Of the crank, constant: then the masses resist their acceleration too."
@@ -394,9 +397,52 @@ class RockerRequest(RequestModel):
     length: Above = Field(description="To the body point.")
 
 
+class GivenSizes(_ReplyPart):
+    crank: Above | None = None
+    coupler: Above | None = None
+    handle: Above | None = None
+    strut: Above | None = None
+
+
+class GivenDriveCurve(_ReplyPart):
+    knee: Annotated[list[PlacePair | None], Field(max_length=2000)] | None = None
+
+
+class GivenDrive(_ReplyPart):
+    """One of the `drives` of a reply, as it came or changed."""
+
+    kind: Literal["rotary", "actuator", "dyad", "toggle"]
+    link: LinkName
+    on: LinkName | None = None
+    ground_point: PlacePair | None = None
+    motor: PlacePair | None = None
+    pin_on_link: PlacePair | None = None
+    retracted: Above | None = None
+    stroke: Above | None = None
+    extends: Flag | None = None
+    six_bar: GivenSizes | None = None
+    lock: GivenSizes | None = None
+    curve: GivenDriveCurve | None = None
+
+
 # -- how it is built --------------------------------------------------------------------------------------------------
 
 Rank = Annotated[Count, Field(ge=1, le=100)]
+
+
+class GivenSixBar(_ReplyPart):
+    crank: FarLength
+    coupler: FarLength
+
+
+class GivenMotor(_ReplyPart):
+    """A drive of kind `dyad` of a reply of /v1/drives, as it came."""
+
+    kind: Literal["dyad"]
+    link: Literal["crank", "rocker"]
+    motor: FarPoint
+    pin_on_link: FarPoint
+    six_bar: GivenSixBar
 
 
 class AssemblyOptions(RequestModel):
@@ -426,8 +472,12 @@ class AssemblyOptions(RequestModel):
         description="Outline of the body, a plate that the coupler carries: corners [x, y] in the body's frame, from the "
         "requested position and turned with the requested rotation (without one: as at the first sample).",
     )
-    mounts: dict[Literal["A", "B"], Literal["below", "above", "below+above"]] | None = Field(
+    mounts: dict[Literal[FIXED_PINS], Literal["below", "above", "below+above"]] | None = Field(
         None, description="How fixed pins must be held, where that matters."
+    )
+    drive: GivenMotor | None = Field(
+        None,
+        description="A motor with a rod, as /v1/drives has found it: two more plates, and everything over a turn of the motor.",
     )
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
     envelope: Box | None = Field(
