@@ -236,8 +236,9 @@ class LoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
-    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
-        None, description="Of the links; with them forces are in newtons."
+    masses: Literal["parts"] | Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
+        None,
+        description="Of the links; with them forces are in newtons. `parts`: those of their plates and pins, made by default.",
     )
     gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
 
@@ -292,7 +293,9 @@ class DriveLoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
-    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = None
+    masses: Literal["parts"] | Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = Field(
+        None, description="`parts`, to /v1/drives: those of the linkage's plates and pins, made by default."
+    )
     gravity: Pair | None = Field(None, description="Acceleration [gx, gy] of the masses; default [0, -9.81].")
     speed: Bounded | None = Field(
         None, description="Of the crank, constant: then the masses resist their acceleration too."

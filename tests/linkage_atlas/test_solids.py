@@ -15,8 +15,8 @@ import pytest
 import linkage_atlas as la
 from app import cli
 from app.registry import worked_example
-from linkage_atlas.exports import FORMATS, OF_PARTS, kind_of
-from linkage_atlas.solids import MATERIALS, PART_KINDS, SOLIDS
+from linkage_atlas.formats import FORMATS, OF_PARTS, kind_of
+from linkage_atlas.solids import MATERIALS, SOLIDS
 from synthesis.solids.fits import FITS
 from synthesis.solids.solid import DENSITIES
 from tests.oracles.solids import deepest, step_shells
@@ -52,7 +52,6 @@ def request_body():
 
 
 def test_kinds_and_names_are_told_once() -> None:
-    assert OF_PARTS == PART_KINDS
     assert set(OF_PARTS) < set(FORMATS)
     assert set(MATERIALS) == set(FITS) and {one for both in MATERIALS.values() for one in both} <= set(DENSITIES)
     assert [kind_of(f"window.{FORMATS[kind].endings[0]}") for kind in FORMATS] == list(FORMATS)
@@ -101,6 +100,25 @@ def test_what_parts_weigh_is_what_an_analysis_and_a_simulation_take(linkage) -> 
     assert f'mass="{links["rocker"].mass!r}"' in text and "kilograms of its parts" in text
     # a model is printed smaller, but an analysis is of the linkage itself
     assert linkage.solids(material="steel", thickness=4, scale=0.5).masses == parts.masses
+
+
+def test_parts_stand_for_their_masses_in_analysis_and_drives(linkage, client, request_body) -> None:
+    masses = linkage.solids().to_dict()["masses"]
+    for unit in ("mm", "cm"):
+        given = linkage.solids(length_unit=unit).to_dict()["masses"]
+        one, other = (linkage.analysis(90, {"masses": one}, length_unit=unit) for one in ("parts", given))
+        assert one.crank_torque == pytest.approx(other.crank_torque, rel=1e-12)
+    asked = [{"kind": "rotary"}]
+    ways = [la.drives(linkage, crank_angle=[0, 70], drives=asked, load={"masses": one}) for one in ("parts", masses)]
+    torques = [way.drives[0].peak_torque for way in ways]
+    assert torques[0] == pytest.approx(torques[1], rel=1e-12) and torques[0] > 0
+    # double cranks have parts, and weights, though their layers collide
+    assert np.abs(la.FourBar(60, 50, 70, 30).analysis(0, {"masses": "parts"}).crank_torque).max() > 0
+    body = {**request_body, "top": 2, "analysis": {"crank_speed": 90, "load": {"masses": "parts"}}}
+    for one in client.post("/v1/synthesize", json=body).json()["solutions"]:
+        assert max(map(abs, one["analysis"]["crank_torque"])) > 0
+    with pytest.raises(la.FieldError, match="parts"):
+        linkage.analysis(90, {"masses": "all"})
 
 
 def test_units_of_length_are_told_apart(linkage) -> None:
