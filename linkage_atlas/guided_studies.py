@@ -8,9 +8,11 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from linkage_atlas.exports import MILLIMETRES
 from linkage_atlas.records import Record, Values, Vectors, plain
 from linkage_atlas.studies import BAND_STEPS, Drive, Manufacture, ToleranceStudy, described_study
 from synthesis.arrays import Floats
+from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import CURVE_LEAST, CURVE_STEP
 from synthesis.guided.analysis import Load, Mass, forces
 from synthesis.guided.linkage import BODY, GuidedLinkage
@@ -140,7 +142,7 @@ def _rates(linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float) 
     held = None
     if drive.load is not None:
         masses = [Mass(BODY if one.link == "body" else one.link, *one[1:]) for one in drive.masses]
-        load = Load(drive.load.force, drive.load.torque, masses, drive.gravity, drive.metre)
+        load = Load(drive.load.force, drive.load.torque, masses, drive.gravity, MILLIMETRES[drive.length_unit] / 1000)
         held = forces(linkage, travel, load, speed)
     sliding = {
         name: linkage.along_rate(place, travel) * speed
