@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.exports import MILLIMETRES
+from linkage_atlas.motions import MILLIMETRES
 from linkage_atlas.records import Record, Values, Vectors, plain
 from linkage_atlas.studies import BAND_STEPS, Drive, Manufacture, ToleranceStudy, described_study
 from synthesis.arrays import Floats
