@@ -11,6 +11,7 @@ import numpy as np
 from linkage_atlas.motions import number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
+from synthesis.assembly.driving import LINKS, Motor, motor_driven
 from synthesis.assembly.guided import guided
 from synthesis.assembly.layers import BOARDS, BOTH, Arrangement, Asked, arrange
 from synthesis.assembly.machine import Machine, Sizes, four_bar
@@ -38,6 +39,7 @@ ASSEMBLY = (
     "layers_most",
     "envelope",
     "keep_out",
+    "drive",
 )
 """What may be asked of an assembly, by the names of the HTTP contract."""
 MOST_CORNERS = 200
@@ -46,6 +48,8 @@ LAYERS_MOST, MOST_LAYERS = 6, 8
 """Layers that are tried unless a request says so, and at most."""
 MOUNTS = (layers.BELOW, layers.ABOVE, BOTH)
 """How a fixed pin may be held."""
+FIXED_PINS = ("A", "B", "M", "A1", "A2", "B1", "B2")
+"""Pins that stand in the ground: of links on circles and of slots, of a motor, and the posts of rails."""
 NOT_SAID = "tilt of long pins, play and tolerances of thickness are not in the clearance"
 
 Status = Annotated[str, Literal["free", "blocked", "touching"]]
@@ -119,7 +123,7 @@ class AssemblyPart(Record):
     """A part: everything within a radius of a core, between two heights, in the frame of its link."""
 
     name: str
-    """crank, coupler, rocker, rail, body, bar; pin_D, post_P, head_D_below, board_below."""
+    """crank, coupler, rocker, rail, motor_crank, rod, body, bar; pin_D, post_P, head_D_below, board_below."""
     kind: Part
     link: str
     """Whose frame it is: from the link's first joint, x to its second (crank A to D, coupler D to C, rocker B to C); the ground's
@@ -206,6 +210,7 @@ class AskedAssembly(NamedTuple):
     arranged: Asked
     envelope: Box | None = None
     keep_out: tuple[Box, ...] = ()
+    motor: Motor | None = None
 
     def within(self, envelope: Box | None, keep_out: Sequence[Box]) -> AskedAssembly:
         """With the boxes of a request's limits, where it has none of its own."""
@@ -247,7 +252,37 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
         Asked(boards, bool(values["heads"]), int(most), _mounts(f"{where}mounts", values["mounts"], boards)),
         None if values["envelope"] is None else _box(f"{where}envelope", values["envelope"]),
         tuple(_box(f"{where}keep_out/{k}", box) for k, box in enumerate(values["keep_out"] or ())),
+        None if values["drive"] is None else _motor(f"{where}drive", values["drive"]),
     )
+
+
+def _motor(name: str, given: Any) -> Motor:
+    """A motor with a rod, as a reply of drives has it."""
+
+    def of(one: Any, part: str) -> Any:
+        return one.get(part) if isinstance(one, Mapping) else getattr(one, part, None)
+
+    if of(given, "kind") != "dyad" or of(given, "six_bar") is None:
+        raise FieldError(
+            f"/{name}", "wanted a drive of kind dyad as a reply has it, with its motor, pin_on_link and six_bar"
+        )
+    link = of(given, "link")
+    if link not in LINKS:
+        raise FieldError(
+            f"/{name}/link", f"wanted {' or '.join(LINKS)}, which turn about a fixed pivot; found {link!r}"
+        )
+    places = []
+    for part in ("motor", "pin_on_link"):
+        value = of(given, part)
+        if np.shape(value) != (2,):
+            raise FieldError(f"/{name}/{part}", "wanted [x, y]")
+        places.append(complex(*(number(f"{name}/{part}", one) for one in value)))
+    crank, rod = (
+        _length(f"{name}/six_bar/{part}", of(of(given, "six_bar"), part), part) for part in ("crank", "coupler")
+    )
+    if crank is None or rod is None:
+        raise FieldError(f"/{name}/six_bar", "wanted crank and coupler")
+    return Motor(link, places[0], crank, rod, places[1])
 
 
 def _box(name: str, given: Any) -> Box:
@@ -278,8 +313,8 @@ def _mounts(name: str, given: Any, boards: str) -> dict[str, str]:
         raise FieldError(f"/{name}", "a bar is a plate itself: its pins stand in no board")
     allowed = {"below": MOUNTS[:1], "above": MOUNTS[1:2], "both": MOUNTS}[boards] if given else ()
     for pin, mount in given.items():
-        if pin not in ("A", "B"):
-            raise FieldError.no_such(f"/{name}", pin, ("A", "B"), "fixed pin")
+        if pin not in FIXED_PINS:
+            raise FieldError.no_such(f"/{name}", pin, FIXED_PINS, "fixed pin")
         if mount not in allowed:
             raise FieldError(f"/{name}/{pin}", f"wanted {' or '.join(allowed)} with boards {boards}, found {mount!r}")
     return dict(given)
@@ -308,7 +343,11 @@ def machine_of(
 ) -> Machine:
     """Plates and pins of a linkage with the sizes that are asked for. FieldError where they leave no material."""
     bar = asked.arranged.boards == "bar"
-    if isinstance(linkage, GuidedLinkage):
+    if asked.motor is not None:
+        if isinstance(linkage, GuidedLinkage):
+            raise FieldError(f"/{where}drive", "a motor's rod is arranged with four-bars only")
+        machine = motor_driven(linkage, used, asked.motor, asked.sizes, asked.body, bar)
+    elif isinstance(linkage, GuidedLinkage):
         machine = guided(linkage, used, asked.sizes, asked.body, bar)
     else:
         if asked.body and not linkage.mounted:
@@ -499,6 +538,8 @@ def _reasons(machine: Machine, found: Arrangement, asked: Asked, unit: Reading) 
             if stop is not None:
                 cause = "the loop ends" if stop.pair is None else f"{_both(stop.pair, machine)} collide"
                 reasons.append(f"{which} end of the motion at {_angle(stop.at, unit)}: {cause}")
+    if any(one.name == "rod" for one in machine.plates):
+        reasons.append("crank angles are those of the motor, from the first sample on")
     if not machine.stops:
         reasons.append("slits are as long as the used motion: how far it would go with longer ones was not looked at")
     reasons.append(NOT_SAID)

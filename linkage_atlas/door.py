@@ -20,10 +20,23 @@ from linkage_atlas.assemblies import AskedAssembly, assembled, read_assembly
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.driving import check_asked
+from linkage_atlas.guided import DriverName
+from linkage_atlas.kinds import Asked as Kinds
+from linkage_atlas.kinds import Course as KindsCourse
+from linkage_atlas.kinds import (
+    Found,
+    MechanismName,
+    check_kinds_alone,
+    check_sliders_alone,
+    finished_kinds,
+    front,
+    read_kinds,
+    search_kinds,
+)
 from linkage_atlas.limits import read_limits, what_excludes
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number
-from linkage_atlas.studies import STUDIES, check_rows, read_studies, study_notes
+from linkage_atlas.studies import STUDIES, Studies, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats
 from synthesis.atlas.scan import Scan, best_rows
 from synthesis.errors import FieldError
@@ -139,6 +152,8 @@ class Asked(TypedDict, total=False):
     order: Literal["given", "any"]
     closed: bool
     crank_span_max: float | None
+    travel: ArrayLike | None
+    travel_span: float | None
     weights: Mapping[str, ArrayLike] | None
     tolerances: Mapping[str, ArrayLike] | None
     length_scale: float | None
@@ -168,9 +183,11 @@ def synthesize(
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
     live: Live | None = None,
+    mechanisms: Sequence[MechanismName] | Literal["all"] | None = None,
+    driver: DriverName | None = None,
     **more: Unpack[Asked],
 ) -> Result:
-    """The four-bar linkages that make a motion: actual dimensions and where they are mounted.
+    """The linkages that make a motion: actual dimensions and where they are mounted.
 
     Called as ``synthesize(motion, limits)``, or with the arguments of a `Motion` in its place:
     ``synthesize(rotation, position, crank_span=70)``.
@@ -205,6 +222,11 @@ def synthesize(
         Makes what watches over time and cancellation from a budget in seconds.
     live : Live, optional
         What the last answer left, while a motion is being changed: this one begins with it, in at most 60 ms, and leaves its own.
+    mechanisms : sequence of str or "all", optional
+        Kinds of mechanism: "four_bar" (default alone), "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots".
+        Of several kinds those come back that no other one driven alike beats in error, size and transmission angle at once.
+    driver : {"crank", "slider", "cylinder", "hinge"}, optional
+        Only linkages that are driven so.
     **more
         Arguments of `Motion`, where it is not given; and studies of each solution, as of `Solution.studied`, within the budget.
 
@@ -244,6 +266,9 @@ def synthesize(
         wanted = Motion(*given, **named)
     if effort == "atlas" and wanted.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
+    kinds = read_kinds(mechanisms, driver, wanted)
+    if not kinds.four_bars_alone:
+        check_kinds_alone(prefer, effort, refine_from, live)
     # made once, by whoever asks first: no part of this request's time
     source: SeedTables | Scan | Start
     source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
@@ -265,6 +290,9 @@ def synthesize(
     if studies.drive is not None:
         check_rows(top, None if wanted.free else wanted.target.interval)
     prefers = _preference(prefer, wanted, isinstance(source, SeedTables))
+    if not kinds.four_bars_alone:
+        return _of_kinds(kinds, wanted, kept, prefers, tolerance, top, studies, notes, watch, limits or {})
+    check_sliders_alone(kept)
     goal = tolerance if prefers == "error" else goal_of(_allowed(wanted), tolerance)
 
     spare = FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10)
@@ -325,6 +353,55 @@ def synthesize(
         live.state = course.left.packed()
     status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
     return Result(status, list(solutions), report)
+
+
+def _of_kinds(
+    kinds: Kinds,
+    motion: Motion,
+    limits: Limits,
+    prefers: Prefer,
+    tolerance: float,
+    top: int,
+    studies: Studies,
+    notes: list[str],
+    watch: Work,
+    given: Mapping[str, Any],
+) -> Result:
+    """The answer to a request for other mechanisms than four-bars alone."""
+
+    def four_bars(within: Limits, work: Work) -> tuple[list[Solution], Course]:
+        return _search(seed_tables(), motion, within, top, tolerance, work)
+
+    def search_all(within: Limits, work: Work) -> tuple[list[Found], KindsCourse]:
+        return search_kinds(kinds, motion, within, tolerance, four_bars, work)
+
+    found, course = search_all(limits, watch.extended(-FINISHING))
+    notes += course.notes
+    chosen = front(found, motion, prefers, tolerance, top)
+    searched = watch.elapsed
+    solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    cut_short = course.stopped_by == StoppedBy.BUDGET.value
+    if not solutions and cut_short:
+        notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
+    elif not solutions and not limits.only_family:
+        notes += what_excludes(limits, motion, search_all, watch)
+    if not motion.free and "preset" not in given and solutions and not solutions[0].verdict.practical:
+        notes.append(UNASKED)
+    if len(solutions) < len(chosen):
+        notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
+    total = watch.elapsed
+    seconds = course.stages | {"report": total - searched, "total": total}
+    report = Report(
+        elapsed_ms={name: 1000 * value for name, value in seconds.items()},
+        trace=[(1000 * value, objective) for value, objective in course.trace],
+        stopped_by=course.stopped_by,
+        length_scale=None if motion.samples.position is None else motion.samples.length_scale,
+        seeds=course.seeds,
+        windows=None,
+        exhaustive=None,
+        notes=notes,
+    )
+    return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
 
 
 # -- the search -------------------------------------------------------------------------------------------------------

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.exports import guided_text, kind_of
-from linkage_atlas.guided_studies import GuidedAnalysis, analysed
+from linkage_atlas.exports import guided_text
+from linkage_atlas.formats import kind_of
+from linkage_atlas.guided_studies import GuidedAnalysis, analysed, studied
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import plain
-from linkage_atlas.studies import read_drive
+from linkage_atlas.studies import ToleranceStudy, read_drive, read_manufacture
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.guided import linkage as guided
@@ -314,6 +315,24 @@ class GuidedLinkage:
         target = self._default_motion()
         return analysed(self._linkage, drive, target.crank, self._radian, target.interval)
 
+    def tolerance_study(self, *, work: Work | None = None, **manufacture: Any) -> ToleranceStudy:
+        """What tolerances of manufacture do to the motion of the body, simulated and to first order.
+
+        Parameters
+        ----------
+        links, pivots : float
+            Radii and body points, and fixed pivots, pins and rails, lie evenly within this of their nominal values, either way.
+        clearance : float
+            Play at both ends of each guide.
+        samples, seed : int
+            How many linkages are made by chance (10,000), and which (0).
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        """
+        target = self._default_motion()
+        asked, work = read_manufacture(manufacture), work or Work()
+        return studied(self._linkage, asked, target.crank, target.interval, self._radian, work)
+
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
@@ -345,6 +364,7 @@ class GuidedLinkage:
         travel: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
+        drive: Mapping[str, Any] | None = None,
     ) -> str:
         """The linkage as the text of a file.
 
@@ -361,9 +381,12 @@ class GuidedLinkage:
             Further columns of a CSV file, as of `analysis`.
         plates : mapping, optional
             Refused: links are cut as plates for four-bars only.
+        drive : mapping, optional
+            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
+            of an MJCF model.
         """
         target = self._default_motion() if motion is None else self.target_of(motion, travel)
-        return guided_text(self._linkage, target, self._radian, kind, length_unit, analysis)
+        return guided_text(self._linkage, target, self._radian, kind, length_unit, analysis, drive)
 
     def file(
         self,
@@ -373,10 +396,11 @@ class GuidedLinkage:
         travel: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
+        drive: Mapping[str, Any] | None = None,
         **_: Any,
     ) -> bytes:
         """The same as the content of a file; parts are arranged and made for four-bars only."""
-        return self.render(kind, motion, length_unit, travel, analysis, plates).encode()
+        return self.render(kind, motion, length_unit, travel, analysis, plates, drive).encode()
 
     def target_of(self, motion: Motion, travel: ArrayLike | None) -> Target:
         """A motion with the travel of the drive at its samples."""

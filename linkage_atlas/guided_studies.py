@@ -1,21 +1,23 @@
-"""What a designer asks of a body on two guides next: how fast it moves, and what its guides carry."""
+"""What a designer asks of a body on two guides next: how fast it moves, what its guides carry, what tolerances do."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from linkage_atlas.records import Record, Values, Vectors, plain
-from linkage_atlas.studies import Drive
+from linkage_atlas.studies import BAND_STEPS, Drive, Manufacture, ToleranceStudy, described_study
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import CURVE_LEAST, CURVE_STEP
 from synthesis.guided.analysis import Load, forces
 from synthesis.guided.linkage import GuidedLinkage
-from synthesis.target import Interval
+from synthesis.guided.manufacture import dimensions_of, simulate, slopes, sources_of
+from synthesis.target import Interval, Target
+from synthesis.work import Work
 
 STEPS = 60
 """Steps of a curve over an interval of lengths."""
@@ -76,7 +78,7 @@ def analysed(
     linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None
 ) -> GuidedAnalysis:
     """An analysis at travel (n,) of the drive from the first sample, and over an interval."""
-    if drive.masses:
+    if drive.masses or drive.parts:
         raise FieldError(
             "/analysis/load/masses", "masses of links count in four-bars only, not on rails and in slots"
         )
@@ -91,6 +93,44 @@ def curve_over(linkage: GuidedLinkage, over: Interval) -> Floats:
     if linkage.driver.turns:
         steps = max(CURVE_LEAST, int(np.ceil(abs(last - first) / CURVE_STEP * (1 - 1e-12))))
     return np.linspace(first, last, steps + 1)
+
+
+def studied(
+    linkage: GuidedLinkage, manufacture: Manufacture, travel: Floats, over: Interval, radian: float, work: Work
+) -> ToleranceStudy:
+    """A tolerance study at travel (n,) of the drive from the first sample, and over an interval."""
+    band = np.linspace(*over, BAND_STEPS + 1)
+    found = simulate(linkage, np.concatenate([travel, band]), travel.size, *manufacture, work)
+    names = [source.name for source in sources_of(linkage)]
+    turns = linkage.driver.turns
+    return described_study(found, names, manufacture, travel.size, band / radian if turns else band, radian, turns)
+
+
+class Change(NamedTuple):
+    """What a dimension does to the motion."""
+
+    dimension: str
+    rotation: float | None
+    """Rms change of rotation over the samples per unit of the dimension; null where no rotation was asked for."""
+    position: float | None
+    """Rms change of position."""
+
+
+def changes(linkage: GuidedLinkage, target: Target, radian: float) -> list[Change]:
+    """Rms changes of the motion per unit of each dimension, all else held: lengths, and per unit of angle directions."""
+    found = []
+    for name, guide, unit in dimensions_of(linkage):
+        place, turn = slopes(linkage, linkage.start + target.crank, [(guide, unit)])
+        scale = radian if unit.direction else 1.0
+        rms = [
+            None if given is None else float(np.sqrt(mean(np.abs(slope) ** 2))) * scale
+            for given, mean, slope in (
+                (target.rotation, target.rotation_mean, turn[0] / radian),
+                (target.position, target.position_mean, place[0]),
+            )
+        ]
+        found.append(Change(name, *rms))
+    return found
 
 
 def _rates(linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float) -> dict[str, Any]:

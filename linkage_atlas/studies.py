@@ -16,7 +16,7 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass, Load, Own, curve_over, forces, rates
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.tolerance_study import SOURCES, Spread, Tolerances, simulate
+from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval
 from synthesis.work import Work
 
@@ -116,8 +116,19 @@ class Drive(NamedTuple):
     load: Load | None
     masses: tuple[MassAt, ...] = ()
     gravity: complex = 0j
-    metre: float = 1.0
-    """Metres in the unit of length."""
+    length_unit: str = "mm"
+    parts: bool = False
+    """Whether the links weigh what their parts do."""
+
+    def weighed(self, linkage: Linkage, used: Interval) -> Drive:
+        """With the masses of the linkage's parts, if those are meant."""
+        if not self.parts:
+            return self
+        from linkage_atlas.solids import masses_of_parts
+
+        found = masses_of_parts(linkage, used, self.length_unit)
+        masses = tuple(MassAt(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
+        return self._replace(masses=masses, parts=False)
 
     def load_of(self, linkage: Linkage) -> Load | None:
         """The load on a linkage, with the masses of its links."""
@@ -135,11 +146,13 @@ class Drive(NamedTuple):
             centre = sum(one.mass * one.at for one in several) / mass
             inertia = sum(one.inertia + one.mass * abs(one.at - centre) ** 2 for one in several)
             links[link] = LinkMass(mass, complex(centre), float(inertia))
-        return self.load._replace(own=Own(links, self.gravity, self.metre))
+        return self.load._replace(own=Own(links, self.gravity, MILLIMETRES[self.length_unit] / 1000))
 
 
 LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body")
 MOST_LINK_MASSES = 64
+PARTS = "parts"
+"""In place of masses: those of the plates and pins that the linkage is made of by default."""
 GRAVITY = -9.81j
 """Of masses unless a load says otherwise, m/s^2."""
 
@@ -165,10 +178,12 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
     if load.get("gravity") is not None:
         gravity = _pair("analysis/load/gravity", load["gravity"], "[gx, gy]")
     masses = load.get("masses") or ()
+    if masses == PARTS:
+        return Drive(speed, Load(force, torque), (), gravity, unit, True)
     if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > MOST_LINK_MASSES:
-        raise FieldError("/analysis/load/masses", f"wanted a list of at most {MOST_LINK_MASSES} masses")
+        raise FieldError("/analysis/load/masses", f"wanted {PARTS!r}, or a list of at most {MOST_LINK_MASSES} masses")
     read = tuple(_mass(f"analysis/load/masses/{k}", mass, mounted) for k, mass in enumerate(masses))
-    return Drive(speed, Load(force, torque), read, gravity, MILLIMETRES[unit] / 1000)
+    return Drive(speed, Load(force, torque), read, gravity, unit)
 
 
 def _mass(field: str, given: Any, mounted: bool) -> MassAt:
@@ -202,6 +217,7 @@ def _pair(field: str, given: Any, words: str) -> complex:
 
 def analysed(linkage: Linkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None) -> Analysis:
     """An analysis at crank angles (n,) in radians from the first sample, and over an interval."""
+    drive = drive.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
     curve = None if over is None else Rates(**_rates(linkage, drive, curve_over(over), radian))
     return Analysis(**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
 
@@ -288,9 +304,11 @@ class Largest(TypedDict):
 class Band(NamedTuple):
     """Quantiles at crank angles from the first to the last sample."""
 
-    crank_angle: Floats
+    crank_angle: Floats | None
     position: Quantiles | None
     rotation: Quantiles
+    travel: Floats | None = None
+    """In place of crank angles where the drive is a slider or cylinder."""
 
 
 @dataclass(frozen=True)
@@ -362,25 +380,39 @@ def studied(
     band = np.linspace(*over, BAND_STEPS + 1)
     every = np.concatenate([travel, band])
     found = simulate(linkage, every, travel.size, *manufacture, work)
+    return described_study(found, SOURCES, manufacture, travel.size, band / radian, radian)
+
+
+def described_study(
+    found: Study,
+    sources: Sequence[str],
+    manufacture: Manufacture,
+    samples: int,
+    band: Floats,
+    radian: float,
+    turns: bool = True,
+) -> ToleranceStudy:
+    """A study as a user reads it; its first places are the ``samples``, the others those of ``band``, angles or lengths."""
     both = {"position": found.position, "rotation": found.rotation}
-    parts = {name: np.zeros(len(SOURCES)) if one is None else one.contributions for name, one in both.items()}
+    parts = {name: np.zeros(len(sources)) if one is None else one.contributions for name, one in both.items()}
     contributions = [
         Contribution(source, None if found.position is None else p, r)
-        for source, p, r in zip(SOURCES, parts["position"].tolist(), parts["rotation"].tolist())
+        for source, p, r in zip(sources, parts["position"].tolist(), parts["rotation"].tolist())
     ]
-    most = {name: SOURCES[int(np.argmax(part))] if part.max() > 0 else None for name, part in parts.items()}
+    most = {name: sources[int(np.argmax(part))] if part.max() > 0 else None for name, part in parts.items()}
     return ToleranceStudy(
         found.count,
         manufacture.seed,
         found.open_share,
-        None if found.position is None else _made(found.position, travel.size, 1.0),
-        _made(found.rotation, travel.size, radian),
+        None if found.position is None else _made(found.position, samples, 1.0),
+        _made(found.rotation, samples, radian),
         Largest(position=most["position"], rotation=most["rotation"]),
         sorted(contributions, key=lambda one: -max(one.position or 0.0, one.rotation)),
         Band(
-            band / radian,
-            None if found.position is None else Quantiles(*found.position.simulated[travel.size :].T),
-            Quantiles(*(found.rotation.simulated[travel.size :] / radian).T),
+            band if turns else None,
+            None if found.position is None else Quantiles(*found.position.simulated[samples:].T),
+            Quantiles(*(found.rotation.simulated[samples:] / radian).T),
+            None if turns else band,
         ),
     )
 

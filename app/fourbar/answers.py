@@ -49,7 +49,8 @@ def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
     studied = request.lengths_from is not None or request.tolerance_study is not None or request.round_to is not None
     wished = request.diverse or request.tolerances is not None or request.prefer not in (None, "error")
     windows = request.effort == "atlas" and request.position is not None
-    return studied or wished or windows or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
+    kinds = request.mechanisms not in (None, ["four_bar"])
+    return kinds or studied or wished or windows or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
 
 
 def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
@@ -73,6 +74,8 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
         tolerance_study=None if request.tolerance_study is None else request.tolerance_study.model_dump(),
         **drives_of(request),
         assembly=assembly_of(request),
+        mechanisms=request.mechanisms,
+        driver=request.driver,
         atlas=resources.atlas if request.effort == "atlas" else None,
         work=resources.work,
         live=None if request.live is None else resources.live(),
@@ -103,7 +106,7 @@ def assembly_of(request: SynthesizeRequest) -> dict[str, Any] | None:
 def motion_of(request: SynthesizeRequest) -> dict[str, Any]:
     """What a request says of the motion: arguments of `linkage_atlas.Motion`."""
     names = ("rotation", "position", "crank_span", "crank_angle", "length_scale", "degrees")
-    names += ("timing", "order", "closed", "crank_span_max")
+    names += ("timing", "order", "closed", "crank_span_max", "travel", "travel_span")
     parts = {name: getattr(request, name) for name in ("weights", "tolerances")}
     given = {name: None if part is None else part.model_dump(exclude_none=True) for name, part in parts.items()}
     return {name: getattr(request, name) for name in names} | given

@@ -49,6 +49,7 @@ def _placed(field: str) -> str:
 def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assembly:
     """Layers that are free, or what stops the best ones."""
     asked = {name: getattr(request, name) for name in ASSEMBLY}
+    asked["drive"] = None if request.drive is None else request.drive.model_dump()
     question, given = request.request, request.linkage
     if question is None and given is None:
         raise la.FieldError("/linkage", "needed, or a `request` to be solved")

@@ -12,7 +12,7 @@ from pydantic import Field, Strict
 import linkage_atlas as la
 from app.fourbar import worked_example
 from app.fourbar.answers import analysis_of, answer_synthesize, assembly_of, is_long, motion_of
-from app.fourbar.models import AssemblyOptions, FarLength, GivenLinkage, Size, SynthesizeRequest
+from app.fourbar.models import AssemblyOptions, FarLength, GivenDrive, GivenLinkage, Size, SynthesizeRequest
 from app.query import FILES, Files, Flag, LengthUnit, Number, RequestModel, Resources
 from linkage_atlas.solids import LARGEST_SCALE, LEAST_SCALE
 
@@ -67,6 +67,9 @@ class ExportRequest(RequestModel):
         description="From `step` on, and for masses in MJCF: how plates and pins are made and held. Default: as in the request.",
     )
     solids: SolidsRequest | None = Field(None, description="For the same: fits, materials, scale.")
+    drive: GivenDrive | None = Field(
+        None, description="A drive of a reply, as it came: columns of CSV, a layer of DXF, the drive of MJCF."
+    )
 
 
 def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution | la.GuidedSolution:
@@ -137,8 +140,11 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     with pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
         plates = None if body.plates is None else body.plates.model_dump(exclude_none=True)
-        assembly = parts_of(request) if body.assembly is None else body.assembly.model_dump(exclude_none=True)
+        assembly = None if body.assembly is None else body.assembly.model_dump(exclude_none=True)
+        if assembly is None and body.format != "plates":
+            assembly = parts_of(request)
         solids = None if body.solids is None else body.solids.model_dump(exclude_none=True)
+        drive = None if body.drive is None else body.drive.model_dump(exclude_none=True)
         return linkage.file(
             body.format,
             motion,
@@ -149,6 +155,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
             assembly=assembly,
             solids=solids,
             work=resources.work(),
+            drive=drive,
         )
 
 

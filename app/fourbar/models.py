@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
 import linkage_atlas as la
 from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
-from linkage_atlas.assemblies import LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
+from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.limits import LIMITS
@@ -28,6 +28,10 @@ SampledCurve = Annotated[list[Number | None], Field(min_length=MIN_POSES, max_le
 SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+Travel = Annotated[list[Coordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+Mechanism = Literal[
+    "four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots", "watt_1", "stephenson_1"
+]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
 MatchedKind = Literal["four_bar", "slider_crank"]
 """Kinds that there are atlases of."""
@@ -238,8 +242,9 @@ class LoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
-    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
-        None, description="Of the links; with them forces are in newtons."
+    masses: Literal["parts"] | Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
+        None,
+        description="Of the links; with them forces are in newtons. `parts`: those of their plates and pins, made by default.",
     )
     gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
 
@@ -294,7 +299,9 @@ class DriveLoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
-    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = None
+    masses: Literal["parts"] | Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = Field(
+        None, description="`parts`, to /v1/drives: those of the linkage's plates and pins, made by default."
+    )
     gravity: Pair | None = Field(None, description="Acceleration [gx, gy] of the masses; default [0, -9.81].")
     speed: Bounded | None = Field(
         None, description="Of the crank, constant: then the masses resist their acceleration too."
@@ -396,9 +403,52 @@ class RockerRequest(RequestModel):
     length: Above = Field(description="To the body point.")
 
 
+class GivenSizes(_ReplyPart):
+    crank: Above | None = None
+    coupler: Above | None = None
+    handle: Above | None = None
+    strut: Above | None = None
+
+
+class GivenDriveCurve(_ReplyPart):
+    knee: Annotated[list[PlacePair | None], Field(max_length=2000)] | None = None
+
+
+class GivenDrive(_ReplyPart):
+    """One of the `drives` of a reply, as it came or changed."""
+
+    kind: Literal["rotary", "actuator", "dyad", "toggle"]
+    link: LinkName
+    on: LinkName | None = None
+    ground_point: PlacePair | None = None
+    motor: PlacePair | None = None
+    pin_on_link: PlacePair | None = None
+    retracted: Above | None = None
+    stroke: Above | None = None
+    extends: Flag | None = None
+    six_bar: GivenSizes | None = None
+    lock: GivenSizes | None = None
+    curve: GivenDriveCurve | None = None
+
+
 # -- how it is built --------------------------------------------------------------------------------------------------
 
 Rank = Annotated[Count, Field(ge=1, le=100)]
+
+
+class GivenSixBar(_ReplyPart):
+    crank: FarLength
+    coupler: FarLength
+
+
+class GivenMotor(_ReplyPart):
+    """A drive of kind `dyad` of a reply of /v1/drives, as it came."""
+
+    kind: Literal["dyad"]
+    link: Literal["crank", "rocker"]
+    motor: FarPoint
+    pin_on_link: FarPoint
+    six_bar: GivenSixBar
 
 
 class AssemblyOptions(RequestModel):
@@ -428,8 +478,12 @@ class AssemblyOptions(RequestModel):
         description="Outline of the body, a plate that the coupler carries: corners [x, y] in the body's frame, from the "
         "requested position and turned with the requested rotation (without one: as at the first sample).",
     )
-    mounts: dict[Literal["A", "B"], Literal["below", "above", "below+above"]] | None = Field(
+    mounts: dict[Literal[FIXED_PINS], Literal["below", "above", "below+above"]] | None = Field(
         None, description="How fixed pins must be held, where that matters."
+    )
+    drive: GivenMotor | None = Field(
+        None,
+        description="A motor with a rod, as /v1/drives has found it: two more plates, and everything over a turn of the motor.",
     )
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
     envelope: Box | None = Field(
@@ -488,6 +542,22 @@ class SynthesizeRequest(CrankMotion):
     closed: Flag = Field(False, description="With free timing: the way leads from the last sample on to the first.")
     crank_span_max: PositiveNumber | None = Field(
         None, description="With free timing: the crank turns by no more than this from the first sample to the last."
+    )
+    travel: Travel | None = Field(
+        None,
+        description="For linkages with sliders, in place of crank angles: travel of the slider, or extension of the cylinder, at "
+        "each sample; what counts is the increment from the first. Above 0 a cylinder grows longer.",
+    )
+    travel_span: Number | None = Field(
+        None, description="The same from the first sample to the last, evenly spaced; < 0: a cylinder retracts."
+    )
+    mechanisms: Literal["all"] | Annotated[list[Mechanism], Field(min_length=1, max_length=8)] | None = Field(
+        None,
+        description="Kinds of mechanism, default `four_bar` alone. Of several kinds those come back that no other one driven "
+        "alike beats in error, size and transmission angle at once. Six-bars (`watt_1`, `stephenson_1`) are refused.",
+    )
+    driver: Literal["crank", "slider", "cylinder", "hinge"] | None = Field(
+        None, description="Only linkages that are driven so."
     )
     weights: WeightsRequest | None = Field(None, description="What each sample counts; default: all alike.")
     tolerances: TolerancesRequest | None = Field(

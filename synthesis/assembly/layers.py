@@ -220,6 +220,14 @@ class Search:
             return (given,)
         return {"below": (BELOW,), "above": (ABOVE,), "both": (BELOW, ABOVE, BOTH)}[self.asked.boards]
 
+    def _open_to(self, plate: str, count: int) -> range:
+        """Layers that a plate may lie in: beside a board there is none for the heads of a pin that moves with it."""
+        boards = self.asked.boards
+        moving = any(plate in pin.joins and not pin.grounded for pin in self.machine.pins)
+        if not (self.asked.heads and moving):
+            return range(1, count + 1)
+        return range(1 + (boards in ("below", "both")), count + (boards not in ("above", "both")))
+
     def _layers(
         self, count: int, masks: _Masks, bound: _Bound, placed: dict[str, int], mask: int
     ) -> Iterator[dict[str, int]]:
@@ -228,7 +236,7 @@ class Search:
             yield dict(placed)
             return
         plate, left = self.plates[len(placed)], len(self.plates) - len(placed) - 1
-        for layer in range(1, count + 1):
+        for layer in self._open_to(plate, count):
             if not self.asked.heads and count - len({layer, *placed.values()}) > left:
                 continue  # a layer would stay empty
             if any(

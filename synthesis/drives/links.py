@@ -160,12 +160,17 @@ def _dot(one: Complexes | complex, other: Complexes) -> Floats:
 
 
 def machine_of(linkage: Linkage, interval: Interval, samples: int = SAMPLES) -> Machine:
-    """A four-bar between two crank angles from its first sample; NaN where its loop does not close or is dead.
+    """A four-bar between two crank angles from its first sample, at even steps; see `machine_at`."""
+    return machine_at(linkage, np.linspace(*interval, samples))
+
+
+def machine_at(linkage: Linkage, at: Floats) -> Machine:
+    """A four-bar at crank angles (n,) from its first sample; NaN where its loop does not close or is dead.
 
     Frames: the crank's from pivot A, the coupler's from the crank pin and the rocker's from pivot B, each along its link; the
     body's from the body point, turned by the body's rotation.
     """
-    at = np.linspace(*interval, samples)
+    samples = at.size
     closure = close_loop(np.array(linkage.links), linkage.start + np.concatenate([[0.0], at]))
     branch, turn = np.array(linkage.branch), linkage.ground_angle
     theta2 = principal(closure.coupler_angle(branch))[1:] + turn
@@ -209,12 +214,16 @@ def machine_of(linkage: Linkage, interval: Interval, samples: int = SAMPLES) -> 
 
 
 def machine_of_guided(linkage: GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:
-    """A body on two guides between two places of its drive from the first sample; NaN where it does not close or is dead.
+    """A body on two guides between two places of its drive from the first sample, at even steps; see `guided_machine_at`."""
+    return guided_machine_at(linkage, np.linspace(*interval, samples))
+
+
+def guided_machine_at(linkage: GuidedLinkage, at: Floats) -> Machine:
+    """A body on two guides at places (n,) of its drive from the first sample; NaN where it does not close or is dead.
 
     Frames are those of `GuidedLinkage.links`; the coupler's is the body's. A link on a circle, and the block of a slot, turn
     about fixed pivots.
     """
-    at = np.linspace(*interval, samples)
     links = {}
     for guide, one in zip((linkage.guides[0], None, linkage.guides[1]), linkage.links(at)):
         pivot = guide.pivot if isinstance(guide, Circle) else guide.pin if isinstance(guide, Slot) else None

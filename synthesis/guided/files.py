@@ -22,7 +22,7 @@ from synthesis.fourbar.files import (
     requested_positions,
 )
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
-from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
+from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text
 from synthesis.target import Interval, Target
 
 SECONDS = 2.0
@@ -218,11 +218,12 @@ def _check_size(found: _Shown, unit_mm: float) -> None:
         raise FieldError("/length_unit", f"wanted a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
 
 
-def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str:
+def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: More | None = None) -> str:
     """The linkage for CAD, in millimetres, at the first sample.
 
     Layers: GROUND (pivots, fixed pins, rails), LINKS (cranks, sliders, blocks, pins), BODY (the body with its slots, and a cross
-    with a direction at each requested pose), PATH (the body point's way over the used interval).
+    with a direction at each requested pose), PATH (the body point's way over the used interval). See
+    `More` for further parts.
 
     Law: a slider's middle lies on its rail and a slot's line through its pin to 1e-6 mm; the drawing passes ezdxf's audit.
     """
@@ -265,6 +266,9 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str:
     for mark, turn in zip(requested_positions(target), turns):
         space.add_point(xy(mark), dxfattribs={"layer": "BODY"})
         space.add_line(xy(mark), xy(mark + 0.08 * found.size * np.exp(1j * turn)), dxfattribs={"layer": "BODY"})
+    if more is not None:
+        document.layers.add(more.layer, color=more.colour)
+        more.draw(space, xy, size)
     return dxf_text(document)
 
 

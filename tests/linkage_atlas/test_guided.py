@@ -161,3 +161,34 @@ def test_a_four_bar_has_its_guides_too() -> None:
     assert np.allclose(there.body_point, joints.body_point, atol=1e-9)
     assert np.allclose((there.rotation - joints.rotation + 180) % 360 - 180, 0, atol=1e-9)
     assert np.array_equal(json.loads(json.dumps(best.to_dict()))["guides"][0]["pivot"], crank.pivot)
+
+
+@pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
+def test_sensitivity_and_tolerances_come_with_the_solution(drive) -> None:
+    sizes = {"links": 0.05, "pivots": 0.05, "clearance": 0.02, "samples": 500}
+    one, _ = reply_of(drive, sensitivity=True, tolerance_study=sizes)
+    plain = json.loads(json.dumps(plain_of(one), allow_nan=False))
+    names = [row["dimension"] for row in plain["sensitivity"]]
+    assert len(names) == len(set(names)) and all(row["position"] >= 0 for row in plain["sensitivity"])
+    study = plain["tolerance_study"]
+    assert study["samples"] == 500 and 0 < study["position"]["worst"]["p95"] < 5
+    assert (study["band"]["travel"] is None) == drive[1].turns
+    again = one.linkage.tolerance_study(**sizes)
+    assert again.position.worst.p95 == pytest.approx(study["position"]["worst"]["p95"])
+
+
+@pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
+def test_lengths_that_can_be_had_come_with_their_errors(drive) -> None:
+    one, motion = reply_of(drive, round_to=5.0)
+    found = one.rounded
+    assert found is not None and found.closes and found.tried > 0
+    for length in found.lengths.values():
+        assert length / 5 == pytest.approx(round(length / 5), abs=1e-9)
+    plain = json.loads(json.dumps(plain_of(one), allow_nan=False))["rounded"]
+    again = la.GuidedLinkage(plain["guides"], one.driver, plain["branch"], plain["start"])
+    joints = again.joints(plain["crank_angle"] or plain["travel"])
+    off = np.abs(joints.body_point @ [1, 1j] - motion.asked.position)
+    assert off.max() == pytest.approx(plain["errors"]["position_max"], rel=1e-6, abs=1e-9)
+    stocked, _ = reply_of(drive, lengths_from=[20, 40, 60, 80, 100, 120])
+    assert stocked.rounded is not None and stocked.rounded.combinations == 6 ** len(found.lengths)
+    assert all(round(length) in (20, 40, 60, 80, 100, 120) for length in stocked.rounded.lengths.values())

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import shapely
 
+from synthesis.assembly.driving import Motor, motor_driven
 from synthesis.assembly.guided import guided
 from synthesis.assembly.layers import Arrangement, Search
 from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.parts import Heights, parts_of
+from synthesis.drives.dyad import proportions
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import DRIVERS, Circle, GuidedLinkage, Rail, Slot
 from synthesis.target import TURN, Interval
@@ -140,6 +142,44 @@ def sliders(count: int) -> Iterator[Machine]:
         if machine is None or max(abs(z) for plate in machine.plates for z in plate.shape.core) > 50:
             continue
         yield machine
+        count -= 1
+
+
+def six_bars(count: int) -> Iterator[Machine]:
+    """Random four-bars whose crank or rocker a motor with a rod swings there and back."""
+    random = np.random.default_rng(SEED)
+    while count:
+        links = tuple(10.0 ** random.uniform(-0.6, 0, 4))
+        point = (random.uniform(0, 0.5), random.uniform(0, TURN))
+        linkage = Linkage(
+            links, int(random.choice([-1, 1])), random.uniform(0, TURN), 0j, random.uniform(0, TURN), point
+        )
+        used = Interval(0.0, float(random.uniform(0.4, 2.5)))
+        joints = linkage.joints(np.linspace(*used, 400))
+        if not joints.closed:
+            continue
+        link, ends, pivot = "crank", joints.crank_angle[[0, -1]], linkage.pivot_a
+        if random.random() < 0.5:
+            link, ends, pivot = "rocker", joints.rocker_angle[[0, -1]], linkage.pivot_b
+        swing = ends[1] - ends[0]
+        made = proportions(abs(swing), float(random.choice([1.0, random.uniform(1.05, 1.6)])))
+        if made is None or made.transmission_angle_min < 0.2:
+            continue
+        radius, angle = (
+            float(random.uniform(0.4, 1.1)) * links[0 if link == "crank" else 2],
+            random.uniform(-0.5, 0.5),
+        )
+        # the proportions are those of a swing that turns counter-clockwise
+        motor = made.motor if swing > 0 else made.motor.conjugate()
+        at = pivot + radius * motor * np.exp(1j * (ends.mean() + angle))
+        pin = complex(radius * np.exp(1j * angle))
+        hole = 0.25 * min(*links, radius * made.crank)
+        try:
+            yield motor_driven(
+                linkage, used, Motor(link, complex(at), radius * made.crank, radius * made.rod, pin), Sizes(hole)
+            )
+        except ValueError:
+            continue
         count -= 1
 
 
