@@ -209,6 +209,12 @@ class GivenGenerator(_ReplyPart):
     output_offset: Angle
 
 
+class GivenMaker(GivenLinkage):
+    """One of the `solutions` of a reply of /v1/function, a four-bar with `links` or one with a slider and `guides`."""
+
+    output_offset: FarCoordinate
+
+
 # -- what a designer asks of a linkage next ----------------------------------------------------------------------------
 
 Size = Annotated[Number, Field(ge=0, le=MAX_LENGTH)]

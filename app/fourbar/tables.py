@@ -194,10 +194,34 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
     return "\n".join(lines + _search_lines(reply.report))
 
 
+def _travel_lines(reply: Any, units: Units) -> list[str]:
+    """Linkages with sliders that make a function, and what is amiss with the first."""
+    unit = units.length if reply.dial.output == "length" else units.angle
+    text = columns(
+        reply.solutions,
+        ("rank", "d", "rank"),
+        ("kind", "", "kind"),
+        ("driver", "", "driver"),
+        ("lengths", "", lambda one: ", ".join(f"{name} {number(value)}" for name, value in one.lengths.items())),
+        ("branch", "+d", "branch"),
+        ("input zero", ".6g", "input_zero"),
+        ("offset", ".6g", "output_offset"),
+        ("transm.", ".4g", "transmission_angle_min"),
+        (units.head("rms", unit), ".3g", "errors.rms"),
+        (units.head("max", unit), ".3g", "errors.max"),
+        ("max y", ".3g", "errors.max_y"),
+        ("alt.", "d", "errors.alternations"),
+    )
+    reasons = reply.solutions[0].verdict.reasons
+    return ["", text, *([f"rank 1: {'; '.join(reasons)}"] if reasons else [])]
+
+
 def function_table(reply: Any, units: Units = DEGREES) -> str:
     """Ranked linkages of the reply; errors in the request's unit of angle."""
     lines = [_found(reply, "linkage")]
-    if reply.solutions:
+    if reply.solutions and hasattr(reply.solutions[0], "kind"):
+        lines += _travel_lines(reply, units)
+    elif reply.solutions:
         text = columns(
             reply.solutions,
             *_LINKAGE,
