@@ -1,7 +1,7 @@
 """Functions with travel, angle to travel by slider-cranks, beside the textbook's design through three Chebyshev points.
 
-The first is an exercise whose solution is printed: crank from 45 to 135 degrees, slider from 100 to 30 mm, its displacement as the
-square of the crank's rotation (k1 = 96.4 mm, crank 48.2 mm: qna.carrieradda.com, questions 26130 and 26177). The design is
+The first is an exercise whose solution is printed: crank from 45 to 135 degrees, slider from 100 to 30 mm, its displacement as
+the square of the crank's rotation (k1 = 96.4 mm, crank 48.2 mm: qna.carrieradda.com, questions 26130 and 26177). The design is
 recomputed here by the method, Freudenstein's equation of the slider-crank s^2 + k3 = k1 s cos t + k2 sin t through three points,
 compared with what is printed, and its error taken over 2,001 places. For the other functions, which are those that function
 generators are shown with, no printed error of a slider-crank could be checked; the method is tried at all zeros of a grid.
