@@ -225,7 +225,7 @@ Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 class LinkMassRequest(RequestModel):
     """A mass on a link."""
 
-    link: Literal["crank", "coupler", "rocker", "body"]
+    link: Literal["crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block"]
     mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="In kg.")
     at: Pair | None = Field(
         None,

@@ -85,6 +85,18 @@ def test_an_analysis_comes_with_the_solution(drive) -> None:
     assert "drive_load" in text.splitlines()[0]
 
 
+def test_masses_resist_and_weigh() -> None:
+    pump = la.GuidedLinkage([CRANK, RAIL], "crank", start=20)
+    still = pump.analysis(0, {"masses": [{"link": "slider", "mass": 2}], "gravity": [0, -9.81]}, [0, 60])
+    # the rail carries the slider's weight, the drive nothing of it
+    assert np.allclose(still.drive_load, 0, atol=1e-12)
+    turning = pump.analysis(3600, {"masses": [{"link": "slider", "mass": 2}], "gravity": [0, 0]}, [0.0, 60.0])
+    links = pump.plain.links(np.deg2rad([0.0, 60.0]))
+    speed = np.deg2rad(3600)
+    along, gain = links[2].place_rate.real, links[2].place_second.real * speed**2
+    assert np.allclose(turning.drive_load, 2 * gain * along / 1000, rtol=1e-9)
+
+
 def test_the_object_prints_draws_and_keeps_itself() -> None:
     pump = la.GuidedLinkage([CRANK, RAIL], "crank", start=20)
     assert repr(pump).startswith(
