@@ -68,6 +68,8 @@ _END = ((8, 1e2, 2), (8, 1e4, 3), (5, 1e6, 3))
 _GIVEN = ((12, 1.0, 3), (20, 100.0, 3))
 _LAST = ((15, 1e4, 3), (10, 1e6, 3))
 """Steps, the weight of broken limits, and Newton's steps of each pose."""
+_BETWEEN = 4
+"""Poses between two samples at which pairs for few samples are looked at."""
 _SWEEPS = 8
 """Newton's steps of the poses of answers."""
 _TIGHTENED = 3
@@ -457,10 +459,11 @@ class Search:
 
     def _spread(self, pairs: Pairs, drive: Ints) -> tuple[Pairs, Ints]:
         """Of very many pairs those that break the limits least, as many of each drive."""
-        chosen = self._best(self.measured(pairs, drive, self.samples), 4 * _SEEDS, self.samples)
+        found = self.measured(pairs, drive, self.samples)
+        chosen = self._best(found, 4 * _SEEDS, _with_between(self.samples), errors=False)
         return pairs.take(chosen), drive[chosen]
 
-    def _best(self, found: Candidates, most: int, samples: Samples) -> Ints:
+    def _best(self, found: Candidates, most: int, samples: Samples, errors: bool = True) -> Ints:
         """Places of the best of each drive by J squared and broken limits."""
         chart = Chart(found.pairs)
         extra = np.stack([found.branch, found.way, np.zeros_like(found.way)], axis=1)
@@ -468,7 +471,7 @@ class Search:
         merit = np.full(found.cost.size, np.inf)
         for first in range(0, found.cost.size, 400):
             part = slice(first, first + 400)
-            merit[part] = self._merit(samples, chart.start[part], labels[part])
+            merit[part] = self._merit(samples, chart.start[part], labels[part], errors)
         places = []
         for number in range(len(self.ways)):
             own = np.flatnonzero(found.drive == number)
@@ -476,10 +479,10 @@ class Search:
             places.append(self._apart(found.pairs, own[np.isfinite(merit[own])], most))
         return np.concatenate(places)
 
-    def _merit(self, samples: Samples, unknowns: Floats, labels: Floats) -> Floats:
+    def _merit(self, samples: Samples, unknowns: Floats, labels: Floats, errors: bool) -> Floats:
         with np.errstate(all="ignore"):
             found = Corrected(samples, unknowns, labels[:, :11], 2)
-            merit = np.einsum("nk,nk->n", found.rows, found.rows)
+            merit = np.einsum("nk,nk->n", found.rows, found.rows) * errors
             for part in self.bounds(found, Signs(labels[:, 11:12], labels[:, 12:13], labels[:, 13:14])):
                 off = part.values if part.equal else np.minimum(part.values, 0.0)
                 merit = merit + 0.3 * np.mean(np.minimum(np.abs(off), 1.0) ** 2, axis=1)
@@ -951,6 +954,23 @@ def _condensed(stack: Floats) -> Floats:
     count = product.shape[1]
     product[:, np.arange(count), np.arange(count)] += (1e-13 * size + 1e-40)[:, None]
     return np.where(proper[:, None, None], np.linalg.cholesky(product), np.nan)
+
+
+def _with_between(samples: Samples) -> Samples:
+    """Samples with others between them, as the body would go straight on: where limits are looked at, not errors."""
+    number = samples.number
+    at = np.linspace(0, number - 1, (number - 1) * (_BETWEEN + 1) + 1)
+    place = np.arange(number)
+    whole = np.arange(at.size) // (_BETWEEN + 1)
+    return Samples(
+        np.interp(at, place, np.unwrap(samples.angle)),
+        np.interp(at, place, samples.position.real) + 1j * np.interp(at, place, samples.position.imag),
+        samples.rotation_variance[whole],
+        samples.position_variance[whole],
+        samples.rotation_missing[whole],
+        samples.position_missing[whole],
+        np.interp(at, place, samples.drive),
+    )
 
 
 def _some(samples: Samples, most: int, few: int) -> Samples:
