@@ -381,7 +381,7 @@ class Search:
         first = np.mean(off, axis=1, keepdims=True)
         return first, np.mean((off - first) ** 2, axis=1)
 
-    def _timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
+    def timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
         """Candidates after descents at the drive that is given; with J squared there."""
         chart = Chart(begin.pairs)
         with np.errstate(all="ignore"):
@@ -548,7 +548,7 @@ class Search:
         exact = self.exact()
         if exact is not None:
             exact = exact.take(self._best(exact, _SEEDS, self.few))
-            self._answers(self._timed(exact, _GIVEN))
+            self._answers(self.timed(exact, _GIVEN))
             self.note()
         idle, pool = 0, None
         begin = self.near()
@@ -557,10 +557,10 @@ class Search:
             begin = begin.take(np.isin(begin.drive, self._left))
             begin = self._measured_again(self.descended(begin, _STAGES[:1], self.few), self.few)
             begin = self._pooled(begin, _SEEDS)
-            ended = self._timed(begin, _GIVEN)
+            ended = self.timed(begin, _GIVEN)
             pool = ended if pool is None else pool.joined(ended)
             pool = self._pooled(pool)
-            self._answers(self._timed(self._pooled(ended, 2), _END))
+            self._answers(self.timed(self._pooled(ended, 2), _END))
             self.note()
             if self.work.expired():
                 return False
@@ -668,7 +668,7 @@ class Search:
         pairs = Pairs(guides[0], guides[1], one.pairs.hinge)
         begin = self.measured(pairs, np.full(1, number), self.samples)
         if self.given is not None:
-            begin = self._timed(begin, _END)
+            begin = self.timed(begin, _END)
         else:
             begin = self._refined(begin)
             if not self.limits.only_family:
