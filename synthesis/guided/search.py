@@ -289,6 +289,8 @@ class Search:
         self.found: Candidates | None = None
         self.trace: list[tuple[float, float]] = []
         self.notes: list[str] = []
+        self._made: dict[tuple[int, float], GuidedSolution] = {}
+        """Answers as linkages, by their drive and J squared."""
 
     # -- candidates -------------------------------------------------------------------------------------------------
 
@@ -609,7 +611,7 @@ class Search:
         one unknown more (F below 10), or where it is exact too.
         """
         found = self.found
-        if found is None:
+        if found is None or self.work.expired():
             return
         gone = np.zeros(found.cost.size, dtype=bool)
         for place in (0, 1):
@@ -739,6 +741,8 @@ class Search:
         for number in range(len(self.ways)):
             own = fine[new.drive[fine] == number]
             own = own[np.argsort(new.cost[own], kind="stable")]
+            if self.work.expired() and (kept or self.found is not None):
+                break
             for place in self._apart(new.pairs, own, most):
                 solution = self.solution(new.take([place]))
                 if solution is None:
@@ -746,6 +750,7 @@ class Search:
                 missing = broken_limits(solution, self.poses, self.limits)
                 if not missing:
                     kept.append(int(place))
+                    self._made[int(new.drive[place]), float(new.cost[place])] = solution
                 elif set(missing) == {"transmission_angle_min"} and solution.transmission_angle_min > 0:
                     lacking[place] = missing["transmission_angle_min"]
         if kept:
@@ -769,7 +774,10 @@ class Search:
         """The best of each drive, in the user's unit."""
         if self.found is None:
             return []
-        solutions = [self.solution(self.found.take([k])) for k in range(self.found.cost.size)]
+        solutions = [
+            self._made.get((number, cost)) or self.solution(self.found.take([k]))
+            for k, (number, cost) in enumerate(zip(self.found.drive.tolist(), self.found.cost.tolist()))
+        ]
         return [one for one in solutions if one is not None]
 
     def solution(self, one: Candidates) -> GuidedSolution | None:
@@ -801,10 +809,12 @@ class Search:
         else:
             steps = np.diff(drive)
             holds = np.array([not poses.ordered or bool(np.all(steps > 0) or np.all(steps < 0))])
-        if not holds[0] or (poses.closed and not way.driver.turns):
+        if not holds[0]:
             return None
         linkage = replace(linkage, branch=1 if sine[0] > 0 else -1, start=float(drive[0]))
         travel = drive - drive[0]
+        if poses.closed and not linkage.turns_fully:
+            return None
         if not np.isfinite(linkage.body(drive).rotation).all():
             return None
         found = assess(poses, linkage, poses.whole(travel) if way.driver.turns else travel)
