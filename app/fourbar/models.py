@@ -228,6 +228,12 @@ class GivenGenerator(_ReplyPart):
     output_offset: Angle
 
 
+class GivenMaker(GivenLinkage):
+    """One of the `solutions` of a reply of /v1/function, a four-bar with `links` or one with a slider and `guides`."""
+
+    output_offset: FarCoordinate
+
+
 # -- what a designer asks of a linkage next ----------------------------------------------------------------------------
 
 Size = Annotated[Number, Field(ge=0, le=MAX_LENGTH)]
@@ -238,7 +244,7 @@ Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 class LinkMassRequest(RequestModel):
     """A mass on a link."""
 
-    link: Literal["crank", "coupler", "rocker", "body"]
+    link: Literal["crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block"]
     mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="In kg.")
     at: Pair | None = Field(
         None,
