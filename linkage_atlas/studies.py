@@ -149,7 +149,7 @@ class Drive(NamedTuple):
         return self.load._replace(own=Own(links, self.gravity, MILLIMETRES[self.length_unit] / 1000))
 
 
-LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body")
+LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block")
 MOST_LINK_MASSES = 64
 PARTS = "parts"
 """In place of masses: those of the plates and pins that the linkage is made of by default."""
