@@ -28,13 +28,12 @@ def measure(
     given: Annotated[int, "of each kind with given drive"] = 40,
 ) -> Iterator[dict[str, Any]]:
     """Exact motions; given drives; and the page's examples within limits."""
-    results: dict[str, Any] = {"exact": [_exact(kind, poses, cases) for kind in KINDS for poses in (4, 5, 6, 10, 30)]}
-    results["exact"] = [row for row in results["exact"] if row["cases"]]
-    yield results
-    results["given"] = [_given(kind, given) for kind in KINDS]
-    yield results
-    results["approximate"] = [_approximate(name, degrees) for degrees in (35, 55) for name in _MOTIONS]
-    yield results
+    rows = [_exact(kind, poses, cases) for kind in KINDS for poses in (4, 5, 6, 10, 30)]
+    yield {
+        "exact": [row for row in rows if row["cases"]],
+        "given": [_given(kind, given) for kind in KINDS],
+        "approximate": [_approximate(name, degrees) for degrees in (35, 55) for name in _MOTIONS],
+    }
 
 
 def _exact(kind: str, poses: int, cases: int) -> dict[str, Any]:

@@ -75,8 +75,10 @@ class Asked(NamedTuple):
 def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else MECHANISMS if mechanisms == "all" else mechanisms
-    if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-        raise FieldError("/mechanisms", f"wanted 'all' or a list of some of {', '.join(MECHANISMS)}")
+    if isinstance(given, str):
+        given = (given,)
+    if not isinstance(given, Sequence) or not given:
+        raise FieldError("/mechanisms", f"wanted 'all', or a list of some of {', '.join(MECHANISMS)}")
     for place, name in enumerate(given):
         if name in SIX_BARS:
             raise FieldError(f"/mechanisms/{place}", f"six-bars such as {name} are not searched for")
