@@ -40,6 +40,7 @@ NO_ROTATION = (
     "linkages with sliders need rotation and position at two samples or more, or positions at given crank angles: only four-bars "
     "were searched for"
 )
+NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
 _NEAR_ENOUGH = 1.1
@@ -209,7 +210,9 @@ def search_kinds(
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
     between = work.elapsed
-    if sliders:
+    if sliders and found and work.expired():
+        notes.append(NO_TIME)
+    elif sliders:
         given, driver = _given(motion, asked.driver)
         others, report = search_guided(
             as_poses(motion.samples), limits, asked.sliders, driver, tolerance, work, given=given
