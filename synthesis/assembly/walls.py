@@ -41,7 +41,8 @@ def outside(machine: Machine, envelope: Box | None, keep_out: Sequence[Box], wor
     plates = len(shapes)
     shapes += [Carried(GROUND, shape) for _, shape in walls]
     pairs = [(k, plates + n) for k in range(plates) for n in range(len(walls))]
-    proofs = Gaps(machine.movement, shapes, pairs, machine.clearance, machine.size).prove(machine.used, work)
+    gaps = Gaps(machine.movement, shapes, pairs, machine.clearance, machine.size, rough=True)
+    proofs = gaps.prove(machine.used, work)
     found = [
         Collision((walls[n - plates][0], machine.plates[k].name), *run)
         for (k, n), proof in zip(pairs, proofs)
