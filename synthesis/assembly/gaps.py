@@ -26,6 +26,8 @@ CELLS = 48
 """Cells at the beginning, of each pair."""
 FINE = 1e-9
 """Of the size: below this bound a cell is decided by the sign at its middle, or it touches."""
+ROUGH = 1e-5
+"""The same of a rough proof, whose ends of collisions are no finer."""
 ROUNDING = 1e-12
 """Of the size: gaps less than this either way are as good as none."""
 MOST_CELLS = 6000
@@ -108,8 +110,8 @@ class Gaps:
     """The gaps of pairs of shapes that a movement carries.
 
     ``pairs`` (n, 2): numbers of shapes. ``size``: a length of the mechanism, against which lengths are small. Pairs on one body
-    are evaluated once. ``rough``: where shapes of many corners are far apart the gap of the discs around them does; then there
-    are proofs, but no least gaps.
+    are evaluated once. ``rough``: ends of collisions to `ROUGH` only, and where shapes of many corners are far
+    apart the gap of the discs around them does; then there are no least gaps.
 
     Law: no gap at any crank angle of the interval is below 0 where a proof says free.
     """
@@ -217,7 +219,7 @@ class Gaps:
         gap, bound = cells.gap, cells.bound
         free, hits = gap > bound, gap < -bound
         open_ = ~(free | hits)
-        small = (bound < FINE * self.size) | (cells.half < 4e-16 * self._extent)
+        small = (bound < (ROUGH if self._rough else FINE) * self.size) | (cells.half < 4e-16 * self._extent)
         many = np.bincount(cells.pair[open_], minlength=len(self._pairs)) > MOST_CELLS
         small |= many[cells.pair]
         touches = np.abs(gap) <= ROUNDING * self.size
@@ -255,8 +257,8 @@ class Gaps:
 
     def _roots(self, pair: Ints, inner: Floats, outer: Floats) -> Floats:
         """Where gaps of pairs (m,) change sign between places with f < 0 and places with f >= 0."""
-        if not pair.size:
-            return inner
+        if not pair.size or self._rough:
+            return (inner + outer) / 2
         values = self.at(np.tile(pair, 2), np.concatenate([inner, outer]))[0]
         low, high = values[: pair.size], values[pair.size :]
         inner, outer = inner.copy(), outer.copy()

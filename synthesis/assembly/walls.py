@@ -18,7 +18,7 @@ ENVELOPE = "envelope"
 def outside(machine: Machine, envelope: Box | None, keep_out: Sequence[Box], work: Work) -> list[Collision]:
     """Where plates leave the envelope, or enter a box; boxes in the user's plane, named envelope, keep_out 1, keep_out 2, ...
 
-    Law: with plates of no width these are the places where the lines of the links do so.
+    To 1e-5 of the machine's size. Law: with plates of no width these are the places where the lines of the links do so.
     """
     if envelope is None and not keep_out:
         return []
