@@ -23,7 +23,7 @@ from pydantic import (
 )
 
 from linkage_atlas import FieldError
-from linkage_atlas.exports import FORMATS, Format
+from linkage_atlas.formats import FORMATS, Format
 
 if TYPE_CHECKING:
     from linkage_atlas import Atlas, Live, Work

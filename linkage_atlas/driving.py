@@ -19,6 +19,7 @@ from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import MILLIMETRES, Motion, check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.records import KEPT, Record, Values, Vectors
+from linkage_atlas.studies import PARTS
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import (
     ROW_GRID,
@@ -53,6 +54,8 @@ MOST_DRIVES, MOST_SPRINGS, MOST_MASSES = 8, 4, 20
 """Entries of a request."""
 LARGEST = 1e12
 """Of forces, torques and masses."""
+FAR = 1e6
+"""Times the linkage's size, or of its size, that a length or a place may be: beyond, coordinates lose their digits."""
 FINE = 961
 """Positions at which what is reported of a motor is computed."""
 _DRIVE_FIELDS: dict[str, tuple[str, ...]] = {
@@ -419,7 +422,10 @@ def drives(
         place = _Place.of_rocker(rocker, radians_in(degrees))
     else:
         place = _place_of(linkage, motion, crank_angle, degrees)
+    if load is not None and load.get("masses") == PARTS:
+        load = {**load, "masses": place.masses_of_parts(length_unit)}
     asked = read_asked(place.machine, load, drives, springs, hand, place.radian, MILLIMETRES[length_unit])
+    check_sizes(asked, place.machine.extent)
     return found_drives(place, asked, top, watch)
 
 
@@ -432,6 +438,14 @@ class _Place(NamedTuple):
     samples: Floats
     linkage: Linkage | None
     """A four-bar, which ideal springs are computed of."""
+
+    def masses_of_parts(self, length_unit: str) -> list[dict[str, Any]]:
+        """What the links weigh as plates and pins that are made by default."""
+        from linkage_atlas.solids import masses_of_parts
+
+        if self.linkage is None:
+            raise FieldError("/load/masses", "parts are made for four-bars only: give the masses of rails and blocks")
+        return masses_of_parts(self.linkage, _ends(self.samples), length_unit)
 
     @classmethod
     def of_fourbar(cls, linkage: Linkage, ends: Interval, radian: float, samples: Floats) -> _Place:
@@ -448,7 +462,10 @@ class _Place(NamedTuple):
         return 1.0 if self.machine.drive in ("slider", "cylinder") else self.radian
 
     def check(self) -> None:
-        """FieldError where the linkage has no velocities at some place of its way."""
+        """FieldError where the linkage has no velocities at some place of its way, or lies too far from the origin."""
+        far = max(float(np.abs(one.origin).max()) for one in self.machine.links.values())
+        if far > FAR * self.machine.extent:
+            raise FieldError("/linkage", f"lies farther than {FAR:g} times its size from the origin: move the origin")
         for one in self.fine.links.values():
             bad = ~np.isfinite(one.rate)
             if bad.any():
@@ -481,7 +498,9 @@ class _Place(NamedTuple):
         start = number("rocker/start", 0.0 if given.get("start") is None else given["start"]) * radian
         both = (hinged(pivot, start, swing, length, many) for many in (61, FINE))
         machine, fine = both
-        return cls(machine, fine, radian, machine.at[[0, -1]], None)
+        place = cls(machine, fine, radian, machine.at[[0, -1]], None)
+        place.check()
+        return place
 
     def poses_around(self, low: float, high: float) -> str:
         """Between which samples of the motion two places of the drive lie, in words."""
@@ -566,6 +585,24 @@ def read_asked(
     )
 
 
+def check_sizes(asked: Asked, extent: float) -> None:
+    """FieldError for lengths and places that are out of all proportion to the linkage."""
+    lengths = ("retracted", "stroke", "reach_max", "pin_radius", "dead_length", "clear", "arm_min", "rod")
+    for name, wishes in (("drives", asked.drives), ("springs", asked.springs)):
+        for k, wish in enumerate(wishes):
+            for field_ in lengths:
+                if wish.get(field_) and not extent / FAR <= wish[field_] <= extent * FAR:
+                    raise FieldError(
+                        f"/{name}/{k}/{field_}",
+                        f"wanted a length within {FAR:g} times the linkage's size of {extent:.4g}, either way",
+                    )
+            for field_ in ("ground_box", "motor_box"):
+                if field_ in wish and max(map(abs, wish[field_])) > extent * FAR:
+                    raise FieldError(
+                        f"/{name}/{k}/{field_}", f"lies farther than {FAR:g} times the linkage's size from the origin"
+                    )
+
+
 def check_asked(given: Mapping[str, Any], radian: float) -> None:
     """FieldError for what no linkage can be asked, before there is one; as of `driven_solution`."""
     way = Interval(0.0, 0.2)
@@ -604,6 +641,8 @@ def driven_solution(
         else:
             place = _Place.of_guided(linkage, _ends(crank), radian, crank)
         asked, wish = _read_study(place.machine, given, radian)
+        wishes = (*asked.drives, *([] if wish is None else [wish]))
+        check_sizes(asked._replace(drives=wishes), place.machine.extent)
     except FieldError as error:
         refused = [Refusal("any", "linkage", None, error.message)]
         return {"drives": [], "refused": refused, "springs": [], "drivable": None if "drive" not in given else False}
@@ -636,6 +675,8 @@ def _load(machine: Machine, given: Mapping[str, Any], radian: float) -> Loading:
         raise FieldError("/load/force", "acts at the body point, but this linkage has none")
     gravity = -9.81j if given.get("gravity") is None else _bounded_pair("load/gravity", given["gravity"])
     masses = given.get("masses") or ()
+    if masses == PARTS:
+        raise FieldError("/load/masses", f"{PARTS!r} is for one linkage: /v1/drives, or `linkage_atlas.drives`")
     if len(masses) > MOST_MASSES:
         raise FieldError("/load/masses", f"wanted at most {MOST_MASSES}")
     speed = 0.0 if given.get("speed") is None else _bounded("load/speed", given["speed"]) * radian
@@ -796,7 +837,11 @@ def _box(at: str, given: Any) -> Box:
 
 def found_drives(place: _Place, asked: Asked, top: int, work: Work) -> Drives:
     """The best drives of each kind, and springs."""
-    search = _Search(place, asked, top, work)
+    with np.errstate(all="ignore"):
+        return _found(_Search(place, asked, top, work), place, asked, top, work)
+
+
+def _found(search: _Search, place: _Place, asked: Asked, top: int, work: Work) -> Drives:
     for wish in asked.drives:
         {"rotary": search.rotary, "actuator": search.actuator, "dyad": search.dyad, "toggle": search.toggle}[
             wish["kind"]

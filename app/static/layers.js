@@ -70,7 +70,7 @@ export class Layers {
   }
 
   /** What is asked for besides linkage and request. */
-  #options(solution, motion) {
+  options(solution, motion) {
     const sizes = Object.entries(SIZES).map(([name, id]) => [name, $(id).valueAsNumber]).filter(([, value]) => value > 0);
     const body = $("layer-body").checked ? bodyOf(this.outline, solution, motion) : null;
     return { boards: $("layer-boards").value, heads: $("layer-heads").checked, ...Object.fromEntries(sizes), ...(body ? { body } : {}) };
@@ -106,7 +106,7 @@ export class Layers {
   async #ask(solution, answer, signal) {
     if (!solution.verdict || solution.verdict.assembly || this.wrong.has(solution)) return;
     try {
-      const assembly = await (await ask("/v1/assembly", { linkage: solution, request: answer.request, ...this.#options(solution, answer.motion) }, signal)).json();
+      const assembly = await (await ask("/v1/assembly", { linkage: solution, request: answer.request, ...this.options(solution, answer.motion) }, signal)).json();
       const { verdict } = solution, free = assembly.status === "free";
       solution.verdict = { ...verdict, practical: verdict.practical ?? verdict.buildable, assembly };
       solution.verdict.buildable = solution.verdict.practical && free;
@@ -195,7 +195,7 @@ function forget(solution) {
 }
 
 /** The stack from the side: a row a layer, plates between their pins, pins upright through the layers that they fill. */
-function drawStack(svg, { count, parts, status }) {
+export function drawStack(svg, { count, parts, status }) {
   const used = COLUMNS.filter((name) => parts.some((one) => one.name.endsWith(`_${name}`)));
   const x = (name) => LEFT + 30 + WIDE * used.indexOf(name), rows = parts.flatMap(({ layers }) => layers), low = Math.min(...rows), high = Math.max(...rows);
   const y = (layer) => 8 + HIGH * (high - layer), width = LEFT + WIDE * (used.length - 1) + 90, height = y(low) + HIGH + 4;

@@ -18,7 +18,8 @@ import { judged, mark, plainNote, reasons } from "./verdict.js";
 
 const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "player"];
 const LINKS = ["crank", "coupler", "rocker", "ground"];
-const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json" };
+const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json", stl: "stl.zip", parts: "parts.csv" };
+const OF_PARTS = ["step", "3mf", "stl", "urdf", "sdf", "parts"];
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew
 const NEAR = 2.5; // other solutions are fitted into the view where they lie within so many sizes of the selected one
@@ -308,8 +309,8 @@ export class Results {
     if (drivePlaces(this.solution)) parts.push(crankBlock(this.solution, motion));
     if (this.solution.determination?.ill_posed) parts.push(element("p", "note", "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths."));
     $("numbers").replaceChildren(...parts);
-    // links are cut as plates, and pylinkage knows, four-bars only
-    for (const format of ["plates", "pylinkage"]) document.querySelector(`[data-format=${format}]`).disabled = !this.solution.links;
+    // parts are made, links are cut as plates, and pylinkage knows, four-bars only
+    for (const format of ["plates", "pylinkage", ...OF_PARTS]) document.querySelector(`[data-format="${format}"]`).disabled = !this.solution.links;
     if (!again) note("");
   }
 
@@ -327,14 +328,30 @@ export class Results {
     });
   }
 
+  /** A file of the selected linkage, parts as its layers and the fields beside the buttons say. */
+  #file(format) {
+    const { solution, answer: { request, motion } } = this, scale = $("parts-scale").valueAsNumber;
+    const sizes = ["hole", "width"].map((name) => [name, $(`plate-${name}`).valueAsNumber]).filter(([, value]) => value > 0);
+    const plates = sizes.length && format === "plates" ? { plates: Object.fromEntries(sizes) } : {};
+    const solids = { fit: $("parts-fit").value, ...(scale > 0 ? { scale } : {}), nevertheless: $("parts-nevertheless").checked };
+    const parts = [...OF_PARTS, "mjcf"].includes(format) && solution.links ? { assembly: this.layers.options(solution, motion), solids } : {};
+    const drive = this.driving.shown && ["dxf", "csv", "mjcf"].includes(format) ? { drive: this.driving.shown } : {};
+    return ask("/v1/export", { request, solution, format, length_unit: motion.unit, ...plates, ...parts, ...drive });
+  }
+
+  /** The parts list of the selected linkage, a row a part by column; null where its layers are not free. */
+  async partsList() {
+    const status = this.solution?.verdict?.assembly?.status;
+    if (!status || status === "blocked") return null;
+    const [head, ...rows] = (await (await this.#file("parts")).text()).trim().split("\r\n").map((line) => line.split(","));
+    return rows.map((row) => Object.fromEntries(row.map((cell, k) => [head[k], cell])));
+  }
+
   async #save(format) {
-    const { solution, answer: { request } } = this;
+    const { solution } = this;
     note(`Making ${format.toUpperCase()}…`);
     try {
-      const sizes = ["hole", "width"].map((name) => [name, $(`plate-${name}`).valueAsNumber]).filter(([, value]) => value > 0);
-      const drive = this.driving.shown && ["dxf", "csv", "mjcf"].includes(format) ? { drive: this.driving.shown } : {};
-      const plates = sizes.length && format === "plates" ? { plates: Object.fromEntries(sizes) } : {};
-      const reply = await ask("/v1/export", { request, solution, format, length_unit: this.answer.motion.unit, ...plates, ...drive });
+      const reply = await this.#file(format);
       const name = `linkage-${solution.rank ?? "by-hand"}.${ENDINGS[format] ?? format}`;
       download(await reply.blob(), name);
       note(`Saved ${name}.`);

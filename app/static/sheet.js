@@ -1,7 +1,8 @@
-// The sheet that is printed: the linkage at its first pose with all wanted poses, its dimensions, its errors pose by pose, on one page.
+// The sheet that is printed: first pose, wanted poses, dimensions and errors on one page; layers and the list of parts on a second one.
 
 import { LinkageShape, View, element, make, pathData, text } from "./drawing.js";
 import { driveName } from "./drive.js";
+import { drawStack } from "./layers.js";
 import { fitOf, guideRows, limitName } from "./fit.js";
 import { nameOf } from "./cards.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
@@ -68,8 +69,19 @@ function table(head, rows) {
 
 const number = (value, digits = 6) => (value === null || value === undefined ? "" : text(value, digits));
 
-/** Fills the sheet with a solution of an answer and its drive, {rows(), lines()}; without one the page prints as it is. */
-export function fillSheet(answer, solution, drive) {
+const PARTS = { name: "part", material: "material", length: "length", thickness: "thickness", diameter: "diameter", holes: "holes", tolerance: "tolerance", mass: "mass, g" };
+
+/** The stack from the side, and the list of its parts in millimetres. */
+function partsOf(assembly, parts) {
+  const section = element("section", "parts"), stack = make("svg", { class: "pile" });
+  drawStack(stack, assembly);
+  const columns = Object.keys(PARTS).filter((name) => parts.some((part) => part[name]));
+  section.append(element("h3", "", "Layers from the side; parts in mm"), stack, table(columns.map((name) => PARTS[name]), parts.map((part) => columns.map((name) => (part[name] && !Number.isNaN(Number(part[name])) ? number(Number(part[name]), 5) : part[name])))));
+  return section;
+}
+
+/** Fills the sheet with a solution of an answer, its drive, {rows(), lines()}, and the list of its parts; without one the page prints as it is. */
+export function fillSheet(answer, solution, drive, parts = null) {
   const sheet = $("sheet");
   sheet.replaceChildren();
   document.body.classList.toggle("has-sheet", Boolean(solution));
@@ -94,4 +106,5 @@ export function fillSheet(answer, solution, drive) {
   const driven = drive?.rows() ?? [];
   if (driven.length) columns.append(table(["Drive", ""], driven));
   sheet.append(head, drawing(fit, motion, drive), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from pose 1`), transmission(fit));
+  if (parts && solution.verdict?.assembly) sheet.append(partsOf(solution.verdict.assembly, parts));
 }

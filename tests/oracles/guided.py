@@ -90,7 +90,8 @@ def _two_slots(random: np.random.Generator, samples: int) -> Any:
     begin = random.uniform(0, 2 * np.pi)
     angle = _even(random, begin, begin + random.uniform(0.3, 1.5) * random.choice([-1, 1]), samples)
     first = ground * np.sin(angle + delta) / np.sin(delta)
-    if np.any(np.diff(first) * (first[-1] - first[0]) <= 0) or first.min() < 0.05:
+    rate = np.cos(angle + delta)  # of the first: it does not turn back, not even between samples
+    if np.any(rate * rate[0] <= 0) or np.ptp(angle) > np.pi or first.min() < 0.05:
         return first, np.full(samples, np.nan), 0j * first
     return first, angle, first * np.exp(1j * angle)
 
