@@ -151,6 +151,9 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
         assert mark in reply.text
     refused = client.post("/v1/export", json={**body, "format": "pylinkage"})
     assert refused.status_code == 422 and "pylinkage has no guides that move" in refused.text
+    for kind in ("step", "3mf", "parts"):
+        refused = client.post("/v1/export", json={**body, "format": kind})
+        assert refused.status_code == 422 and "for four-bars only" in refused.text
     refused = client.post("/v1/export", json={**body, "format": "plates"})
     assert refused.status_code == 422 and "/format" in refused.text
     del body["solution"]["driver"]
