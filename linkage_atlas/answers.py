@@ -49,7 +49,7 @@ from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, lengths_of, on_grid, rounded
 from synthesis.ranking import Errors, Status
 from synthesis.target import Target
-from synthesis.work import Work
+from synthesis.work import OutOfTime, Work
 
 One = TypeVar("One")
 StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
@@ -59,8 +59,8 @@ FINISHING = 0.1
 """Part of its budget that an answer may take beyond it, to finish what the search has found."""
 _AT_ONCE = 8
 """Solutions finished between two looks at the time; one where each is rounded."""
-ROUNDINGS = 8
-"""Combinations of lengths that are fitted for a linkage with rails or slots."""
+ROUNDINGS, MOST_ROUNDINGS, FEWEST_ROUNDINGS = 40, 8, 2
+"""Combinations of lengths that are fitted in all linkages with rails or slots of a request, and at most and at least in each."""
 TRIES, FEWEST_TRIES = 4000, 40
 """Combinations of lengths that are fitted in all solutions of one request (about two seconds), and at least in each."""
 
@@ -704,11 +704,11 @@ def _guided_studied(solution: GuidedSolution, studies: Studies, solutions: int, 
     done: dict[str, Any] = {}
     target, radian, linkage = own.target, own.radian, one.linkage
     if studies.round_to is not None:
-        done["rounded"] = _guided_rounded(solution, on_grid(studies.round_to), None, work)
+        done["rounded"] = _guided_rounded(solution, on_grid(studies.round_to), None, solutions, work)
     if studies.lengths_from is not None:
         stock = studies.lengths_from
         count = len(set(stock)) ** len(lengths_of(linkage))
-        done["rounded"] = _guided_rounded(solution, from_stock(stock), count, work)
+        done["rounded"] = _guided_rounded(solution, from_stock(stock), count, solutions, work)
     if studies.sensitivity:
         done["sensitivity"] = changes(linkage, target, radian)
     if studies.drive is not None:
@@ -724,13 +724,18 @@ def _guided_studied(solution: GuidedSolution, studies: Studies, solutions: int, 
 
 
 def _guided_rounded(
-    solution: GuidedSolution, choices: Callable[[float], Sequence[float]], combinations: int | None, work: Work
+    solution: GuidedSolution,
+    choices: Callable[[float], Sequence[float]],
+    combinations: int | None,
+    solutions: int,
+    work: Work,
 ) -> GuidedRounded:
-    """A solution with lengths that can be had, in the motion's unit."""
+    """One of several solutions with lengths that can be had, in the motion's unit."""
+    tries = max(FEWEST_ROUNDINGS, min(MOST_ROUNDINGS, ROUNDINGS // solutions))
     one, own, limits = solution.origin[:3]
     samples = solution.origin.asked
     found = rounded(
-        samples, one, choices, combinations, lambda made: not broken_limits(made, samples, limits), ROUNDINGS, work
+        samples, one, choices, combinations, lambda made: not broken_limits(made, samples, limits), tries, work
     )
     values: dict[str, Any] = dict.fromkeys(names_of(GuidedRounded)) | {
         "closes": False,
@@ -798,6 +803,8 @@ def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> V
             why = [] if found.free else [f"layers: {found.reasons[0]}"]
         except FieldError as error:
             why = [f"layers were not looked for: {error}"]
+        except OutOfTime:
+            why = ["layers were not looked for: the time was up"]
     free = found is not None and found.free
     return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
 

@@ -54,6 +54,8 @@ MOST_DRIVES, MOST_SPRINGS, MOST_MASSES = 8, 4, 20
 """Entries of a request."""
 LARGEST = 1e12
 """Of forces, torques and masses."""
+FAR = 1e6
+"""Times the linkage's size, or of its size, that a length or a place may be: beyond, coordinates lose their digits."""
 FINE = 961
 """Positions at which what is reported of a motor is computed."""
 _DRIVE_FIELDS: dict[str, tuple[str, ...]] = {
@@ -423,6 +425,7 @@ def drives(
     if load is not None and load.get("masses") == PARTS:
         load = {**load, "masses": place.masses_of_parts(length_unit)}
     asked = read_asked(place.machine, load, drives, springs, hand, place.radian, MILLIMETRES[length_unit])
+    check_sizes(asked, place.machine.extent)
     return found_drives(place, asked, top, watch)
 
 
@@ -459,7 +462,10 @@ class _Place(NamedTuple):
         return 1.0 if self.machine.drive in ("slider", "cylinder") else self.radian
 
     def check(self) -> None:
-        """FieldError where the linkage has no velocities at some place of its way."""
+        """FieldError where the linkage has no velocities at some place of its way, or lies too far from the origin."""
+        far = max(float(np.abs(one.origin).max()) for one in self.machine.links.values())
+        if far > FAR * self.machine.extent:
+            raise FieldError("/linkage", f"lies farther than {FAR:g} times its size from the origin: move the origin")
         for one in self.fine.links.values():
             bad = ~np.isfinite(one.rate)
             if bad.any():
@@ -492,7 +498,9 @@ class _Place(NamedTuple):
         start = number("rocker/start", 0.0 if given.get("start") is None else given["start"]) * radian
         both = (hinged(pivot, start, swing, length, many) for many in (61, FINE))
         machine, fine = both
-        return cls(machine, fine, radian, machine.at[[0, -1]], None)
+        place = cls(machine, fine, radian, machine.at[[0, -1]], None)
+        place.check()
+        return place
 
     def poses_around(self, low: float, high: float) -> str:
         """Between which samples of the motion two places of the drive lie, in words."""
@@ -577,6 +585,24 @@ def read_asked(
     )
 
 
+def check_sizes(asked: Asked, extent: float) -> None:
+    """FieldError for lengths and places that are out of all proportion to the linkage."""
+    lengths = ("retracted", "stroke", "reach_max", "pin_radius", "dead_length", "clear", "arm_min", "rod")
+    for name, wishes in (("drives", asked.drives), ("springs", asked.springs)):
+        for k, wish in enumerate(wishes):
+            for field_ in lengths:
+                if wish.get(field_) and not extent / FAR <= wish[field_] <= extent * FAR:
+                    raise FieldError(
+                        f"/{name}/{k}/{field_}",
+                        f"wanted a length within {FAR:g} times the linkage's size of {extent:.4g}, either way",
+                    )
+            for field_ in ("ground_box", "motor_box"):
+                if field_ in wish and max(map(abs, wish[field_])) > extent * FAR:
+                    raise FieldError(
+                        f"/{name}/{k}/{field_}", f"lies farther than {FAR:g} times the linkage's size from the origin"
+                    )
+
+
 def check_asked(given: Mapping[str, Any], radian: float) -> None:
     """FieldError for what no linkage can be asked, before there is one; as of `driven_solution`."""
     way = Interval(0.0, 0.2)
@@ -615,6 +641,8 @@ def driven_solution(
         else:
             place = _Place.of_guided(linkage, _ends(crank), radian, crank)
         asked, wish = _read_study(place.machine, given, radian)
+        wishes = (*asked.drives, *([] if wish is None else [wish]))
+        check_sizes(asked._replace(drives=wishes), place.machine.extent)
     except FieldError as error:
         refused = [Refusal("any", "linkage", None, error.message)]
         return {"drives": [], "refused": refused, "springs": [], "drivable": None if "drive" not in given else False}
@@ -809,7 +837,11 @@ def _box(at: str, given: Any) -> Box:
 
 def found_drives(place: _Place, asked: Asked, top: int, work: Work) -> Drives:
     """The best drives of each kind, and springs."""
-    search = _Search(place, asked, top, work)
+    with np.errstate(all="ignore"):
+        return _found(_Search(place, asked, top, work), place, asked, top, work)
+
+
+def _found(search: _Search, place: _Place, asked: Asked, top: int, work: Work) -> Drives:
     for wish in asked.drives:
         {"rotary": search.rotary, "actuator": search.actuator, "dyad": search.dyad, "toggle": search.toggle}[
             wish["kind"]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, ConfigDict, Field, create_model
+from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, create_model
 
 import linkage_atlas as la
 from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
@@ -31,6 +31,27 @@ Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_len
 Travel = Annotated[list[Coordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Mechanism = Literal[
     "four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots", "watt_1", "stephenson_1"
+]
+ALL_MECHANISMS = ["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+Mechanisms = Annotated[
+    list[Mechanism],
+    Field(min_length=1, max_length=8),
+    BeforeValidator(
+        lambda given: list(ALL_MECHANISMS) if given == "all" else [given] if isinstance(given, str) else given
+    ),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"const": "all", "type": "string"},
+                {
+                    "items": {"enum": list(get_args(Mechanism)), "type": "string"},
+                    "maxItems": 8,
+                    "minItems": 1,
+                    "type": "array",
+                },
+            ]
+        }
+    ),
 ]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
 MatchedKind = Literal["four_bar", "slider_crank"]
@@ -551,7 +572,7 @@ class SynthesizeRequest(CrankMotion):
     travel_span: Number | None = Field(
         None, description="The same from the first sample to the last, evenly spaced; < 0: a cylinder retracts."
     )
-    mechanisms: Literal["all"] | Annotated[list[Mechanism], Field(min_length=1, max_length=8)] | None = Field(
+    mechanisms: Mechanisms | None = Field(
         None,
         description="Kinds of mechanism, default `four_bar` alone. Of several kinds those come back that no other one driven "
         "alike beats in error, size and transmission angle at once. Six-bars (`watt_1`, `stephenson_1`) are refused.",

@@ -49,6 +49,8 @@ _EXACT = 1e-6
 _DIRECTIONS = 24
 """Rails and slots of further directions: one that is worse alone may be better in a pair."""
 _ALL_WAYS: Floats = np.linspace(0.0, np.pi, _DIRECTIONS, endpoint=False)
+_FEWER_WAYS = 3
+"""Where any direction is as good every third of them will do."""
 _FINE = 1440
 """Directions among which those are looked for that a given drive goes."""
 _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
@@ -68,6 +70,8 @@ _END = ((8, 1e2, 2), (8, 1e4, 3), (5, 1e6, 3))
 _GIVEN = ((12, 1.0, 3), (20, 100.0, 3))
 _LAST = ((15, 1e4, 3), (10, 1e6, 3))
 """Steps, the weight of broken limits, and Newton's steps of each pose."""
+_BETWEEN = 4
+"""Poses between two samples at which pairs for few samples are looked at."""
 _SWEEPS = 8
 """Newton's steps of the poses of answers."""
 _TIGHTENED = 3
@@ -190,7 +194,8 @@ def _exact_lines(motion: Motion, drive: Floats | None) -> Lines:
     lines = Straight(motion)
     best, error = lines.stationary()
     if motion.position.size == 3 or error[1] < _EXACT:  # a pencil: one in every direction
-        return lines.along(_ALL_WAYS if drive is None else np.concatenate([_timely(lines, drive), _ALL_WAYS]))
+        ways = _ALL_WAYS if motion.position.size == 3 else _ALL_WAYS[::_FEWER_WAYS]
+        return lines.along(ways if drive is None else np.concatenate([_timely(lines, drive), ways]))
     fits = error < _EXACT
     return Lines(best.point[fits], best.foot[fits], best.normal[fits])
 
@@ -287,6 +292,8 @@ class Search:
         self.found: Candidates | None = None
         self.trace: list[tuple[float, float]] = []
         self.notes: list[str] = []
+        self._made: dict[tuple[int, float], GuidedSolution] = {}
+        """Answers as linkages, by their drive and J squared."""
 
     # -- candidates -------------------------------------------------------------------------------------------------
 
@@ -379,7 +386,7 @@ class Search:
         first = np.mean(off, axis=1, keepdims=True)
         return first, np.mean((off - first) ** 2, axis=1)
 
-    def _timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
+    def timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
         """Candidates after descents at the drive that is given; with J squared there."""
         chart = Chart(begin.pairs)
         with np.errstate(all="ignore"):
@@ -457,10 +464,11 @@ class Search:
 
     def _spread(self, pairs: Pairs, drive: Ints) -> tuple[Pairs, Ints]:
         """Of very many pairs those that break the limits least, as many of each drive."""
-        chosen = self._best(self.measured(pairs, drive, self.samples), 4 * _SEEDS, self.samples)
+        found = self.measured(pairs, drive, self.samples)
+        chosen = self._best(found, 4 * _SEEDS, _with_between(self.samples), errors=False)
         return pairs.take(chosen), drive[chosen]
 
-    def _best(self, found: Candidates, most: int, samples: Samples) -> Ints:
+    def _best(self, found: Candidates, most: int, samples: Samples, errors: bool = True) -> Ints:
         """Places of the best of each drive by J squared and broken limits."""
         chart = Chart(found.pairs)
         extra = np.stack([found.branch, found.way, np.zeros_like(found.way)], axis=1)
@@ -468,7 +476,7 @@ class Search:
         merit = np.full(found.cost.size, np.inf)
         for first in range(0, found.cost.size, 400):
             part = slice(first, first + 400)
-            merit[part] = self._merit(samples, chart.start[part], labels[part])
+            merit[part] = self._merit(samples, chart.start[part], labels[part], errors)
         places = []
         for number in range(len(self.ways)):
             own = np.flatnonzero(found.drive == number)
@@ -476,10 +484,10 @@ class Search:
             places.append(self._apart(found.pairs, own[np.isfinite(merit[own])], most))
         return np.concatenate(places)
 
-    def _merit(self, samples: Samples, unknowns: Floats, labels: Floats) -> Floats:
+    def _merit(self, samples: Samples, unknowns: Floats, labels: Floats, errors: bool) -> Floats:
         with np.errstate(all="ignore"):
             found = Corrected(samples, unknowns, labels[:, :11], 2)
-            merit = np.einsum("nk,nk->n", found.rows, found.rows)
+            merit = np.einsum("nk,nk->n", found.rows, found.rows) * errors
             for part in self.bounds(found, Signs(labels[:, 11:12], labels[:, 12:13], labels[:, 13:14])):
                 off = part.values if part.equal else np.minimum(part.values, 0.0)
                 merit = merit + 0.3 * np.mean(np.minimum(np.abs(off), 1.0) ** 2, axis=1)
@@ -545,7 +553,7 @@ class Search:
         exact = self.exact()
         if exact is not None:
             exact = exact.take(self._best(exact, _SEEDS, self.few))
-            self._answers(self._timed(exact, _GIVEN))
+            self._answers(self.timed(exact, _GIVEN))
             self.note()
         idle, pool = 0, None
         begin = self.near()
@@ -554,10 +562,10 @@ class Search:
             begin = begin.take(np.isin(begin.drive, self._left))
             begin = self._measured_again(self.descended(begin, _STAGES[:1], self.few), self.few)
             begin = self._pooled(begin, _SEEDS)
-            ended = self._timed(begin, _GIVEN)
+            ended = self.timed(begin, _GIVEN)
             pool = ended if pool is None else pool.joined(ended)
             pool = self._pooled(pool)
-            self._answers(self._timed(self._pooled(ended, 2), _END))
+            self._answers(self.timed(self._pooled(ended, 2), _END))
             self.note()
             if self.work.expired():
                 return False
@@ -606,7 +614,7 @@ class Search:
         one unknown more (F below 10), or where it is exact too.
         """
         found = self.found
-        if found is None:
+        if found is None or self.work.expired():
             return
         gone = np.zeros(found.cost.size, dtype=bool)
         for place in (0, 1):
@@ -665,7 +673,7 @@ class Search:
         pairs = Pairs(guides[0], guides[1], one.pairs.hinge)
         begin = self.measured(pairs, np.full(1, number), self.samples)
         if self.given is not None:
-            begin = self._timed(begin, _END)
+            begin = self.timed(begin, _END)
         else:
             begin = self._refined(begin)
             if not self.limits.only_family:
@@ -736,6 +744,8 @@ class Search:
         for number in range(len(self.ways)):
             own = fine[new.drive[fine] == number]
             own = own[np.argsort(new.cost[own], kind="stable")]
+            if self.work.expired() and (kept or self.found is not None):
+                break
             for place in self._apart(new.pairs, own, most):
                 solution = self.solution(new.take([place]))
                 if solution is None:
@@ -743,6 +753,7 @@ class Search:
                 missing = broken_limits(solution, self.poses, self.limits)
                 if not missing:
                     kept.append(int(place))
+                    self._made[int(new.drive[place]), float(new.cost[place])] = solution
                 elif set(missing) == {"transmission_angle_min"} and solution.transmission_angle_min > 0:
                     lacking[place] = missing["transmission_angle_min"]
         if kept:
@@ -766,7 +777,10 @@ class Search:
         """The best of each drive, in the user's unit."""
         if self.found is None:
             return []
-        solutions = [self.solution(self.found.take([k])) for k in range(self.found.cost.size)]
+        solutions = [
+            self._made.get((number, cost)) or self.solution(self.found.take([k]))
+            for k, (number, cost) in enumerate(zip(self.found.drive.tolist(), self.found.cost.tolist()))
+        ]
         return [one for one in solutions if one is not None]
 
     def solution(self, one: Candidates) -> GuidedSolution | None:
@@ -798,10 +812,12 @@ class Search:
         else:
             steps = np.diff(drive)
             holds = np.array([not poses.ordered or bool(np.all(steps > 0) or np.all(steps < 0))])
-        if not holds[0] or (poses.closed and not way.driver.turns):
+        if not holds[0]:
             return None
         linkage = replace(linkage, branch=1 if sine[0] > 0 else -1, start=float(drive[0]))
         travel = drive - drive[0]
+        if poses.closed and not linkage.turns_fully:
+            return None
         if not np.isfinite(linkage.body(drive).rotation).all():
             return None
         found = assess(poses, linkage, poses.whole(travel) if way.driver.turns else travel)
@@ -951,6 +967,23 @@ def _condensed(stack: Floats) -> Floats:
     count = product.shape[1]
     product[:, np.arange(count), np.arange(count)] += (1e-13 * size + 1e-40)[:, None]
     return np.where(proper[:, None, None], np.linalg.cholesky(product), np.nan)
+
+
+def _with_between(samples: Samples) -> Samples:
+    """Samples with others between them, as the body would go straight on: where limits are looked at, not errors."""
+    number = samples.number
+    at = np.linspace(0, number - 1, (number - 1) * (_BETWEEN + 1) + 1)
+    place = np.arange(number)
+    whole = np.arange(at.size) // (_BETWEEN + 1)
+    return Samples(
+        np.interp(at, place, np.unwrap(samples.angle)),
+        np.interp(at, place, samples.position.real) + 1j * np.interp(at, place, samples.position.imag),
+        samples.rotation_variance[whole],
+        samples.position_variance[whole],
+        samples.rotation_missing[whole],
+        samples.position_missing[whole],
+        np.interp(at, place, samples.drive),
+    )
 
 
 def _some(samples: Samples, most: int, few: int) -> Samples:

@@ -151,6 +151,9 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
         assert mark in reply.text
     refused = client.post("/v1/export", json={**body, "format": "pylinkage"})
     assert refused.status_code == 422 and "pylinkage has no guides that move" in refused.text
+    for kind in ("step", "3mf", "parts"):
+        refused = client.post("/v1/export", json={**body, "format": kind})
+        assert refused.status_code == 422 and "for four-bars only" in refused.text
     refused = client.post("/v1/export", json={**body, "format": "plates"})
     assert refused.status_code == 422 and "/format" in refused.text
     del body["solution"]["driver"]
@@ -204,3 +207,24 @@ def test_lengths_that_can_be_had_come_with_their_errors(drive) -> None:
     stocked, _ = reply_of(drive, lengths_from=[20, 40, 60, 80, 100, 120])
     assert stocked.rounded is not None and stocked.rounded.combinations == 6 ** len(found.lengths)
     assert all(round(length) in (20, 40, 60, 80, 100, 120) for length in stocked.rounded.lengths.values())
+
+
+def test_the_command_line_says_what_was_found_of_several_kinds() -> None:
+    from app.fourbar.tables import synthesize_table
+    from linkage_atlas.answers import Report, Result
+
+    load = {"crank_speed": 10, "load": {"force": [0, -5]}}
+    sizes = {"links": 0.05, "samples": 200}
+    one, _ = reply_of(DRIVES[5], noise=0.01, round_to=5.0, analysis=load, tolerance_study=sizes)
+    report = Report({"total": 1.0}, [(1.0, 1e-3)], "converged", 50.0, 1, None, None, [])
+    text = synthesize_table(Result("closest", [one], report))
+    for words in (
+        "slider",
+        "guide of rank 1: rail through",
+        "used from",
+        "travel of rank 1: 0",
+        "rounded: ",
+        "as made, ",
+    ):
+        assert words in text, text
+    assert "force of the drive" in text and "guide force" in text
