@@ -185,6 +185,8 @@ class Assembly(Record):
     """Further free arrangements in as many layers."""
     tried: int
     """Arrangements that were looked at; those that a part of them excludes count once."""
+    exhaustive: bool
+    """Whether all were, of as many layers, or where blocked of `layers_most`."""
     sizes: PartSizes
     parts: list[AssemblyPart]
     reasons: list[str]
@@ -424,6 +426,7 @@ def described(
         fewer={str(count): None if one is None else _collision(one, unit) for count, one in found.fewer.items()},
         others=found.others,
         tried=found.tried,
+        exhaustive=found.exhaustive,
         sizes=PartSizes(machine.hole, machine.width, machine.clearance, heights.thickness, heights.washer),
         parts=[
             AssemblyPart(
@@ -506,14 +509,20 @@ def _reasons(machine: Machine, found: Arrangement, asked: Asked, unit: Reading) 
     said = "; ".join(f"layer {layer}: {', '.join(by_layer[layer])}" for layer in sorted(by_layer))
     reasons = []
     if found.status == "blocked":
-        reasons.append(f"no arrangement of up to {asked.most} layers is free over the used interval")
+        if found.exhaustive:
+            reasons.append(f"no arrangement of up to {asked.most} layers is free over the used interval")
+        else:
+            reasons.append(
+                f"none of the {found.tried:,} arrangements that were looked at is free over the used interval"
+            )
         best = found.free
         part = (
             "is free nowhere"
             if best is None
             else f"is free from {best.first / unit.radian:.6g} to {_angle(best.last, unit)}"
         )
-        reasons.append(f"the best ({said}) {part}")
+        best_said = "the best" if found.best_known else "the best of those looked at"
+        reasons.append(f"{best_said} ({said}) {part}")
         ends = [one for one in (found.low, found.high) if one is not None and one.pair is not None]
         for pair in dict.fromkeys(one.pair for one in ends if one.pair is not None):
             at = " and ".join(_angle(one.at, unit) for one in ends if one.pair == pair)
