@@ -38,6 +38,7 @@ from synthesis.drives.balance import Spring as Placed
 from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
 from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, Mass, hinged, machine_of, machine_of_guided
+from synthesis.drives.pins import Pull, pin_forces
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
 from synthesis.drives.toggle import Knee, locked
 from synthesis.errors import FieldError
@@ -177,6 +178,15 @@ class Lock(NamedTuple):
     """Whether the load presses it onto its stop; null without a load."""
 
 
+class PinPeaks(NamedTuple):
+    """The largest force in each pin of a four-bar over the way, with this drive and the load."""
+
+    pivot_a: float
+    crank_pin: float
+    coupler_pin: float
+    pivot_b: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Drive(Record):
     """A drive at its place, and what it asks and gives."""
@@ -226,6 +236,8 @@ class Drive(Record):
     envelope: tuple[float, float, float, float] | None = None
     """Range of its pins: xmin, ymin, xmax, ymax."""
     curve: DriveCurve
+    pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
+    """Of a four-bar with a load; of a motor forwards and backwards."""
     six_bar: SixBar | None = None
     lock: Lock | None = None
 
@@ -292,6 +304,8 @@ class Spring(Record):
     torque: BeforeAfter
     exact: bool
     """Balanced in every position, by springs of zero free length."""
+    pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
+    """Of a four-bar, with all springs of the set and the rest of the torque at the crank."""
     stays: str
     """What the linkage does by itself at both ends, without friction."""
     curve: SpringCurve
@@ -898,6 +912,15 @@ class _Search:
         """How far a pin may be from its link's origin: what is asked, or the link's own size."""
         return float(wish.get("reach_max", self.machine.reaches.get(name, self.machine.extent)))
 
+    def _pins(
+        self, machine: Machine, pulls: Sequence[Sequence[Pull]], on_rocker: Floats | float = 0.0
+    ) -> PinPeaks | None:
+        """The largest pin forces of a four-bar; ``pulls``: of each way of a motor, or one list."""
+        if self.place.linkage is None or not self.loaded:
+            return None
+        every = [pin_forces(machine, self.asked.load, some, on_rocker) for some in pulls]
+        return PinPeaks(*(max(float(np.abs(one[k]).max()) for one in every) for k in range(4)))
+
     def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
         self.refused.append(Refusal(kind, link, name, reason))
 
@@ -937,6 +960,7 @@ class _Search:
                 stops=_STOPS["rotary"],
                 holds=_HOLDS["rotary"],
                 curve=DriveCurve(self.curve_at, None, None, None, torque if self.loaded else None, None, None, None),
+                pin_forces=self._pins(self.machine, [[]], torque if name == "rocker" else 0.0),
             )
             self.found.append(((peak if peak is not None else 0.0,), drive))
 
@@ -1017,8 +1041,9 @@ class _Search:
             return
         link = self.machine.links[name]
         other = self.machine.links.get(wish["on"])
-        still = np.zeros(self.machine.at.size)
-        ground = still + found.ground if other is None else other.place(other.point_at(found.ground))
+        ground: Complexes = np.full(self.machine.at.size, found.ground, dtype=np.complex128)
+        if other is not None:
+            ground = other.place(other.point_at(found.ground))
         pin = link.place(found.pin)
         rod = wish.get("rod") if row is None else wish["rods"].get(row.name, wish.get("rod"))
         peak = found.peak if self.loaded else None
@@ -1046,6 +1071,15 @@ class _Search:
             stops=_STOPS["actuator"],
             holds=_HOLDS["actuator"],
             envelope=_envelope(ground, pin),
+            pin_forces=self._pins(
+                self.machine,
+                [
+                    [
+                        Pull(name, pin, push := found.force * (pin - ground) / found.length),
+                        Pull(wish["on"], ground, -push),
+                    ]
+                ],
+            ),
             curve=DriveCurve(
                 self.curve_at,
                 found.length,
@@ -1184,6 +1218,13 @@ class _Search:
             stops=_STOPS["dyad"],
             holds=_HOLDS["dyad"],
             envelope=_envelope(pin, np.concatenate(list(whole.crank_pin)), still + whole.motor),
+            pin_forces=self._pins(
+                self.fine,
+                [
+                    [Pull(name, pin, force * (pin - knee) / whole.rod)]
+                    for force, knee in zip(whole.rod_force, whole.crank_pin)
+                ],
+            ),
             curve=DriveCurve(
                 self.curve_at,
                 whole.length[coarse],
@@ -1391,6 +1432,16 @@ class _Search:
         words = ["stays" if abs(one) <= quiet else "falls back" if one > 0 else "goes on" for one in signs]
         first = {"stays": "stays", "falls back": "is pressed onto its stop", "goes on": "opens by itself"}[words[0]]
         last = {"stays": "stays", "falls back": "closes by itself", "goes on": "is held open"}[words[1]]
+        pulls: list[Pull] = []
+        for spring, length in zip(found.springs, found.lengths):
+            one, other = (self._end(name, point) for name, point in zip(spring.between, spring.points))
+            # over a length of 0 a spring of zero free length has no force either
+            pull = (spring.preload + spring.stiffness * (length - spring.free_length)) / np.maximum(length, 1e-300)
+            pulls += [
+                Pull(spring.between[0], one, pull * (other - one)),
+                Pull(spring.between[1], other, pull * (one - other)),
+            ]
+        pins = self._pins(self.machine, [pulls])
         for spring, row, length in zip(found.springs, found.kinds, found.lengths):
             ends = np.stack(
                 [_plane(self._end(name, point)) for name, point in zip(spring.between, spring.points)], axis=1
@@ -1410,6 +1461,7 @@ class _Search:
                     length=(float(length.min()), float(length.max())),
                     torque=sizes,
                     exact=exact,
+                    pin_forces=pins,
                     stays=f"first position: {first}; last: {last}",
                     curve=SpringCurve(self.curve_at, length, force, found.torque, hand, ends),
                 )
