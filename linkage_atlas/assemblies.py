@@ -50,6 +50,8 @@ MOUNTS = (layers.BELOW, layers.ABOVE, BOTH)
 """How a fixed pin may be held."""
 FIXED_PINS = ("A", "B", "M", "A1", "A2", "B1", "B2")
 """Pins that stand in the ground: of links on circles and of slots, of a motor, and the posts of rails."""
+MOST_TOLD = 5
+"""Places outside of the envelope, or in boxes, that sentences name."""
 NOT_SAID = "tilt of long pins, play and tolerances of thickness are not in the clearance"
 
 Status = Annotated[str, Literal["free", "blocked", "touching"]]
@@ -396,7 +398,8 @@ def assembled(
     if beyond:
         # no layer helps
         found = replace(found, status="blocked", collisions=(*beyond, *found.collisions))
-        reasons = [_beyond(one, machine, unit) for one in beyond] + reasons
+        more = [f"and so {len(beyond) - MOST_TOLD} times more"] * (len(beyond) > MOST_TOLD)
+        reasons = [*(_beyond(one, machine, unit) for one in beyond[:MOST_TOLD]), *more, *reasons]
     return described(machine, asked, found, reasons, unit)
 
 

@@ -28,6 +28,8 @@ FINE = 1e-9
 """Of the size: below this bound a cell is decided by the sign at its middle, or it touches."""
 ROUGH = 1e-5
 """The same of a rough proof, whose ends of collisions are no finer."""
+SEEN = 1e-2
+"""The same of a rough proof where shapes collide in the middle of a cell."""
 ROUNDING = 1e-12
 """Of the size: gaps less than this either way are as good as none."""
 MOST_CELLS = 6000
@@ -40,7 +42,7 @@ LOOKS, PLACES = 8, 65
 """Of the last refinement of a least gap: how often, and places at each."""
 _FEW = 8
 """Pairs of corners that are compared as fast as the discs around them."""
-_ROOTS = 60
+_ROOTS, _ROUGH_ROOTS = 60, 12
 """Steps to an end of a collision at most."""
 _FREE, _HITS, _TOUCHES = 0, 1, 2
 
@@ -218,6 +220,8 @@ class Gaps:
         """Which cells are to be halved, and what the others do."""
         gap, bound = cells.gap, cells.bound
         free, hits = gap > bound, gap < -bound
+        if self._rough:  # sharp outlines in one another have no depth that would decide: the place in the middle does
+            hits |= (gap < 0) & (bound < SEEN * self.size)
         open_ = ~(free | hits)
         small = (bound < (ROUGH if self._rough else FINE) * self.size) | (cells.half < 4e-16 * self._extent)
         many = np.bincount(cells.pair[open_], minlength=len(self._pairs)) > MOST_CELLS
@@ -257,13 +261,13 @@ class Gaps:
 
     def _roots(self, pair: Ints, inner: Floats, outer: Floats) -> Floats:
         """Where gaps of pairs (m,) change sign between places with f < 0 and places with f >= 0."""
-        if not pair.size or self._rough:
-            return (inner + outer) / 2
+        if not pair.size:
+            return inner
         values = self.at(np.tile(pair, 2), np.concatenate([inner, outer]))[0]
         low, high = values[: pair.size], values[pair.size :]
         inner, outer = inner.copy(), outer.copy()
         weights = np.ones((2, pair.size))
-        for step in range(_ROOTS):
+        for step in range(_ROUGH_ROOTS if self._rough else _ROOTS):
             wide = np.abs(outer - inner)
             if np.all(wide <= 4e-16 * self._extent):
                 break
