@@ -49,7 +49,7 @@ from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, lengths_of, on_grid, rounded
 from synthesis.ranking import Errors, Status
 from synthesis.target import Target
-from synthesis.work import Work
+from synthesis.work import OutOfTime, Work
 
 One = TypeVar("One")
 StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
@@ -803,6 +803,8 @@ def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> V
             why = [] if found.free else [f"layers: {found.reasons[0]}"]
         except FieldError as error:
             why = [f"layers were not looked for: {error}"]
+        except OutOfTime:
+            why = ["layers were not looked for: the time was up"]
     free = found is not None and found.free
     return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
 

@@ -40,6 +40,7 @@ NO_ROTATION = (
     "linkages with sliders need rotation and position at two samples or more, or positions at given crank angles: only four-bars "
     "were searched for"
 )
+NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
 _NEAR_ENOUGH = 1.1
@@ -75,8 +76,10 @@ class Asked(NamedTuple):
 def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else MECHANISMS if mechanisms == "all" else mechanisms
-    if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-        raise FieldError("/mechanisms", f"wanted 'all' or a list of some of {', '.join(MECHANISMS)}")
+    if isinstance(given, str):
+        given = (given,)
+    if not isinstance(given, Sequence) or not given:
+        raise FieldError("/mechanisms", f"wanted 'all', or a list of some of {', '.join(MECHANISMS)}")
     for place, name in enumerate(given):
         if name in SIX_BARS:
             raise FieldError(f"/mechanisms/{place}", f"six-bars such as {name} are not searched for")
@@ -207,7 +210,9 @@ def search_kinds(
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
     between = work.elapsed
-    if sliders:
+    if sliders and found and work.expired():
+        notes.append(NO_TIME)
+    elif sliders:
         given, driver = _given(motion, asked.driver)
         others, report = search_guided(
             as_poses(motion.samples), limits, asked.sliders, driver, tolerance, work, given=given

@@ -36,7 +36,9 @@ ALL_MECHANISMS = ["four_bar", "slider_crank", "swinging_block", "rail_slot", "tw
 Mechanisms = Annotated[
     list[Mechanism],
     Field(min_length=1, max_length=8),
-    BeforeValidator(lambda given: list(ALL_MECHANISMS) if given == "all" else given),
+    BeforeValidator(
+        lambda given: list(ALL_MECHANISMS) if given == "all" else [given] if isinstance(given, str) else given
+    ),
     WithJsonSchema(
         {
             "anyOf": [

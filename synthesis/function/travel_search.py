@@ -7,7 +7,7 @@ or lengths over one scale, in which all lengths are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -46,6 +46,8 @@ _SPARE = 4
 """More than are wanted, of which some turn out to lie in one valley."""
 _FEW, _GO_ON, _STEPS_ON = 40, 8, 300
 """Steps from which on a descent is the last; of its best candidates so many go on, and so far."""
+_OPEN = 1e3
+"""Error where a linkage does not close."""
 _TIE = 1e-9
 """A turn back that is no more than this part of the output is rounding."""
 
@@ -246,7 +248,8 @@ class TravelGenerator(NamedTuple):
         size = np.abs(self.lengths[~angle]).max()
         # two sliders do the same in a mirror
         shape = np.where(angle, np.abs(self.lengths), self.lengths / size)
-        return np.array([*shape, np.log(size), self.branch, LAWS.index(self.law)])
+        missing = np.zeros(3 - shape.size)
+        return np.array([*shape, *missing, np.log(size), self.branch, LAWS.index(self.law)])
 
     @property
     def looks(self) -> Floats:
@@ -305,6 +308,11 @@ class TravelSearch(FunctionSearch):
             unknowns[best], cost[best] = super().least_squares(unknowns[best], branch[best], places, _STEPS_ON)
         return unknowns, cost
 
+    def weighted_gap(self, unknowns: Floats, branch: Floats) -> Callable[[Floats], Floats]:
+        """As of four-bars; very large where a candidate does not close between the places that its steps looked at."""
+        error = super().weighted_gap(unknowns, branch)
+        return lambda crank: np.minimum(error(crank), _OPEN)
+
     def _place(self, unknowns: Floats) -> Floats:
         """Where candidates lie, in numbers of order one."""
         zero = unknowns[:, 3]
@@ -331,6 +339,10 @@ class TravelSearch(FunctionSearch):
         self.screened = self.work.elapsed - before
         every = np.concatenate(sides)
         self.seeds = len(every)
+        if not problem.free.size:  # everything is given: nothing is left to search
+            self.settled = True
+            self.add(np.concatenate(found), every)
+            return self.known
         return self.led(np.concatenate(found), every)
 
     def some_places(self, count: int) -> tuple[Floats, Floats]:

@@ -49,6 +49,8 @@ _EXACT = 1e-6
 _DIRECTIONS = 24
 """Rails and slots of further directions: one that is worse alone may be better in a pair."""
 _ALL_WAYS: Floats = np.linspace(0.0, np.pi, _DIRECTIONS, endpoint=False)
+_FEWER_WAYS = 3
+"""Where any direction is as good every third of them will do."""
 _FINE = 1440
 """Directions among which those are looked for that a given drive goes."""
 _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
@@ -192,7 +194,8 @@ def _exact_lines(motion: Motion, drive: Floats | None) -> Lines:
     lines = Straight(motion)
     best, error = lines.stationary()
     if motion.position.size == 3 or error[1] < _EXACT:  # a pencil: one in every direction
-        return lines.along(_ALL_WAYS if drive is None else np.concatenate([_timely(lines, drive), _ALL_WAYS]))
+        ways = _ALL_WAYS if motion.position.size == 3 else _ALL_WAYS[::_FEWER_WAYS]
+        return lines.along(ways if drive is None else np.concatenate([_timely(lines, drive), ways]))
     fits = error < _EXACT
     return Lines(best.point[fits], best.foot[fits], best.normal[fits])
 

@@ -158,7 +158,8 @@ def test_zeros_that_are_given_are_kept(case: str) -> None:
 def test_one_way_and_several_kinds_and_little_time() -> None:
     asked = CASES["slider to crank"]
     found = la.function(**{**asked, "mechanisms": "all"}, one_way=True, objective="max", top=10)
-    assert len({one.kind for one in found}) > 1 and any("several kinds" in note for note in found.report.notes)
+    assert {one.kind for one in found} == {"slider_crank", "swinging_block", "rail_slot"}
+    assert any("several kinds" in note for note in found.report.notes)
     for one in found:
         assert not [reason for reason in one.verdict.reasons if "turns back" in reason]
     objectives = [one.errors.objective for one in found]
@@ -207,3 +208,28 @@ def test_what_is_refused_names_its_field(changes: dict[str, Any], field: str) ->
     with pytest.raises(la.FieldError) as error:
         la.function(**{**BASE, **changes})
     assert error.value.field == field
+
+
+def test_where_everything_is_given_its_error_is_told() -> None:
+    limits = {"links": {"crank": 20, "coupler": 60}, "offset": 5}
+    found = la.function(**BASE, limits=limits, input_zero=10, output_zero=0, objective="max")
+    for one in found:
+        assert one.lengths == {"crank": 20.0, "rod": 60.0, "offset": 5.0} and one.input_zero == pytest.approx(10)
+    assert la.function(**BASE, limits={"transmission_angle_min": 89.99}).status == "infeasible"
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"output": np.cumsum(np.random.default_rng(0).normal(size=1024)), "travel_span": 500, "input_unit": "length"},
+        {"output": [0, 5e-40, 11e-40], "crank_span": 30, "output_unit": "length"},
+        {"output": [0, 5e40, 11e40], "travel_span": 1e40, "input_unit": "length", "output_unit": "length"},
+        {"output": np.linspace(0, 400, 20), "crank_span": 720, "output_unit": "length", "one_way": True},
+        {"output": np.linspace(0, 400, 20), "travel_span": -10, "input_unit": "length"},
+    ],
+    ids=["noise", "tiny", "huge", "two turns one way", "more than a turn"],
+)
+def test_extreme_requests_are_answered(asked: dict[str, Any]) -> None:
+    found = la.function(**asked, mechanisms="all", objective="max", top=100, curves=True)
+    assert found.status in ("closest", "reached", "infeasible")
+    assert json.loads(json.dumps(found.to_dict())) == found.to_dict()
