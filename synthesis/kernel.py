@@ -64,6 +64,8 @@ LONGEST_ANGLE = declare(double, 0.6)  # of a crank angle, where the order is fre
 CLOSER = declare(double, 0.2)  # part of a gap between samples that a step leaves at least,
 WIDER = declare(double, 0.8)  # and of the room below the largest span that it takes at most
 GAP = declare(double, 1e-12)  # least gap between samples
+TOUCHING = declare(double, 1e-4)  # gap, in radians, below which neighbours that want to pass one another turn as one
+APART = declare(double, 1e9)  # how far apart neighbours that do not touch count where those that do are pooled
 
 FALL = declare(
     double, 0.1
@@ -876,6 +878,12 @@ class Descent:
     along: double[:, ::1]
     inner: double[::1]
     coefficient: double[::1]
+    wish: double[::1]
+    level: double[::1]
+    weight: double[::1]
+    head: Py_ssize_t[::1]
+    block: Py_ssize_t[::1]
+    joined: bint
     square: double[::1]
     ridge: double[::1]
     upper: double[:, ::1]
@@ -961,6 +969,8 @@ class Descent:
         self.e1, self.e2, self.lever = np.zeros((3, samples), dtype=complex)
         self.slope, self.basis = np.zeros((5, samples)), np.zeros((3, samples), dtype=complex)
         self.missing, self.gap, self.inner, self.coefficient, self.turn_step, self.bow_turn = np.zeros((6, samples))
+        self.wish, self.level, self.weight = np.zeros((3, samples))
+        self.head, self.block = np.zeros((2, samples), dtype=np.intp)
         self.column, self.square, self.ridge, self.step, self.straight, self.bow_step = np.zeros((6, columns))
         self.shift, self.way = np.zeros(rows), np.zeros(5)
         self.red, self.upper = np.zeros((columns, self.width)), np.zeros((columns, columns))
@@ -1088,6 +1098,7 @@ class Descent:
 
     def moved(self, steps, turns):
         """Move the candidates by steps (n, m) of shape, pose and offset, and (n, N) of the crank angles, cut as in a descent."""
+        np.asarray(self.inner)[:] = 1.0
         for n in range(self.costs.shape[0]):
             self.take(0, n)
             np.asarray(self.step)[: self.columns], np.asarray(self.turn_step)[:] = steps[n], turns[n]
@@ -1562,10 +1573,13 @@ class Descent:
     @cfunc
     def reduce(self, s: cython.int, damping: double):
         """Rows with the crank angles eliminated, into ``red``; squares of its columns."""
-        n, flat, active = self.samples, self.flat, self.active[s]
+        flat, active = self.flat, self.active[s]
+        self.joined = False
         if not self.timed:
             mean = self.angle_squares(s)
-            for i in range(n):
+            if self.ordered:
+                self.join_touching(s, mean)
+            for i in range(self.samples):
                 own = ANGLE * damping * max(self.inner[i], BLUNT * mean) + FLAT * mean
                 value = self.inner[i] + own
                 value = value if value > 0.0 else 1.0
@@ -1582,9 +1596,58 @@ class Descent:
             self.square[c] = self.dot(c, c)
 
     @cfunc
-    def eliminate(self, s: cython.int, c: cython.int):
-        """A column of ``red``, and what it has along the crank angles."""
-        n, flat = self.samples, self.flat
+    def join_touching(self, s: cython.int, mean: double):
+        """Find the neighbours that touch and want to pass one another: all of a block turn as one, ``inner`` is of them all.
+
+        What each wants is its own Gauss-Newton step; the blocks are those of pooled adjacent violators.
+        """
+        n, last = self.samples, self.columns
+        way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
+        touch: bint = False
+        for i in range(n - 1):
+            touch = touch or way * (self.phi[s, i + 1] - self.phi[s, i]) < TOUCHING
+        if not touch:
+            return
+        self.along_angles(s, last)
+        far = 0.0
+        for i in range(n):
+            if i > 0 and way * (self.phi[s, i] - self.phi[s, i - 1]) >= TOUCHING:
+                far += APART
+            self.wish[i] = far - way * self.along[last, i] / max(self.inner[i], BLUNT * mean + TINY)
+        self.pool_violators()
+        for i in range(n):
+            if self.head[i] != i:
+                self.inner[self.head[i]] += self.inner[i]
+                self.joined = True
+        for i in range(n):
+            self.block[i] = self.head[i]  # `move` pools again
+            self.inner[i] = self.inner[self.head[i]]
+
+    @cfunc
+    def pool_violators(self):
+        """The rising numbers nearest to ``wish``, by the weights ``inner``, in their place; the first of each block into ``head``."""
+        top: Py_ssize_t = 0
+        for i in range(self.samples):
+            self.level[top], self.weight[top], self.head[top] = self.wish[i], max(self.inner[i], TINY), i
+            while top > 0 and self.level[top - 1] >= self.level[top]:
+                total = self.weight[top - 1] + self.weight[top]
+                self.level[top - 1] += self.weight[top] / total * (self.level[top] - self.level[top - 1])
+                self.weight[top - 1] = total
+                top -= 1
+            top += 1
+        end: Py_ssize_t = self.samples
+        while top > 0:  # from behind, since heads lie where those of later samples go
+            top -= 1
+            first: Py_ssize_t = self.head[top]
+            for i in range(first, end):
+                self.wish[i] = self.level[top]
+                self.head[i] = first
+            end = first
+
+    @cfunc
+    def along_angles(self, s: cython.int, c: cython.int):
+        """What a column has along the crank angles."""
+        n = self.samples
         for i in range(n):
             self.along[c, i] = self.m[s, c, i] * self.turn[s, i]
         for r in range(1, self.parts):
@@ -1592,7 +1655,19 @@ class Descent:
             for i in range(n):
                 self.along[c, i] += self.m[s, c, base + i] * self.turn[s, base + i]
         for k in range(self.active[s]):
-            self.along[c, self.at_sample[s, k]] += self.by_angle[s, k] * self.m[s, c, flat + k]
+            self.along[c, self.at_sample[s, k]] += self.by_angle[s, k] * self.m[s, c, self.flat + k]
+
+    @cfunc
+    def eliminate(self, s: cython.int, c: cython.int):
+        """A column of ``red``, and what it has along the crank angles."""
+        n, flat = self.samples, self.flat
+        self.along_angles(s, c)
+        if self.joined:
+            for i in range(n):
+                if self.block[i] != i:
+                    self.along[c, self.block[i]] += self.along[c, i]
+            for i in range(n):
+                self.along[c, i] = self.along[c, self.block[i]]
         for r in range(self.parts):
             base = r * n
             for i in range(n):
@@ -1734,6 +1809,8 @@ class Descent:
     @cfunc
     def bow(self, s: cython.int):
         """Bend the step by its second-order correction, from one more residual, unless that is not small beside it."""
+        if self.joined:
+            return
         n, longest, length = self.samples, 0.0, 0.0
         for c in range(self.columns):
             longest += self.step[c] * self.step[c]
@@ -1838,29 +1915,34 @@ class Descent:
     def move_in_order(self, s: cython.int, t: cython.int):
         """Crank angles after steps that are cut so that the samples keep their order and the crank stays within its span.
 
-        The gaps between neighbours are cut, not the angles: a turn that all of them make together changes no order, and long
-        valleys run that way.
+        Of all angles that leave a part of each gap those nearest to the steps, by the weights ``inner``: who passes a neighbour
+        meets it between, the others turn as they want, and a turn that all make together changes no order.
         """
         n = self.samples
         span: double = 0.0
         new: double = 0.0
         cut: double = 0.0
-        mean: double = self.turn_step[0]
+        mean: double = 0.0
         way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
+        for i in range(n):
+            self.wish[i] = way * (self.turn_step[i] + (1.0 - CLOSER) * (self.phi[s, i] - self.phi[s, 0]))
+        self.pool_violators()
         for i in range(n - 1):
             gap = way * (self.phi[s, i + 1] - self.phi[s, i])
-            self.gap[i] = max(gap + way * (self.turn_step[i + 1] - self.turn_step[i]), CLOSER * gap)
+            self.gap[i] = self.wish[i + 1] - self.wish[i] + CLOSER * gap
             span += gap
             new += self.gap[i]
         room = self.span_max - GAP * (n - 1) - span
         longest = span + (WIDER * room if room > 0.0 else room)
         factor = min(1.0, longest / max(new, TINY))
+        mean = way * self.wish[0]
         self.bow_turn[0] = 0.0
         for i in range(n - 1):
             gap = way * (self.phi[s, i + 1] - self.phi[s, i])
             cut += way * (max(self.gap[i] * factor, min(gap, GAP)) - gap)
             self.bow_turn[i + 1] = cut
-            mean += self.turn_step[i + 1] - cut
+            # the turn that was wanted, less what is made of it
+            mean += way * self.wish[i + 1] - (1.0 - CLOSER) * (self.phi[s, i + 1] - self.phi[s, 0]) - cut
         mean = inside(mean / n, PI)
         for i in range(n):
             self.phi[t, i] = self.phi[s, i] + (self.bow_turn[i] + mean)
