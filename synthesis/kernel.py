@@ -64,7 +64,7 @@ LONGEST_ANGLE = declare(double, 0.6)  # of a crank angle, where the order is fre
 CLOSER = declare(double, 0.2)  # part of a gap between samples that a step leaves at least,
 WIDER = declare(double, 0.8)  # and of the room below the largest span that it takes at most
 GAP = declare(double, 1e-12)  # least gap between samples
-TOUCHING = declare(double, 1e-4)  # gap, in radians, below which neighbours that want to pass one another turn as one
+TOUCHING = declare(double, 0.05)  # part of the mean gap below which neighbours that want to pass one another turn as one
 APART = declare(double, 1e9)  # how far apart neighbours that do not touch count where those that do are pooled
 
 FALL = declare(
@@ -1604,14 +1604,15 @@ class Descent:
         n, last = self.samples, self.columns
         way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
         touch: bint = False
+        near = TOUCHING * fabs(self.phi[s, n - 1] - self.phi[s, 0]) / max(n - 1, 1)
         for i in range(n - 1):
-            touch = touch or way * (self.phi[s, i + 1] - self.phi[s, i]) < TOUCHING
+            touch = touch or way * (self.phi[s, i + 1] - self.phi[s, i]) < near
         if not touch:
             return
         self.along_angles(s, last)
         far = 0.0
         for i in range(n):
-            if i > 0 and way * (self.phi[s, i] - self.phi[s, i - 1]) >= TOUCHING:
+            if i > 0 and way * (self.phi[s, i] - self.phi[s, i - 1]) >= near:
                 far += APART
             self.wish[i] = far - way * self.along[last, i] / max(self.inner[i], BLUNT * mean + TINY)
         self.pool_violators()
@@ -1804,7 +1805,21 @@ class Descent:
         for i in range(self.samples):
             self.turn_step[i] = self.along[self.columns, i]
         self.angles_of(self.step, self.turn_step)
+        if self.joined:
+            self.meet(s)
         return total
+
+    @cfunc
+    def meet(self, s: cython.int):
+        """Let the samples of each block come together, into its middle."""
+        n, end = self.samples, self.samples
+        for k in range(n):
+            first = n - 1 - k
+            if self.block[first] == first:
+                middle = 0.5 * (self.phi[s, first] + self.phi[s, end - 1])
+                for i in range(first, end):
+                    self.turn_step[i] += middle - self.phi[s, i]
+                end = first
 
     @cfunc
     def bow(self, s: cython.int):

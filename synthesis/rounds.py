@@ -250,7 +250,7 @@ class Rounds:
             self._take(found)
 
     def _descended(self, timed: Timed, stages: tuple[Stage, ...]) -> Pool:
-        exact, between = 0.3 * self.found.tolerance, self._answer if len(stages) > 2 else None
+        exact, between = 0.3 * self.found.tolerance, self._first_answer if len(stages) > 2 else None
         return self.problem.descended(timed, stages, exact, self.work, bent_below=self.bent_below, between=between)
 
     def _take(self, found: Pool) -> None:

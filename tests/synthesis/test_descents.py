@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
 
 from synthesis import descents
 from synthesis.descents import Problem, Stage, Timed
@@ -622,6 +623,47 @@ def test_any_step_of_the_crank_angles_keeps_their_order(size: float) -> None:
             assert np.all(way * np.diff(here.angles, axis=1) > 0)
             assert np.all(np.ptp(here.angles, axis=1) <= 2 * np.pi * (1 + 1e-12))  # the sums' rounding
             here = here._replace(angles=here.angles - here.angles[:, :1])
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.floats(0.01, 3.0))
+def test_angles_are_cut_to_the_nearest_in_order(seed: int, size: float) -> None:
+    problem, timed = candidates(GrashofChart(), False)
+    way = np.array([1.0, -1.0])[:, None]
+    timed = timed._replace(angles=way * np.sort(np.random.default_rng(seed).uniform(0, 3, timed.angles.shape), axis=1))
+    turn = np.clip(size * np.random.default_rng(seed + 1).standard_normal(timed.angles.shape), -0.2, 0.2)
+    moved = problem.moved(timed, np.zeros((2, 10)), turn).angles
+    for side, before, wanted, after in zip(way[:, 0], timed.angles, timed.angles + turn, moved):
+        # the nearest numbers whose gaps are a fifth of what they were at least, by quadratic programming
+        least = 0.2 * np.diff(side * before)
+        free = np.concatenate([[-np.inf], np.zeros(least.size)])
+        steps = np.tril(np.ones((free.size, free.size)))
+        base = np.concatenate([[0.0], np.cumsum(least)])
+        found = lsq_linear(steps, side * wanted - base, (free, np.inf), method="bvls", tol=1e-14).x
+        np.testing.assert_allclose(side * after, steps @ found + base, atol=1e-9)
+
+
+@pytest.mark.parametrize("exchanged", [[], [3], [3, 7], [5, 4]])
+def test_descents_end_where_no_step_in_order_lowers_the_cost(exchanged: list[int]) -> None:
+    # once samples that wanted to pass one another moved all others aside, and descents ended beside minima
+    problem, timed = candidates(GrashofChart(), False)
+    place = 0.4 * np.exp(1j * timed.angles[0]) + 1.3 * np.exp(0.7j * timed.angles[0])
+    for k in exchanged:
+        place[[k, k + 1]] = place[[k + 1, k]]
+    problem = JointProblem(Poses(None, place), GrashofChart())
+    done = problem.descended(timed.take([0]), [Stage(2000, 1e-15)])
+
+    def cost(angles: np.ndarray) -> float:
+        return problem.measured(done.timed._replace(angles=angles[None]), posed=False).cost[0]
+
+    angles, size = done.timed.angles[0], 1e-6
+    slope = np.array([cost(angles + size * one) - cost(angles - size * one) for one in np.eye(angles.size)]) / 2 / size
+    blocks = np.split(slope, 1 + np.flatnonzero(np.diff(angles) > 1e-6))
+    assert sum(len(block) > 1 for block in blocks) == (len(blocks) < angles.size)
+    for block in blocks:
+        scale = np.sqrt(done.cost[0])
+        assert abs(block.sum()) < 1e-4 * scale  # all of a block turn together
+        assert np.all(np.cumsum(block) < 1e-4 * scale)  # and none of them is held back that would stay behind
 
 
 def test_descents_leave_their_starting_points_as_they_were() -> None:
