@@ -392,6 +392,8 @@ class Limits:
         """
         count = lengths.shape[0]
         values, slopes = np.empty((count, self.rows)), np.empty((count, self.rows, COLUMNS))
+        value: double[:, ::1] = values
+        slope: double[:, :, ::1] = slopes
         for n in range(count):
             self.loop.side = branch[n]
             self.loop.of_lengths(lengths[n, 0], lengths[n, 1], lengths[n, 2], lengths[n, 3])
@@ -402,8 +404,10 @@ class Limits:
                 vector(cos(turned[n]), sin(turned[n])),
                 vector(body[n, 0], body[n, 1]),
             )
-            values[n] = np.asarray(self.values)[: self.rows]
-            slopes[n] = np.asarray(self.slopes)[: self.rows]
+            for row in range(self.rows):
+                value[n, row] = self.values[row]
+                for c in range(COLUMNS):
+                    slope[n, row, c] = self.slopes[row, c]
         return values, slopes
 
     @cfunc
