@@ -64,7 +64,9 @@ LONGEST_ANGLE = declare(double, 0.6)  # of a crank angle, where the order is fre
 CLOSER = declare(double, 0.2)  # part of a gap between samples that a step leaves at least,
 WIDER = declare(double, 0.8)  # and of the room below the largest span that it takes at most
 GAP = declare(double, 1e-12)  # least gap between samples
-TOUCHING = declare(double, 0.05)  # part of the mean gap below which neighbours that want to pass one another turn as one
+TOUCHING = declare(
+    double, 0.05
+)  # part of the mean gap below which neighbours that want to pass one another turn as one
 APART = declare(double, 1e9)  # how far apart neighbours that do not touch count where those that do are pooled
 
 FALL = declare(

@@ -630,7 +630,9 @@ def test_any_step_of_the_crank_angles_keeps_their_order(size: float) -> None:
 def test_angles_are_cut_to_the_nearest_in_order(seed: int, size: float) -> None:
     problem, timed = candidates(GrashofChart(), False)
     way = np.array([1.0, -1.0])[:, None]
-    timed = timed._replace(angles=way * np.sort(np.random.default_rng(seed).uniform(0, 3, timed.angles.shape), axis=1))
+    timed = timed._replace(
+        angles=way * np.sort(np.random.default_rng(seed).uniform(0, 3, timed.angles.shape), axis=1)
+    )
     turn = np.clip(size * np.random.default_rng(seed + 1).standard_normal(timed.angles.shape), -0.2, 0.2)
     moved = problem.moved(timed, np.zeros((2, 10)), turn).angles
     for side, before, wanted, after in zip(way[:, 0], timed.angles, timed.angles + turn, moved):
@@ -657,7 +659,9 @@ def test_descents_end_where_no_step_in_order_lowers_the_cost(exchanged: list[int
         return problem.measured(done.timed._replace(angles=angles[None]), posed=False).cost[0]
 
     angles, size = done.timed.angles[0], 1e-6
-    slope = np.array([cost(angles + size * one) - cost(angles - size * one) for one in np.eye(angles.size)]) / 2 / size
+    slope = (
+        np.array([cost(angles + size * one) - cost(angles - size * one) for one in np.eye(angles.size)]) / 2 / size
+    )
     blocks = np.split(slope, 1 + np.flatnonzero(np.diff(angles) > 1e-6))
     assert sum(len(block) > 1 for block in blocks) == (len(blocks) < angles.size)
     for block in blocks:
